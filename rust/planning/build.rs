@@ -17,6 +17,8 @@ fn main() {
         .file(core.join("src/scene.cpp"))
         .file(core.join("src/scene_checks.cpp"))
         .file(core.join("src/shapes.cpp"))
+        .file(core.join("src/separation.cpp"))
+        .file(core.join("src/motions.cpp"))
         .file(core.join("src/joint_planner.cpp"))
         .file(core.join("src/planners.cpp"))
         .file(core.join("src/plain_search.cpp"))

@@ -46,66 +46,10 @@ class SeededSimplifier : public og::PathSimplifier {
   }
 };
 
-/// Most steps of the resolution in one motion. From limit to limit the testbed's arm needs some thousands; a motion of
-/// so many would keep the planner busy for most of a second, and one of 1e16 could not be halved any more.
-constexpr double most_steps = 1e5;
-
 /// Most looks for a free state in vain, of up to 20 random states each, after which a roadmap is given up.
 constexpr unsigned int most_looks = 2000;
 
 const double* values(const ob::State* state) { return state->as<ob::RealVectorStateSpace::StateType>()->values; }
-
-/// Checks interior points of a motion whose ends are known to be free.
-class MotionCheck {
- public:
-  MotionCheck(Scene& scene, const double* a, const double* b, const Resolution& resolution)
-      : scene_(scene), start_(a, a + scene.joint_count()), difference_(scene.joint_count()), at_(scene.joint_count()) {
-    double squares = 0.0;
-    for (std::size_t k = 0; k < difference_.size(); ++k) {
-      difference_[k] = b[k] - a[k];
-      squares += difference_[k] * difference_[k];
-    }
-    const double steps =
-        std::max(std::sqrt(squares) / resolution.radians, scene.travel(difference_.data()) / resolution.metres);
-    // Also refuses NaN, for which every comparison is false.
-    if (!(steps <= most_steps)) {
-      throw std::invalid_argument("a motion needs " + std::to_string(steps) + " steps of the resolution, expected at most " +
-                                  std::to_string(most_steps) + ": the arm, or what it carries, is too long");
-    }
-    shortest_ = steps > 0.0 ? 1.0 / steps : 1.0;
-  }
-
-  /// The middle first, because a motion that hits something mostly does so there; then what the middle's
-  /// clearance leaves open on both sides.
-  bool is_free(double from, double to) {
-    if (to - from <= shortest_) return true;
-    const double middle = 0.5 * (from + to);
-    for (std::size_t k = 0; k < at_.size(); ++k) at_[k] = start_[k] + middle * difference_[k];
-    const double clear = scene_.clearance(at_.data(), difference_.data(), 0.5 * (to - from));
-    if (clear < 0.0) return false;
-    return is_free(from, middle - clear) && is_free(middle + clear, to);
-  }
-
-  /// How far from its start the motion is free, as a share of its length.
-  double free_share() {
-    double share = 0.0;
-    for (double next = shortest_; next < 1.0;) {
-      for (std::size_t k = 0; k < at_.size(); ++k) at_[k] = start_[k] + next * difference_[k];
-      const double clear = scene_.clearance(at_.data(), difference_.data(), 1.0);
-      if (clear < 0.0) break;
-      share = next;
-      next += std::max(clear, shortest_);
-    }
-    return share;
-  }
-
- private:
-  Scene& scene_;
-  std::vector<double> start_;
-  std::vector<double> difference_;
-  std::vector<double> at_;
-  double shortest_ = 1.0;
-};
 
 /// True if the query's further condition, if there is one, holds along a straight joint motion.
 bool accepts_motion(const JointQuery& query, const double* a, const double* b) {
@@ -142,18 +86,18 @@ class SceneValidity : public ob::StateValidityChecker {
 
 class SceneMotions : public ob::MotionValidator {
  public:
-  SceneMotions(const ob::SpaceInformationPtr& space, Scene& scene, const JointQuery& query)
-      : ob::MotionValidator(space), scene_(scene), query_(query), resolution_(query.resolution) {}
+  SceneMotions(const ob::SpaceInformationPtr& space, Scene& scene, const JointQuery& query, const CancelFlag& cancel)
+      : ob::MotionValidator(space), scene_(scene), query_(query), cancel_(cancel), resolution_(query.resolution) {}
 
   bool checkMotion(const ob::State* a, const ob::State* b) const override {
-    return si_->isValid(b) && MotionCheck(scene_, values(a), values(b), resolution_).is_free(0.0, 1.0) &&
-           accepts_motion(query_, values(a), values(b));
+    return !cancel_.is_raised() && si_->satisfiesBounds(b) &&
+           motion_on_is_free(scene_, values(a), values(b), resolution_) && accepts_motion(query_, values(a), values(b));
   }
 
   bool checkMotion(const ob::State* a, const ob::State* b, std::pair<ob::State*, double>& last) const override {
     if (checkMotion(a, b)) return true;
     // How far a user's condition holds is not known.
-    last.second = query_.accepts ? 0.0 : MotionCheck(scene_, values(a), values(b), resolution_).free_share();
+    last.second = query_.accepts ? 0.0 : free_share(scene_, values(a), values(b), resolution_);
     if (last.first != nullptr) si_->getStateSpace()->interpolate(a, b, last.second, last.first);
     return false;
   }
@@ -161,6 +105,7 @@ class SceneMotions : public ob::MotionValidator {
  private:
   Scene& scene_;
   const JointQuery& query_;
+  const CancelFlag& cancel_;
   Resolution resolution_;
 };
 
@@ -237,6 +182,14 @@ double farthest_way(const std::vector<double>& from, const std::vector<double>& 
 /// A further search is worth it where a path could be quicker by this share.
 constexpr double worth_it = 0.95;
 
+/// A path this many times slower than the best so far is not shortened any more.
+constexpr double hopelessly_slow = 1.5;
+
+/// A shortcut may span the whole path, and begins at a point of it that is within this share of its length, so that fewer
+/// points come to lie close together.
+constexpr double shortcut_span = 1.0;
+constexpr double snap = 0.05;
+
 /// Iterations, over all searches of a query, up to which a further one is begun.
 constexpr std::uint64_t easily = 200;
 
@@ -248,7 +201,7 @@ ob::SpaceInformationPtr information_of(Scene& scene, const JointQuery& query, st
   if (query.resolution.equal_steps > 0.0) {
     information->setStateValidityCheckingResolution(query.resolution.equal_steps);
   } else {
-    information->setMotionValidator(std::make_shared<SceneMotions>(information, scene, query));
+    information->setMotionValidator(std::make_shared<SceneMotions>(information, scene, query, cancel));
   }
   information->setup();
   return information;
@@ -263,9 +216,22 @@ void require_resolution(const Resolution& resolution) {
   }
 }
 
-/// Search number `number` of a query, from its start to those goals that are free.
+/// From each point of a path on to the farthest that a free motion leads to.
+void leave_out_points(og::PathGeometric& path) {
+  const auto& information = path.getSpaceInformation();
+  std::vector<ob::State*>& points = path.getStates();
+  for (std::size_t from = 0; from + 2 < points.size(); ++from) {
+    std::size_t to = points.size() - 1;
+    while (to > from + 1 && !information->checkMotion(points[from], points[to])) --to;
+    for (std::size_t k = from + 1; k < to; ++k) information->freeState(points[k]);
+    const auto at = [&](std::size_t k) { return points.begin() + static_cast<std::ptrdiff_t>(k); };
+    points.erase(at(from + 1), at(to));
+  }
+}
+
+/// Search number `number` of a query, from its start to those goals that are free; `least` is the cost of the best path yet.
 Found search_once(Scene& scene, const JointQuery& query, const std::vector<std::size_t>& free_goals,
-                  std::uint64_t number, Clock::time_point begin, const CancelFlag& cancel) {
+                  std::uint64_t number, double least, Clock::time_point begin, const CancelFlag& cancel) {
   constexpr std::uint64_t streams = 4;
   const auto stream = [&](std::uint64_t which) { return seed_of(query.seed, which + number * streams); };
   const double equal_steps = query.resolution.equal_steps;
@@ -298,11 +264,11 @@ Found search_once(Scene& scene, const JointQuery& query, const std::vector<std::
   if (equal_steps > 0.0) {
     simplifier.simplifyMax(path);
   } else {
-    // So many attempts at most, and no more in vain than there are points.
-    const auto in_vain = [&] { return std::min(query.shortcuts, static_cast<unsigned int>(path.getStateCount())); };
-    simplifier.reduceVertices(path, query.shortcuts, in_vain());
-    simplifier.shortcutPath(path, query.shortcuts, query.shortcuts);
-    simplifier.reduceVertices(path, query.shortcuts, in_vain());
+    leave_out_points(path);
+    if (slowness(path) < hopelessly_slow * least) {
+      simplifier.shortcutPath(path, query.shortcuts, query.shortcuts, shortcut_span, snap);
+      leave_out_points(path);
+    }
   }
   if (cancel.is_raised()) return found;
   found.cost = slowness(path);
@@ -408,10 +374,6 @@ Roadmap grow_roadmap(Scene& scene, const JointQuery& query, std::size_t mileston
   return roadmap;
 }
 
-bool motion_is_free(Scene& scene, const double* a, const double* b, const Resolution& resolution) {
-  return scene.is_free(a) && scene.is_free(b) && MotionCheck(scene, a, b, resolution).is_free(0.0, 1.0);
-}
-
 JointPlan plan_joint(Scene& scene, const JointQuery& query, const CancelFlag& cancel) {
   require_vectors(scene, query);
   require_resolution(query.resolution);
@@ -467,7 +429,7 @@ JointPlan plan_joint(Scene& scene, const JointQuery& query, const CancelFlag& ca
       free_goals.erase(std::remove_if(free_goals.begin(), free_goals.end(), hopeless), free_goals.end());
       if (free_goals.empty()) break;
     }
-    const Found found = search_once(scene, query, free_goals, search, begin, cancel);
+    const Found found = search_once(scene, query, free_goals, search, least, begin, cancel);
     plan.iterations += found.iterations;
     plan.timed_out = plan.timed_out || found.timed_out;
     if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);

@@ -63,7 +63,7 @@ class PlainWorld {
     for (const Object& obstacle : content_.obstacles) {
       const Solid solid = make_solid(obstacle.placed.shape, content_.padding, obstacle.name);
       obstacles_.push_back(
-          std::make_unique<fcl::CollisionObjectd>(solid.geometry, to_fcl(transform_of(obstacle.placed.pose, obstacle.name))));
+          std::make_unique<fcl::CollisionObjectd>(geometry_of(solid), to_fcl(transform_of(obstacle.placed.pose, obstacle.name))));
       obstacle_tree_.registerObject(obstacles_.back().get());
     }
     arm_tree_.setup();
@@ -104,7 +104,7 @@ class PlainWorld {
     part.body = body_of_link_[link];
     part.link_from_shape = checked(placed.pose, name);
     part.solid = make_solid(placed.shape, 0.0, name);
-    part.object = std::make_unique<fcl::CollisionObjectd>(part.solid.geometry, to_fcl(to_transform(Pose{})));
+    part.object = std::make_unique<fcl::CollisionObjectd>(geometry_of(part.solid), to_fcl(to_transform(Pose{})));
     parts_.push_back(std::move(part));
   }
 

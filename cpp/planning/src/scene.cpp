@@ -33,7 +33,7 @@ Scene::Scene(const Arm& arm) : arm_(arm), hand_(arm.hand.size(), 0.0) {
     }
     placed[joint.child] = true;
     const std::string& name = arm_.links[joint.child].name;
-    const Pose pose = checked(joint.pose, name);
+    checked(joint.pose, name);
     const Vec3 axis{joint.axis[0], joint.axis[1], joint.axis[2]};
     if (joint.kind == JointKind::revolute && !(norm(axis) > 1e-9)) {
       throw std::invalid_argument("joint to \"" + name + "\": the axis has no direction");
@@ -47,7 +47,9 @@ Scene::Scene(const Arm& arm) : arm_(arm), hand_(arm.hand.size(), 0.0) {
         throw std::invalid_argument("joint to \"" + name + "\": the lower limit must be below the upper one");
       }
       body_of_link_[joint.child] = position + 1;
-      chain_[position] = {pose, normalized(axis), joint.lower, joint.upper};
+      chain_[position].axis = normalized(axis);
+      chain_[position].lower = joint.lower;
+      chain_[position].upper = joint.upper;
     } else {
       if (joint.kind == JointKind::revolute && !is_hand[j]) {
         throw std::invalid_argument("joint to \"" + name + "\": moving joints must belong to the arm or the hand");
@@ -64,6 +66,9 @@ Scene::Scene(const Arm& arm) : arm_(arm), hand_(arm.hand.size(), 0.0) {
     allowed_links_[a * links + b] = allowed_links_[b * links + a] = 1;
   }
   bodies_.resize(chain_.size() + 1);
+  rates_.assign(bodies_.size() * bodies_.size(), {});
+  axes_.assign(chain_.size(), Vector::Zero());
+  still_.assign(chain_.size(), 0.0);
   for (std::size_t l = 0; l < links; ++l) {
     for (const PlacedShape& shape : arm_.links[l].shapes) {
       Member member;
@@ -73,11 +78,12 @@ Scene::Scene(const Arm& arm) : arm_(arm), hand_(arm.hand.size(), 0.0) {
       bodies_[body_of_link_[l]].members.push_back(std::move(member));
     }
   }
+  list_pairs();
   place_hand();
 }
 
 void Scene::set_base(const Pose& world_from_base) {
-  world_from_base_ = checked(world_from_base, "base");
+  world_from_base_ = transform_of(world_from_base, "base");
   base_ = world_from_base;
 }
 
@@ -112,6 +118,7 @@ void Scene::set_obstacles(const std::vector<Object>& obstacles) {
     made.push_back(std::move(obstacle));
   }
   obstacles_ = std::move(made);
+  list_boxes();
   forget_allowed_contacts();
 }
 
@@ -132,6 +139,7 @@ void Scene::set_attached(const std::optional<Object>& attached) {
     member.link_from_shape = transform_of(attached_->placed.pose, attached_->name);
     members.push_back(std::move(member));
   }
+  list_pairs();
   place_hand();
 }
 
@@ -140,6 +148,7 @@ void Scene::set_padding(double metres) {
   if (metres == padding_) return;
   padding_ = metres;
   for (Obstacle& obstacle : obstacles_) place_obstacle(obstacle);
+  list_boxes();
 }
 
 void Scene::allow_contact(const std::string& member, const std::string& obstacle) {
@@ -169,7 +178,7 @@ void Scene::place_hand() {
     if (opens_body[j]) {
       // The chain is driven from the frame of the parent body, so a fixed joint on the way goes into it.
       const std::size_t body = body_of_link_[joint.child];
-      chain_[body - 1].parent_from_joint = body_from_link[joint.parent] * pose;
+      place_joint(chain_[body - 1], body_from_link[joint.parent] * pose);
     } else {
       const Pose at_zero = body_from_link[joint.parent] * pose;
       const Vec3 axis{joint.axis[0], joint.axis[1], joint.axis[2]};
@@ -185,13 +194,37 @@ void Scene::place_hand() {
   update_radii();
 }
 
+void Scene::place_joint(ChainJoint& joint, const Pose& parent_from_joint) {
+  joint.parent_from_joint = parent_from_joint;
+  const Transform transform = to_transform(parent_from_joint);
+  const Vector axis(joint.axis.x, joint.axis.y, joint.axis.z);
+  Eigen::Matrix3d cross;
+  cross << 0.0, -axis.z(), axis.y(), axis.z(), 0.0, -axis.x(), -axis.y(), axis.x(), 0.0;
+  const Eigen::Matrix3d projection = axis * axis.transpose();
+  joint.origin = transform.translation();
+  joint.along = transform.linear() * projection;
+  joint.across = transform.linear() * (Eigen::Matrix3d::Identity() - projection);
+  joint.around = transform.linear() * cross;
+  joint.turned_axis = transform.linear() * axis;
+}
+
 void Scene::place_obstacle(Obstacle& obstacle) const {
-  if (obstacle.solid.geometry && obstacle.placed.shape.kind == ShapeKind::mesh) {
+  if (obstacle.placed.shape.kind == ShapeKind::mesh && obstacle.solid.geometry) {
     obstacle.solid.margin = std::max(padding_, 0.0);  // its tree stays
   } else {
     obstacle.solid = make_solid(obstacle.placed.shape, padding_, obstacle.name);
   }
   obstacle.box = bounds(obstacle.solid, obstacle.world_from_shape);
+}
+
+void Scene::list_boxes() {
+  low_.resize(static_cast<Eigen::Index>(obstacles_.size()), 3);
+  high_.resize(low_.rows(), 3);
+  Eigen::Index row = 0;
+  for (const Obstacle& obstacle : obstacles_) {
+    low_.row(row) = obstacle.box.low.transpose().array();
+    high_.row(row++) = obstacle.box.high.transpose().array();
+  }
 }
 
 void Scene::update_radii() {
@@ -203,12 +236,15 @@ void Scene::update_radii() {
       box.low = box.low.cwiseMin(own.low);
       box.high = box.high.cwiseMax(own.high);
     }
+    body.balls.resize(static_cast<Eigen::Index>(body.members.size()));
+    body.centres.resize(body.balls.size(), 3);
     body.body_centre = body.members.empty() ? Vector(Vector::Zero()) : Vector(0.5 * (box.low + box.high));
     // The ball's centre, too, never moves faster than the levers below say.
     body.radius = body.body_centre.norm();
+    Eigen::Index row = 0;
     for (Member& member : body.members) {
       const Vector& at = member.body_from_shape.translation();
-      const double around = member.ball = reach(member.solid);
+      const double around = member.ball = body.balls[row++] = reach(member.solid);
       body.radius = std::max(body.radius, at.norm() + around);
       body.ball = std::max(body.ball, (at - body.body_centre).norm() + around);
     }
@@ -222,7 +258,6 @@ void Scene::update_radii() {
       lever_[j * bodies_.size() + b] = length + bodies_[b].radius;
     }
   }
-  list_pairs();
 }
 
 void Scene::list_pairs() {

@@ -1,6 +1,7 @@
 // Questions to a scene: what touches, and how far a motion may go on before anything could.
 #include "proact/planning/scene.hpp"
 
+#include "separation.hpp"
 #include "shapes.hpp"
 
 #include <algorithm>
@@ -12,19 +13,25 @@ namespace {
 
 /// A body whose ball is farther than this from something is not looked at more closely, metres: a step as long
 /// as the ball allows costs less than the poses of all its shapes.
-constexpr double far_enough = 0.04;
+constexpr double far_enough = 0.02;
 
 /// The same for a single shape, whose box costs more than its ball.
-constexpr double far_for_a_shape = 0.015;
+constexpr double far_for_a_shape = 0.01;
 
-/// A pair whose volumes are `gap` apart and close in at `speed` cannot meet within gap / speed; a pair at rest that
-/// is apart stays apart.
-void consider(double gap, double speed, double& least) {
-  if (gap > 0.0 && gap < least * speed) least = gap / speed;
+/// Squared distances of a point from boxes, whose corners are the rows of `low` and `high`.
+void squared_distances(const Eigen::Vector3d& point, const Eigen::Array<double, Eigen::Dynamic, 3>& low,
+                       const Eigen::Array<double, Eigen::Dynamic, 3>& high, Eigen::ArrayXd& squares) {
+  squares = (low.col(0) - point[0]).max(point[0] - high.col(0)).max(0.0).square() +
+            (low.col(1) - point[1]).max(point[1] - high.col(1)).max(0.0).square() +
+            (low.col(2) - point[2]).max(point[2] - high.col(2)).max(0.0).square();
 }
 
-/// True if a pair that far apart leaves `least` as it is.
-bool settled(double gap, double speed, double least) { return gap > 0.0 && gap >= least * speed; }
+/// Squared distances of points, the rows of `points`, from a box.
+void squared_distances(const Eigen::Array<double, Eigen::Dynamic, 3>& points, const Box& box, Eigen::ArrayXd& squares) {
+  squares = (box.low[0] - points.col(0)).max(points.col(0) - box.high[0]).max(0.0).square() +
+            (box.low[1] - points.col(1)).max(points.col(1) - box.high[1]).max(0.0).square() +
+            (box.low[2] - points.col(2)).max(points.col(2) - box.high[2]).max(0.0).square();
+}
 
 }  // namespace
 
@@ -32,95 +39,124 @@ std::vector<NamePair> Scene::collisions(const double* q) { return report(q, fals
 
 std::vector<NamePair> Scene::collisions_of_all_links(const double* q) { return report(q, true); }
 
-bool Scene::is_free(const double* q) {
-  const std::vector<double> still(chain_.size(), 0.0);
-  return clearance(q, still.data(), 1.0) >= 0.0;
+bool Scene::is_free(const double* q) { return clearance(q, still_.data(), 1.0) >= 0.0; }
+
+double Scene::clearance(const double* q, const double* dq, double enough) { return clearance(q, dq, enough, true); }
+
+double Scene::clearance_around(const double* q, const double* reach, double enough) {
+  return clearance(q, reach, enough, false);
 }
 
-double Scene::clearance(const double* q, const double* dq, double enough) {
+double Scene::clearance(const double* q, const double* dq, double enough, bool straight) {
   ++state_checks_;
   pose_bodies(q);
-  set_speeds(dq, enough);
+  set_rates(dq, enough, straight);
   double least = enough;
+  near_.clear();
   for (std::size_t b = bodies_.size(); b-- > 1;) {
-    if (!bodies_[b].members.empty() && !obstacles_clear(b, least)) return -1.0;
+    if (!bodies_[b].members.empty()) list_near_obstacles(b, least);
   }
   for (std::size_t a = 0; a + 1 < bodies_.size(); ++a) {
     for (std::size_t b = a + 1; b < bodies_.size(); ++b) {
-      if (!pairs_[a * bodies_.size() + b].empty() && !bodies_clear(a, b, least)) return -1.0;
+      if (!pairs_[a * bodies_.size() + b].empty()) list_near_bodies(a, b, least);
     }
+  }
+  // What overlaps by its box may touch; the others are settled the sooner for what is found there.
+  for (const Near& pair : near_) {
+    if (pair.gap <= 0.0 && !is_apart(pair, least)) return -1.0;
+  }
+  for (const Near& pair : near_) {
+    if (pair.gap > 0.0 && pair.gap < pair.rate->travel(least)) is_apart(pair, least);
   }
   return least;
 }
 
-bool Scene::obstacles_clear(std::size_t b, double& least) {
+void Scene::consider(double gap, const Rate& rate, double& least) {
+  if (gap < rate.travel(least)) least = std::min(least, rate.time(gap));
+}
+
+bool Scene::is_apart(const Near& pair, double& least) {
+  const double enough = pair.rate->travel(least);
+  const double proved = separation(*pair.first, *pair.first_pose, *pair.second, *pair.second_pose, enough);
+  const double gap = std::max(pair.gap, proved);
+  if (gap > 0.0) {
+    consider(gap, *pair.rate, least);
+    return true;
+  }
+  least = 0.0;
+  return !touch(*pair.first, *pair.first_pose, *pair.second, *pair.second_pose);
+}
+
+void Scene::list_near_obstacles(std::size_t b, double& least) {
   Body& body = bodies_[b];
-  const double speed = speed_[b];
+  const Rate& rate = rates_[b];
+  // A pair that is apart, and farther than it can close in, leaves `least` as it is.
+  double travel = rate.travel(least);
+  squared_distances(body.centre, low_, high_, far_);
   for (std::size_t o = 0; o < obstacles_.size(); ++o) {
-    const Obstacle& obstacle = obstacles_[o];
-    const double ball_gap = distance(body.centre, obstacle.box) - body.ball;
-    if (settled(ball_gap, speed, least)) continue;
+    const double squares = far_[static_cast<Eigen::Index>(o)];
+    const double within = body.ball + travel;
+    if (squares > within * within) continue;
+    const double ball_gap = std::sqrt(squares) - body.ball;
     if (ball_gap > far_enough) {
-      consider(ball_gap, speed, least);
+      consider(ball_gap, rate, least);
+      travel = rate.travel(least);
       continue;
     }
+    const Obstacle& obstacle = obstacles_[o];
     centre_members(body);
-    for (Member& member : body.members) {
-      const double shape_gap = distance(member.centre, obstacle.box) - member.ball;
-      if (settled(shape_gap, speed, least) || contact_allowed(member.owner, o)) continue;
+    squared_distances(body.centres, obstacle.box, squares_);
+    for (std::size_t m = 0; m < body.members.size(); ++m) {
+      Member& member = body.members[m];
+      const double member_squares = squares_[static_cast<Eigen::Index>(m)];
+      const double member_within = member.ball + travel;
+      if (member_squares > member_within * member_within || contact_allowed(member.owner, o)) continue;
+      const double shape_gap = std::sqrt(member_squares) - member.ball;
       if (shape_gap > far_for_a_shape) {
-        consider(shape_gap, speed, least);
+        consider(shape_gap, rate, least);
+        travel = rate.travel(least);
         continue;
       }
       pose_member(body, member);
       const double gap = distance(member.box, obstacle.box);
-      if (settled(gap, speed, least)) continue;
-      if (gap > 0.0) {
-        consider(gap, speed, least);
-      } else if (touch(member.solid, member.world_from_shape, obstacle.solid, obstacle.world_from_shape)) {
-        return false;
-      } else {
-        least = 0.0;
-      }
+      if (gap > 0.0 && gap >= travel) continue;
+      near_.push_back({&member.solid, &member.world_from_shape, &obstacle.solid, &obstacle.world_from_shape, gap, &rate});
     }
   }
-  return true;
 }
 
-bool Scene::bodies_clear(std::size_t a, std::size_t b, double& least) {
+void Scene::list_near_bodies(std::size_t a, std::size_t b, double& least) {
   Body& one = bodies_[a];
   Body& other = bodies_[b];
-  const double speed = pair_speed_[a * bodies_.size() + b];
+  const Rate& rate = rates_[a * bodies_.size() + b];
+  double travel = rate.travel(least);
   const double ball_gap = (one.centre - other.centre).norm() - one.ball - other.ball;
-  if (settled(ball_gap, speed, least)) return true;
+  if (ball_gap > 0.0 && ball_gap >= travel) return;
   if (ball_gap > far_enough) {
-    consider(ball_gap, speed, least);
-    return true;
+    consider(ball_gap, rate, least);
+    return;
   }
   centre_members(one);
   centre_members(other);
   for (const auto& [first_index, second_index] : pairs_[a * bodies_.size() + b]) {
     Member& first = one.members[first_index];
     Member& second = other.members[second_index];
-    const double shape_gap = (first.centre - second.centre).norm() - first.ball - second.ball;
-    if (settled(shape_gap, speed, least)) continue;
+    const double squares = (one.centres.row(static_cast<Eigen::Index>(first_index)) -
+                            other.centres.row(static_cast<Eigen::Index>(second_index))).square().sum();
+    const double within = first.ball + second.ball + travel;
+    if (squares > within * within) continue;
+    const double shape_gap = std::sqrt(squares) - first.ball - second.ball;
     if (shape_gap > far_for_a_shape) {
-      consider(shape_gap, speed, least);
+      consider(shape_gap, rate, least);
+      travel = rate.travel(least);
       continue;
     }
     pose_member(one, first);
     pose_member(other, second);
     const double gap = distance(first.box, second.box);
-    if (settled(gap, speed, least)) continue;
-    if (gap > 0.0) {
-      consider(gap, speed, least);
-    } else if (touch(first.solid, first.world_from_shape, second.solid, second.world_from_shape)) {
-      return false;
-    } else {
-      least = 0.0;
-    }
+    if (gap > 0.0 && gap >= travel) continue;
+    near_.push_back({&first.solid, &first.world_from_shape, &second.solid, &second.world_from_shape, gap, &rate});
   }
-  return true;
 }
 
 double Scene::travel(const double* dq) const {
@@ -134,22 +170,29 @@ double Scene::travel(const double* dq) const {
 }
 
 void Scene::pose_bodies(const double* q) {
-  Pose pose = world_from_base_;
-  bodies_[0].world_from_body = to_transform(pose);
+  bodies_[0].world_from_body = world_from_base_;
   for (std::size_t k = 0; k < chain_.size(); ++k) {
-    pose = turned(pose * chain_[k].parent_from_joint, chain_[k].axis, q[k]);
-    bodies_[k + 1].world_from_body = to_transform(pose);
+    const ChainJoint& joint = chain_[k];
+    const Transform& parent = bodies_[k].world_from_body;
+    Transform& child = bodies_[k + 1].world_from_body;
+    // Rodrigues' formula for the turn, behind the joint's own pose.
+    const Eigen::Matrix3d turned = joint.along + std::cos(q[k]) * joint.across + std::sin(q[k]) * joint.around;
+    child.linear().noalias() = parent.linear() * turned;
+    child.translation().noalias() = parent.linear() * joint.origin + parent.translation();
+    axes_[k].noalias() = parent.linear() * joint.turned_axis;
   }
   for (Body& body : bodies_) {
-    body.centre = body.world_from_body * body.body_centre;
+    body.centre.noalias() = body.world_from_body.linear() * body.body_centre + body.world_from_body.translation();
     body.centred = false;
   }
 }
 
 void Scene::centre_members(Body& body) {
   if (body.centred) return;
+  Eigen::Index row = 0;
   for (Member& member : body.members) {
-    member.centre = body.world_from_body * member.body_from_shape.translation();
+    const Vector centre = body.world_from_body.linear() * member.body_from_shape.translation() + body.world_from_body.translation();
+    body.centres.row(row++) = centre.transpose().array();
     member.posed = false;
   }
   body.centred = true;
@@ -162,30 +205,38 @@ void Scene::pose_member(const Body& body, Member& member) {
   member.posed = true;
 }
 
-void Scene::set_speeds(const double* dq, double span) {
+void Scene::set_rates(const double* dq, double span, bool straight) {
   const std::size_t bodies = bodies_.size();
-  speed_.assign(bodies, 0.0);
-  pair_speed_.assign(bodies * bodies, 0.0);
-  if (std::all_of(dq, dq + chain_.size(), [](double v) { return v == 0.0; })) return;
-  any_speed_.assign(bodies * bodies, 0.0);
+  if (std::all_of(dq, dq + chain_.size(), [](double v) { return v == 0.0; })) {
+    std::fill(rates_.begin(), rates_.end(), Rate{});
+    return;
+  }
   for (std::size_t b = 1; b < bodies; ++b) {
     // Only the joints between two bodies move them against each other.
+    const Body& body = bodies_[b];
+    if (body.members.empty()) continue;
     double anywhere = 0.0;
     double here = 0.0;
+    double bend = 0.0;
+    Vector velocity = Vector::Zero();
+    Vector turn = Vector::Zero();
     for (std::size_t a = b; a-- > 0;) {
       // Joint a turns body a + 1 about an axis through that body's origin, and all bodies beyond it.
-      const Transform& child = bodies_[a + 1].world_from_body;
-      const Vec3& own = chain_[a].axis;
-      const Vector axis = child.linear() * Vector(own.x, own.y, own.z);
-      const double farther = a + 1 < b ? any_speed_[(a + 1) * bodies + b] * span : 0.0;
-      const double arm = axis.cross(bodies_[b].centre - child.translation()).norm() + bodies_[b].ball + farther;
+      const Vector swing = axes_[a].cross(body.centre - bodies_[a + 1].world_from_body.translation());
       const double lever = lever_[a * bodies + b];
-      here += std::abs(dq[a]) * std::min(arm, lever);
-      anywhere += std::abs(dq[a]) * lever;
-      any_speed_[a * bodies + b] = anywhere;
-      pair_speed_[a * bodies + b] = here;
+      const double rate = std::abs(dq[a]);
+      // On a straight motion the speed now tells more, and costs less.
+      here += rate * (straight ? lever : std::min(swing.norm() + body.ball + anywhere * span, lever));
+      // Each pair of joints adds to the second derivative of a point's place the product of their rates, times the lever of
+      // the outer one.
+      bend += rate * (0.5 * rate * lever + anywhere);
+      anywhere += rate * lever;
+      velocity += dq[a] * swing;
+      turn += dq[a] * axes_[a];
+      if (a > 0 && pairs_[a * bodies + b].empty()) continue;
+      const double now = straight ? velocity.norm() + turn.norm() * body.ball : here;
+      rates_[a * bodies + b] = {here, now, bend};
     }
-    speed_[b] = here;
   }
 }
 

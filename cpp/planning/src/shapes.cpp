@@ -104,23 +104,16 @@ Solid make_solid(const Shape& shape, double padding, const std::string& name) {
   switch (shape.kind) {
     case ShapeKind::box:
       for (double& side : size) side = grown(side, 2.0);
-      solid.geometry = std::make_shared<fcl::Boxd>(size[0], size[1], size[2]);
-      break;
-    case ShapeKind::sphere:
-      size[0] = grown(size[0], 1.0);
-      solid.geometry = std::make_shared<fcl::Sphered>(size[0]);
       break;
     case ShapeKind::cylinder:
       size[0] = grown(size[0], 1.0);
       size[1] = grown(size[1], 2.0);
-      solid.geometry = std::make_shared<fcl::Cylinderd>(size[0], size[1]);
       break;
+    case ShapeKind::sphere:
     case ShapeKind::capsule:
       size[0] = grown(size[0], 1.0);
-      solid.geometry = std::make_shared<fcl::Capsuled>(size[0], size[1]);
       break;
     case ShapeKind::mesh:
-      solid.geometry = tree_of(*shape.mesh);
       solid.margin = std::max(padding, 0.0);
       for (const auto& vertex : shape.mesh->vertices) {
         const Vector point(vertex[0], vertex[1], vertex[2]);
@@ -130,6 +123,19 @@ Solid make_solid(const Shape& shape, double padding, const std::string& name) {
       break;
   }
   return solid;
+}
+
+const std::shared_ptr<fcl::CollisionGeometryd>& geometry_of(const Solid& solid) {
+  if (solid.geometry) return solid.geometry;
+  const std::array<double, 3>& size = solid.shape.size;
+  switch (solid.shape.kind) {
+    case ShapeKind::box: solid.geometry = std::make_shared<fcl::Boxd>(size[0], size[1], size[2]); break;
+    case ShapeKind::sphere: solid.geometry = std::make_shared<fcl::Sphered>(size[0]); break;
+    case ShapeKind::cylinder: solid.geometry = std::make_shared<fcl::Cylinderd>(size[0], size[1]); break;
+    case ShapeKind::capsule: solid.geometry = std::make_shared<fcl::Capsuled>(size[0], size[1]); break;
+    case ShapeKind::mesh: solid.geometry = tree_of(*solid.shape.mesh); break;
+  }
+  return solid.geometry;
 }
 
 Box bounds(const Solid& solid, const Eigen::Isometry3d& world_from_shape) {
@@ -178,13 +184,13 @@ double reach(const Solid& solid) {
 bool touch(const Solid& a, const Eigen::Isometry3d& a_pose, const Solid& b, const Eigen::Isometry3d& b_pose) {
   static const fcl::CollisionRequestd request(1, false);
   fcl::CollisionResultd result;
-  if (fcl::collide(a.geometry.get(), to_fcl(a_pose), b.geometry.get(), to_fcl(b_pose), request, result) > 0) return true;
+  if (fcl::collide(geometry_of(a).get(), to_fcl(a_pose), geometry_of(b).get(), to_fcl(b_pose), request, result) > 0) return true;
   const double margin = a.margin + b.margin;
   if (margin <= 0.0) return false;
   // A mesh cannot be grown as a primitive can; how close it is tells the same.
   static const fcl::DistanceRequestd near;
   fcl::DistanceResultd apart;
-  return fcl::distance(a.geometry.get(), to_fcl(a_pose), b.geometry.get(), to_fcl(b_pose), near, apart) < margin;
+  return fcl::distance(geometry_of(a).get(), to_fcl(a_pose), geometry_of(b).get(), to_fcl(b_pose), near, apart) < margin;
 }
 
 }  // namespace proact::planning

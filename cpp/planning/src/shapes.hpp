@@ -20,9 +20,12 @@ inline Eigen::Isometry3d transform_of(const Pose& pose, const std::string& name)
 /// Throws std::invalid_argument naming `name` if the shape has no extent, or is a mesh that makes no sense.
 void require_extent(const Shape& shape, const std::string& name);
 
-/// `shape` grown by `padding` on all sides, ready for FCL. Negative padding shrinks it, but for a mesh, which
+/// `shape` grown by `padding` on all sides. Negative padding shrinks it, but for a mesh, which
 /// keeps its size.
 Solid make_solid(const Shape& shape, double padding, const std::string& name);
+
+/// The shape as FCL takes it, made when it is first asked for: a new padding remakes shapes of which few come that near.
+const std::shared_ptr<fcl::CollisionGeometryd>& geometry_of(const Solid& solid);
 
 /// Axis-aligned box around a shape.
 Box bounds(const Solid& solid, const Eigen::Isometry3d& world_from_shape);
@@ -30,12 +33,9 @@ Box bounds(const Solid& solid, const Eigen::Isometry3d& world_from_shape);
 /// Farthest point of a shape from its own origin, metres.
 double reach(const Solid& solid);
 
-/// Distances, metres; zero where the two overlap. Asked for so often that they are worth having in place.
+/// Distance, metres; zero where the two overlap. Asked for so often that it is worth having in place.
 inline double distance(const Box& a, const Box& b) {
   return (a.low - b.high).cwiseMax(b.low - a.high).cwiseMax(Eigen::Vector3d::Zero()).norm();
-}
-inline double distance(const Eigen::Vector3d& point, const Box& box) {
-  return (box.low - point).cwiseMax(point - box.high).cwiseMax(Eigen::Vector3d::Zero()).norm();
 }
 
 /// True if the two shapes touch, by FCL.

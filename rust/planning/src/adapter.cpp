@@ -146,6 +146,14 @@ bool motion_is_free(Scene& scene, rust::Slice<const double> a, rust::Slice<const
   return motion_is_free(scene, a.data(), b.data(), resolution_of(search));
 }
 
+bool path_is_free(Scene& scene, rust::Slice<const double> states, const SearchRow& search) {
+  return path_is_free(scene, states.data(), states.size() / scene.joint_count(), resolution_of(search));
+}
+
+bool states_are_free(Scene& scene, rust::Slice<const double> states) {
+  return states_are_free(scene, states.data(), states.size() / scene.joint_count());
+}
+
 PlanRow plan_joint(Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
                    const SearchRow& search, const std::shared_ptr<Roadmap>& roadmap, const CancelFlag& cancel) {
   JointQuery query = query_between(scene, start, goals, search);

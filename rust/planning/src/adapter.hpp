@@ -40,6 +40,8 @@ void forget_allowed_contacts(Scene& scene);
 rust::Vec<ContactRow> collisions(Scene& scene, rust::Slice<const double> q, bool all_links);
 bool is_free(Scene& scene, rust::Slice<const double> q);
 bool motion_is_free(Scene& scene, rust::Slice<const double> a, rust::Slice<const double> b, const SearchRow& search);
+bool path_is_free(Scene& scene, rust::Slice<const double> states, const SearchRow& search);
+bool states_are_free(Scene& scene, rust::Slice<const double> states);
 PlanRow plan_joint(Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
                    const SearchRow& search, const std::shared_ptr<Roadmap>& roadmap, const CancelFlag& cancel);
 PlanRow plan_joint_where(Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,

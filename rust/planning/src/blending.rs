@@ -41,7 +41,7 @@ fn blend(
     let lengths = [before, after].map(|end| distance(corner, end));
     let half = 0.5 * lengths[0].min(lengths[1]);
     let limits = context.limits_with(padding);
-    'narrower: for share in SHARES {
+    for share in SHARES {
         let leg = share * half;
         if leg < PIECE {
             break;
@@ -50,12 +50,9 @@ fn blend(
         let ends =
             [(before, lengths[0]), (after, lengths[1])].map(|(end, length)| mix(corner, end, leg / length));
         let blend = parabola(&ends[0], corner, &ends[1], (2.0 * leg / PIECE).ceil() as usize);
-        for pair in blend.windows(2) {
-            if !context.scene.motion_is_free(&pair[0], &pair[1], &limits)? {
-                continue 'narrower;
-            }
+        if context.scene.path_is_free(blend.iter().map(Vec::as_slice), &limits)? {
+            return Ok(Some(blend));
         }
-        return Ok(Some(blend));
     }
     Ok(None)
 }

@@ -2,6 +2,8 @@
 
 use crate::state_check::StateCheck;
 
+use proact_types::{Pose, Shape};
+
 #[cxx::bridge(namespace = "proact::planning")]
 pub(crate) mod ffi {
     /// A mesh: three numbers a vertex, three vertices a triangle, in the frame of `pose`.
@@ -173,6 +175,9 @@ pub(crate) mod ffi {
         fn collisions(scene: Pin<&mut Scene>, q: &[f64], all_links: bool) -> Result<Vec<ContactRow>>;
         fn is_free(scene: Pin<&mut Scene>, q: &[f64]) -> Result<bool>;
         fn motion_is_free(scene: Pin<&mut Scene>, a: &[f64], b: &[f64], search: &SearchRow) -> Result<bool>;
+        /// States stand one after the other, a row of arm angles each.
+        fn path_is_free(scene: Pin<&mut Scene>, states: &[f64], search: &SearchRow) -> Result<bool>;
+        fn states_are_free(scene: Pin<&mut Scene>, states: &[f64]) -> Result<bool>;
         /// The roadmap may be null.
         fn plan_joint(
             scene: Pin<&mut Scene>,
@@ -219,4 +224,21 @@ pub(crate) mod ffi {
         fn lower_flag(flag: &CancelFlag);
         fn is_raised(self: &CancelFlag) -> bool;
     }
+}
+
+/// Position, then quaternion.
+pub(crate) fn pose_row(pose: &Pose) -> [f64; 7] {
+    let (p, r) = (&pose.translation, &pose.rotation);
+    [p.x, p.y, p.z, r.i, r.j, r.k, r.w]
+}
+
+/// A shape at its pose.
+pub(crate) fn shape_row(shape: &Shape, pose: &Pose) -> ffi::ShapeRow {
+    let (kind, size) = match *shape {
+        Shape::Box { size } => (ffi::ShapeKind::Box, size),
+        Shape::Sphere { radius } => (ffi::ShapeKind::Sphere, [radius, 0.0, 0.0]),
+        Shape::Cylinder { radius, length } => (ffi::ShapeKind::Cylinder, [radius, length, 0.0]),
+        Shape::Capsule { radius, length } => (ffi::ShapeKind::Capsule, [radius, length, 0.0]),
+    };
+    ffi::ShapeRow { kind, size, pose: pose_row(pose) }
 }

@@ -54,8 +54,19 @@ impl Grazes<'_> {
         let enough = reach::line_steps(wanted.max(LONGEST_LEAVE)) as f64 * wanted / wanted.max(LONGEST_LEAVE);
         for (k, q) in line.iter().enumerate() {
             context.go_on()?;
+            context.set_clearance(Clearance::Transit)?;
+            if context.scene.is_free(q)? {
+                clear_at = Some(k);
+                if k as f64 >= enough - 1e-9 {
+                    return Ok((line[..=k].to_vec(), true));
+                }
+                continue;
+            }
             // Nothing new is touched, and what is touched is not pressed into.
             context.scene.set_padding(0.0)?;
+            if context.scene.is_free(q)? {
+                continue;
+            }
             let known = |pair: &(String, String)| self.touching.contains(pair) || self.may_touch(pair);
             if !context.scene.collisions(q)?.iter().all(known) {
                 break;
@@ -64,13 +75,6 @@ impl Grazes<'_> {
             let known = |pair: &(String, String)| self.pressed.contains(pair) || self.may_touch(pair);
             if !context.scene.collisions(q)?.iter().all(known) {
                 break;
-            }
-            context.set_clearance(Clearance::Transit)?;
-            if context.scene.is_free(q)? {
-                clear_at = Some(k);
-                if k as f64 >= enough - 1e-9 {
-                    return Ok((line[..=k].to_vec(), true));
-                }
             }
         }
         Ok((clear_at.map_or_else(Vec::new, |k| line[..=k].to_vec()), false))
@@ -95,7 +99,7 @@ impl Leaving {
             path.push(problem.start.clone());
         }
         context.set_clearance(Clearance::Transit)?;
-        let close = context.scene.collisions(&problem.start)?;
+        let stands_clear = context.scene.is_free(&problem.start)?;
         let base_from_tip = context.kinematics.forward(&problem.start).map_err(PlanningError::from)?;
         let world_from_tip = request.world_from_base * base_from_tip;
         let Grasp { centre, opening, withdrawal, .. } = &problem.grasp;
@@ -110,7 +114,7 @@ impl Leaving {
         };
         let around_block = !in_hand.is_empty();
         let carries = matches!(request.goal, PlanGoal::Place { .. });
-        if close.is_empty() && !around_block && !carries {
+        if stands_clear && !around_block && !carries {
             return Ok(path);
         }
         self.refuse_deep_contact(context, problem)?;
@@ -154,7 +158,8 @@ impl Leaving {
                 Ok(path)
             }
             None => {
-                let (a, b) = close.first().cloned().unwrap_or_default();
+                context.set_clearance(Clearance::Transit)?;
+                let (a, b) = context.scene.collisions(&problem.start)?.into_iter().next().unwrap_or_default();
                 Err(Failure::new(
                     PlanStatus::StartInCollision,
                     format!("The arm touches something and finds no straight way off it: {a} and {b}."),

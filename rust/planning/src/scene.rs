@@ -1,12 +1,12 @@
 //! The safe side of the bridge: a collision scene and the search in it.
 
-use crate::bridge::ffi;
+use crate::bridge::{ffi, pose_row, shape_row};
 use crate::error::{PlanningError, check};
 use crate::search::{CancelFlag, MeshObstacle, PlainOutcome, Roadmap, SearchEffort, SearchOutcome};
 use crate::state_check::StateCheck;
 use crate::{PlannerName, SearchLimits};
 use proact_arm::{ArmModel, JointKind};
-use proact_types::{AttachedObject, Obstacle, Pose, Shape};
+use proact_types::{AttachedObject, Obstacle, Pose};
 use std::collections::BTreeMap;
 
 /// A planner as OMPL sets it up.
@@ -216,6 +216,42 @@ impl CollisionScene {
         Ok(ffi::motion_is_free(self.inner.pin_mut(), a, b, &row)?)
     }
 
+    /// True if nothing touches on the straight joint motions that join `states`, one after the other, states included.
+    ///
+    /// # Errors
+    /// Wrong length or a value that is not finite.
+    pub fn path_is_free<'a>(
+        &mut self,
+        states: impl IntoIterator<Item = &'a [f64]>,
+        limits: &SearchLimits,
+    ) -> Result<bool, PlanningError> {
+        let flat = self.rows(states)?;
+        let row = search_row(PlannerName::default(), &NO_PARAMETERS, 0, limits);
+        Ok(ffi::path_is_free(self.inner.pin_mut(), &flat, &row)?)
+    }
+
+    /// True if [`CollisionScene::is_free`] holds for each of `states`, which lie close to their neighbours: then one
+    /// question settles many.
+    ///
+    /// # Errors
+    /// Wrong length or a value that is not finite.
+    pub fn states_are_free<'a>(
+        &mut self,
+        states: impl IntoIterator<Item = &'a [f64]>,
+    ) -> Result<bool, PlanningError> {
+        let flat = self.rows(states)?;
+        Ok(ffi::states_are_free(self.inner.pin_mut(), &flat)?)
+    }
+
+    fn rows<'a>(&self, states: impl IntoIterator<Item = &'a [f64]>) -> Result<Vec<f64>, PlanningError> {
+        let mut flat = Vec::new();
+        for state in states {
+            check("arm angles", state, self.joint_count)?;
+            flat.extend_from_slice(state);
+        }
+        Ok(flat)
+    }
+
     /// A free path from `start` to one of `goals` by RRTConnect. Equal scenes, vectors and seeds give equal
     /// outcomes, whatever runs in other threads.
     ///
@@ -417,21 +453,6 @@ impl CollisionScene {
             cpu_secs: row.cpu_secs,
         })
     }
-}
-
-fn pose_row(pose: &Pose) -> [f64; 7] {
-    let (p, r) = (&pose.translation, &pose.rotation);
-    [p.x, p.y, p.z, r.i, r.j, r.k, r.w]
-}
-
-fn shape_row(shape: &Shape, pose: &Pose) -> ffi::ShapeRow {
-    let (kind, size) = match *shape {
-        Shape::Box { size } => (ffi::ShapeKind::Box, size),
-        Shape::Sphere { radius } => (ffi::ShapeKind::Sphere, [radius, 0.0, 0.0]),
-        Shape::Cylinder { radius, length } => (ffi::ShapeKind::Cylinder, [radius, length, 0.0]),
-        Shape::Capsule { radius, length } => (ffi::ShapeKind::Capsule, [radius, length, 0.0]),
-    };
-    ffi::ShapeRow { kind, size, pose: pose_row(pose) }
 }
 
 /// Refuses a parameter that the planner does not know, naming those that it does, or a value that it refuses.

@@ -172,10 +172,8 @@ impl Seeking<'_> {
         });
         let Some(line) = lines else { return Ok(Err(None)) };
         let search = self.context.limits_of_contact();
-        for pair in line.windows(2) {
-            if !self.context.scene.motion_is_free(&pair[0], &pair[1], &search)? {
-                return Ok(Err(self.hit_at(&pair[1], name_it)?));
-            }
+        if !self.context.scene.path_is_free(line.iter().map(Vec::as_slice), &search)? {
+            return Ok(Err(self.first_hit(&line, name_it)?));
         }
         if matches!(entry, Entry::Pick(_)) && !self.hand_is_free_after(entry, end)? {
             return Ok(Err(None));
@@ -186,6 +184,16 @@ impl Seeking<'_> {
             return Ok(Err(self.hit_at(top, name_it)?));
         }
         Ok(Ok(line.into_iter().rev().collect()))
+    }
+
+    /// The first pair that touches at one of the points.
+    fn first_hit(&mut self, line: &[Vec<f64>], name_it: bool) -> Result<Option<(String, String)>, Failure> {
+        for q in line {
+            if let Some(hit) = self.hit_at(q, name_it)? {
+                return Ok(Some(hit));
+            }
+        }
+        Ok(None)
     }
 
     fn hit_at(&mut self, q: &[f64], name_it: bool) -> Result<Option<(String, String)>, Failure> {

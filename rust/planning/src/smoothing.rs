@@ -7,7 +7,7 @@ use crate::failure::Failure;
 use crate::route::{Route, away_from_ends};
 use crate::timing::{Curve, GRID, MotionLimits, averaged};
 use proact_arm::ArmModel;
-use proact_types::{PlanStatus, Trajectory, TrajectoryPoint};
+use proact_types::{JointVector, PlanStatus, Trajectory, TrajectoryPoint};
 use std::ops::Range;
 
 /// Smooths and times paths under the limits of one arm.
@@ -108,13 +108,9 @@ pub(crate) struct Timed {
 /// True if nothing touches the smoothed curve between two of its parameters.
 fn is_free_along(context: &mut PlanningContext, curve: &Curve, from: f64, to: f64) -> Result<bool, Failure> {
     context.set_clearance(Clearance::Contact)?;
-    for k in 0..=(2.0 * (to - from)) as usize {
-        let [q, _, _] = curve.at(from + 0.5 * k as f64);
-        if !context.scene.is_free(&q)? {
-            return Ok(false);
-        }
-    }
-    Ok(true)
+    let states: Vec<JointVector> =
+        (0..=(2.0 * (to - from)) as usize).map(|k| curve.position(from + 0.5 * k as f64)).collect();
+    Ok(context.scene.states_are_free(states.iter().map(|q| &**q))?)
 }
 
 /// True if nothing touches from `begin` to `end`, seconds, at every point of the trajectory but in its middle if that is
@@ -130,17 +126,21 @@ fn is_free_between(
     let limits = context.limits_of_contact();
     let points = &trajectory.points;
     let within = |k: &usize| points[*k].time_secs >= begin && points[*k].time_secs <= end;
+    let is_known = |k: &usize| known.is_some_and(|room| room.middle.contains(k));
     let checked: Vec<usize> = (0..points.len()).filter(within).collect();
-    for pair in checked.windows(2) {
-        if known.is_some_and(|room| room.middle.contains(&pair[0]) && room.middle.contains(&pair[1])) {
+    for part in checked.chunk_by(|a, b| is_known(a) == is_known(b)) {
+        context.go_on()?;
+        if is_known(&part[0]) {
             continue;
         }
-        context.go_on()?;
-        let (before, here) = (&points[pair[0]].q, &points[pair[1]].q);
+        // With the neighbours in what is known.
+        let first = part[0].saturating_sub(1).max(checked[0]);
+        let last = (part[part.len() - 1] + 1).min(checked[checked.len() - 1]);
+        let states = points[first..=last].iter().map(|point| &*point.q);
         let free = if context.is_tight() {
-            context.scene.motion_is_free(before, here, &limits)?
+            context.scene.path_is_free(states, &limits)?
         } else {
-            context.scene.is_free(here)?
+            context.scene.states_are_free(states)?
         };
         if !free {
             return Ok(false);
@@ -168,13 +168,9 @@ impl<'a> Room<'a> {
     /// True if the middle has so much free space around it, metres.
     fn keeps(&self, context: &mut PlanningContext, padding: f64) -> Result<bool, Failure> {
         context.keep(padding)?;
-        for point in &self.points[self.middle.clone()] {
-            context.go_on()?;
-            if !context.scene.is_free(&point.q)? {
-                return Ok(false);
-            }
-        }
-        Ok(true)
+        context.go_on()?;
+        let states = self.points[self.middle.clone()].iter().map(|point| &*point.q);
+        Ok(context.scene.states_are_free(states)?)
     }
 
     /// The free space around the middle, metres: at most the usual padding, which a `roomy` one keeps. None if there is no

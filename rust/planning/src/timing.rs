@@ -7,7 +7,7 @@
 //! (reachability analysis: Pham and Pham, IEEE T-RO 34(3), 2018). Jerk is limited afterwards, by averaging over time.
 
 use crate::route::distance;
-use proact_types::{Trajectory, TrajectoryPoint, joints};
+use proact_types::{JointVector, Trajectory, TrajectoryPoint, joints};
 
 /// Speed and acceleration limits, one per arm joint.
 #[derive(Clone, Debug)]
@@ -27,7 +27,7 @@ const USED: f64 = 0.93;
 /// Joint-space curve with the path's ends as its ends.
 pub(crate) struct Curve {
     /// Control points, one phantom at each end.
-    control: Vec<Vec<f64>>,
+    control: Vec<JointVector>,
     /// For each point of the path, the parameter at which the curve passes it.
     pub path_parameter: Vec<f64>,
 }
@@ -36,11 +36,11 @@ impl Curve {
     /// A curve along `path` whose control points are at most `spacing` rad (L2) apart. None if the path has no
     /// length.
     pub fn along(path: &[Vec<f64>], spacing: f64) -> Option<Self> {
-        let mut control: Vec<Vec<f64>> = Vec::new();
+        let mut control: Vec<JointVector> = Vec::new();
         let mut path_parameter = Vec::with_capacity(path.len());
         for point in path {
             let Some(last) = control.last().cloned() else {
-                control.push(point.clone());
+                control.push(joints(point));
                 path_parameter.push(0.0);
                 continue;
             };
@@ -52,7 +52,7 @@ impl Curve {
                     let s = k as f64 / pieces as f64;
                     control.push(last.iter().zip(point).map(|(a, b)| a + s * (b - a)).collect());
                 }
-                control.push(point.clone());
+                control.push(joints(point));
             }
             path_parameter.push((control.len() - 1) as f64);
         }
@@ -60,7 +60,7 @@ impl Curve {
             return None;
         }
         // A phantom point mirrored at each end makes the curve start and end exactly on the path.
-        let mirror = |end: &[f64], next: &[f64]| -> Vec<f64> {
+        let mirror = |end: &[f64], next: &[f64]| -> JointVector {
             end.iter().zip(next).map(|(e, n)| 2.0 * e - n).collect()
         };
         let first = mirror(&control[0], &control[1]);
@@ -75,46 +75,57 @@ impl Curve {
         self.control.len() - 3
     }
 
-    /// Value, first and second derivative at `u`.
-    pub fn at(&self, u: f64) -> [Vec<f64>; 3] {
+    /// The joint vector at `u`.
+    pub fn position(&self, u: f64) -> JointVector {
+        let mut q = JointVector::new();
+        self.weighted(u, position_weights, |value| q.push(value));
+        q
+    }
+
+    /// Value, first and second derivative at `u`, one after the other.
+    fn add_derivatives(&self, u: f64, row: &mut Vec<f64>) {
+        let first =
+            |s: f64, r: f64| [-0.5 * r * r, 1.5 * s * s - 2.0 * s, -1.5 * s * s + s + 0.5, 0.5 * s * s];
+        let second = |s: f64, r: f64| [r, 3.0 * s - 2.0, 1.0 - 3.0 * s, s];
+        self.weighted(u, position_weights, |value| row.push(value));
+        self.weighted(u, first, |value| row.push(value));
+        self.weighted(u, second, |value| row.push(value));
+    }
+
+    /// The four control points around `u` by weights that depend on the distances from both ends of the span.
+    fn weighted(&self, u: f64, weights: impl Fn(f64, f64) -> [f64; 4], mut add: impl FnMut(f64)) {
         let span = (u.floor() as usize).min(self.spans() - 1);
         let s = u - span as f64;
-        let r = 1.0 - s;
-        // Uniform cubic B-spline basis over four control points, and its derivatives.
-        let value = [
-            r * r * r / 6.0,
-            (3.0 * s * s * s - 6.0 * s * s + 4.0) / 6.0,
-            (-3.0 * s * s * s + 3.0 * s * s + 3.0 * s + 1.0) / 6.0,
-            s * s * s / 6.0,
-        ];
-        let first = [-0.5 * r * r, 1.5 * s * s - 2.0 * s, -1.5 * s * s + s + 0.5, 0.5 * s * s];
-        let second = [r, 3.0 * s - 2.0, 1.0 - 3.0 * s, s];
-        [value, first, second].map(|weights| {
-            (0..self.control[span].len())
-                .map(|k| (0..4).map(|i| weights[i] * self.control[span + i][k]).sum())
-                .collect()
-        })
+        let [a, b, c, d] = weights(s, 1.0 - s);
+        let points = &self.control[span..span + 4];
+        for (k, first) in points[0].iter().enumerate() {
+            add(a * first + b * points[1][k] + c * points[2][k] + d * points[3][k]);
+        }
     }
 
     /// The fastest trajectory along the curve under `limits`, at rest at both ends.
     pub fn timed(&self, limits: &MotionLimits) -> Trajectory {
         let intervals = self.spans() * GRID;
         let du = 1.0 / GRID as f64;
-        let grid: Vec<[Vec<f64>; 3]> = (0..=intervals).map(|i| self.at(i as f64 * du)).collect();
+        let joint_count = limits.acceleration.len();
+        let mut rows = Vec::with_capacity(3 * joint_count * (intervals + 1));
+        for i in 0..=intervals {
+            self.add_derivatives(i as f64 * du, &mut rows);
+        }
+        let grid: Vec<Derivatives> = rows.chunks_exact(3 * joint_count).map(Derivatives::of).collect();
 
         // Backward: the largest x at each grid point from which the rest can still be braked.
-        let bounds: Vec<Vec<Bound>> =
-            (0..intervals).map(|i| bounds(&grid[i], &grid[i + 1], limits, du)).collect();
+        let bounds: Vec<Bounds> =
+            grid.windows(2).map(|pair| Bounds::of(&pair[0], &pair[1], limits, du)).collect();
         let mut highest = vec![0.0; intervals + 1];
         for i in (0..intervals).rev() {
-            let top = fastest(&grid[i][1], limits);
-            highest[i] = largest_controllable(&bounds[i], top, highest[i + 1], du);
+            let top = fastest(grid[i].first, limits);
+            highest[i] = bounds[i].largest_controllable(top, highest[i + 1], du);
         }
         // Forward: as fast as that and the acceleration allow.
         let mut x = vec![0.0; intervals + 1];
         for i in 0..intervals {
-            let (_, up) = acceleration_range(&bounds[i], x[i]);
-            x[i + 1] = (x[i] + 2.0 * du * up).clamp(0.0, highest[i + 1]);
+            x[i + 1] = (x[i] + 2.0 * du * bounds[i].largest(x[i])).clamp(0.0, highest[i + 1]);
         }
 
         let mut time_secs = 0.0;
@@ -126,87 +137,125 @@ impl Curve {
             let speed = x[i].sqrt();
             points.push(TrajectoryPoint {
                 time_secs,
-                q: joints(&grid[i][0]),
-                qd: grid[i][1].iter().map(|d| d * speed).collect(),
+                q: joints(grid[i].value),
+                qd: grid[i].first.iter().map(|d| d * speed).collect(),
             });
         }
         // The ends to the last bit: the sum over the basis rounds.
-        points[0].q = joints(&self.control[1]);
-        points[intervals].q = joints(&self.control[self.control.len() - 2]);
+        points[0].q = self.control[1].clone();
+        points[intervals].q = self.control[self.control.len() - 2].clone();
         Trajectory { points }
     }
 }
 
-/// |c w + d x| <= a: one acceleration limit at one grid point.
-struct Bound {
-    c: f64,
-    d: f64,
-    a: f64,
+/// Basis of a uniform cubic B-spline over the four control points of a span, by the distances from its ends.
+fn position_weights(s: f64, r: f64) -> [f64; 4] {
+    [
+        r * r * r / 6.0,
+        (3.0 * s * s * s - 6.0 * s * s + 4.0) / 6.0,
+        (-3.0 * s * s * s + 3.0 * s * s + 3.0 * s + 1.0) / 6.0,
+        s * s * s / 6.0,
+    ]
 }
 
-/// The acceleration limits of all joints for the interval from `here` to `next`, at both its ends: w is constant
-/// in between, so that x has grown by 2 du w at the far end (the interpolation scheme of Pham and Pham, section
-/// III-C).
-fn bounds(here: &[Vec<f64>; 3], next: &[Vec<f64>; 3], limits: &MotionLimits, du: f64) -> Vec<Bound> {
-    let mut all = Vec::with_capacity(2 * limits.acceleration.len());
-    for (k, limit) in limits.acceleration.iter().enumerate() {
-        let a = USED * limit;
-        all.push(Bound { c: here[1][k], d: here[2][k], a });
-        all.push(Bound { c: next[1][k] + 2.0 * du * next[2][k], d: next[2][k], a });
+/// The curve at a grid point: its value and its derivatives by the parameter.
+struct Derivatives<'a> {
+    value: &'a [f64],
+    first: &'a [f64],
+    second: &'a [f64],
+}
+
+impl<'a> Derivatives<'a> {
+    /// From a row of [`Curve::add_derivatives`].
+    fn of(row: &'a [f64]) -> Self {
+        let (value, rest) = row.split_at(row.len() / 3);
+        let (first, second) = rest.split_at(rest.len() / 2);
+        Self { value, first, second }
     }
-    all
+}
+
+/// The acceleration limits |c w + d x| <= a of all joints for one interval, as bounds of w = d2u/dt2 that are linear in x:
+/// base + slope * x.
+#[derive(Default)]
+struct Bounds {
+    low: Vec<(f64, f64)>,
+    high: Vec<(f64, f64)>,
+    /// Above it a joint that turns round here would bend too fast.
+    most: f64,
+}
+
+impl Bounds {
+    /// For the interval from `here` to `next`, at both its ends: w is constant in between, so that x has grown by 2 du w at
+    /// the far end (the interpolation scheme of Pham and Pham, section III-C).
+    fn of(here: &Derivatives, next: &Derivatives, limits: &MotionLimits, du: f64) -> Self {
+        let count = 2 * limits.acceleration.len();
+        let (low, high) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        let mut bounds = Self { low, high, most: f64::INFINITY };
+        for (k, limit) in limits.acceleration.iter().enumerate() {
+            let a = USED * limit;
+            bounds.add(here.first[k], here.second[k], a);
+            bounds.add(next.first[k] + 2.0 * du * next.second[k], next.second[k], a);
+        }
+        bounds
+    }
+
+    fn add(&mut self, c: f64, d: f64, a: f64) {
+        if c.abs() >= 1e-9 {
+            let (base, slope) = ((a / c).abs(), -d / c);
+            self.low.push((-base, slope));
+            self.high.push((base, slope));
+        } else if d != 0.0 {
+            // This joint turns round here; its acceleration is the bend alone.
+            self.most = self.most.min(a / d.abs());
+        }
+    }
+
+    /// True if some allowed w leads from x to at most `next` after `du`.
+    fn leads_below(&self, x: f64, next: f64, du: f64) -> bool {
+        let least = self.low.iter().map(|(base, slope)| base + slope * x).fold(f64::NEG_INFINITY, f64::max);
+        least <= self.largest(x) && x + 2.0 * du * least <= next
+    }
+
+    /// The largest w that the limits leave for x.
+    fn largest(&self, x: f64) -> f64 {
+        self.high.iter().map(|(base, slope)| base + slope * x).fold(f64::INFINITY, f64::min)
+    }
+
+    /// The largest x, at most `top`, from which some allowed w leads to an x of at most `next` after `du`.
+    ///
+    /// The allowed (x, w) form a convex set that contains x = 0, and every condition is linear in x: each lower bound of w
+    /// stays below each upper one, and none leads beyond `next`.
+    fn largest_controllable(&self, top: f64, next: f64, du: f64) -> f64 {
+        // Where no joint moves along the curve, as at a turning point, the arm stands for an instant.
+        if !top.is_finite() {
+            return 0.0;
+        }
+        let mut largest = top.min(self.most);
+        // Mostly all of it is allowed.
+        if self.leads_below(largest, next, du) {
+            return largest;
+        }
+        let mut keep = |base: f64, slope: f64| {
+            if base + slope * largest > 0.0 && slope > 0.0 {
+                largest = (-base / slope).clamp(0.0, largest);
+            }
+        };
+        for (low, low_slope) in &self.low {
+            keep(2.0 * du * low - next, 1.0 + 2.0 * du * low_slope);
+        }
+        for (low, low_slope) in &self.low {
+            for (high, high_slope) in &self.high {
+                keep(low - high, low_slope - high_slope);
+            }
+        }
+        largest
+    }
 }
 
 /// The largest x that the speed limits leave where the curve's derivative is `first`.
 fn fastest(first: &[f64], limits: &MotionLimits) -> f64 {
     let of_joint = |(d, v): (&f64, &f64)| if d.abs() > 1e-9 { (USED * v / d).powi(2) } else { f64::INFINITY };
     first.iter().zip(&limits.velocity).map(of_joint).fold(f64::INFINITY, f64::min)
-}
-
-/// The range of w = d2u/dt2 that the acceleration limits leave for x. Empty (low above high) where x is too
-/// large.
-fn acceleration_range(bounds: &[Bound], x: f64) -> (f64, f64) {
-    let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
-    for Bound { c, d, a } in bounds {
-        let bend = d * x;
-        if c.abs() < 1e-9 {
-            // This joint turns round here; its acceleration is the bend alone.
-            if bend.abs() > *a {
-                return (1.0, -1.0);
-            }
-        } else {
-            let (one, other) = ((-a - bend) / c, (a - bend) / c);
-            low = low.max(one.min(other));
-            high = high.min(one.max(other));
-        }
-    }
-    (low, high)
-}
-
-/// The largest x, at most `top`, from which some allowed w leads to an x of at most `next` after `du`.
-fn largest_controllable(bounds: &[Bound], top: f64, next: f64, du: f64) -> f64 {
-    // Where no joint moves along the curve, as at a turning point, the arm stands for an instant.
-    if !top.is_finite() {
-        return 0.0;
-    }
-    let possible = |x: f64| {
-        let (low, high) = acceleration_range(bounds, x);
-        low <= high && x + 2.0 * du * low <= next
-    };
-    if possible(top) {
-        return top;
-    }
-    // The allowed (x, w) form a convex set that contains x = 0, so bisection finds its far end.
-    let (mut bottom, mut top) = (0.0, top);
-    for _ in 0..50 {
-        let middle = 0.5 * (bottom + top);
-        if possible(middle) {
-            bottom = middle;
-        } else {
-            top = middle;
-        }
-    }
-    bottom
 }
 
 /// Time between the points of a trajectory whose jerk is limited, seconds.
@@ -224,7 +273,7 @@ pub(crate) fn averaged(trajectory: &Trajectory, window_secs: f64) -> Trajectory 
     let joint_count = first.q.len();
     let off = |q: &[f64], k: usize| q[k] - first.q[k];
     // The integral of q - q(0) from the start to each knot.
-    let mut integral = vec![vec![0.0; joint_count]];
+    let mut integral = vec![proact_types::zeros(joint_count)];
     for pair in knots.windows(2) {
         let h = pair[1].time_secs - pair[0].time_secs;
         let before = &integral[integral.len() - 1];
@@ -236,12 +285,13 @@ pub(crate) fn averaged(trajectory: &Trajectory, window_secs: f64) -> Trajectory 
             .collect();
         integral.push(next);
     }
-    let integral_at = |t: f64, k: usize| {
+    let integral_at = |t: f64| -> JointVector {
         if t <= 0.0 {
-            return 0.0;
+            return proact_types::zeros(joint_count);
         }
         if t >= last.time_secs {
-            return integral[knots.len() - 1][k] + (t - last.time_secs) * off(&last.q, k);
+            let beyond = |k| integral[knots.len() - 1][k] + (t - last.time_secs) * off(&last.q, k);
+            return (0..joint_count).map(beyond).collect();
         }
         let next = knots.partition_point(|p| p.time_secs <= t);
         let (a, b) = (&knots[next - 1], &knots[next]);
@@ -249,9 +299,14 @@ pub(crate) fn averaged(trajectory: &Trajectory, window_secs: f64) -> Trajectory 
         let s = (t - a.time_secs) / h;
         let (s2, s3, s4) = (s * s, s * s * s, s * s * s * s);
         // Integrals of the cubic Hermite basis.
-        let values = (s - s3 + 0.5 * s4) * off(&a.q, k) + (s3 - 0.5 * s4) * off(&b.q, k);
-        let slopes = (s2 / 2.0 - s3 * 2.0 / 3.0 + s4 / 4.0) * a.qd[k] + (s4 / 4.0 - s3 / 3.0) * b.qd[k];
-        integral[next - 1][k] + h * (values + h * slopes)
+        let of_values = [s - s3 + 0.5 * s4, s3 - 0.5 * s4];
+        let of_slopes = [s2 / 2.0 - s3 * 2.0 / 3.0 + s4 / 4.0, s4 / 4.0 - s3 / 3.0];
+        let within = |k| {
+            let values = of_values[0] * off(&a.q, k) + of_values[1] * off(&b.q, k);
+            let slopes = of_slopes[0] * a.qd[k] + of_slopes[1] * b.qd[k];
+            integral[next - 1][k] + h * (values + h * slopes)
+        };
+        (0..joint_count).map(within).collect()
     };
     let duration = last.time_secs + window_secs;
     let count = (duration / JERK_STEP).ceil() as usize;
@@ -263,7 +318,8 @@ pub(crate) fn averaged(trajectory: &Trajectory, window_secs: f64) -> Trajectory 
         else {
             continue;
         };
-        let mean = |k| (integral_at(time_secs, k) - integral_at(time_secs - window_secs, k)) / window_secs;
+        let (until, before) = (integral_at(time_secs), integral_at(time_secs - window_secs));
+        let mean = |k| (until[k] - before[k]) / window_secs;
         points.push(TrajectoryPoint {
             time_secs,
             q: (0..joint_count).map(|k| first.q[k] + mean(k)).collect(),
@@ -274,4 +330,33 @@ pub(crate) fn averaged(trajectory: &Trajectory, window_secs: f64) -> Trajectory 
     points[0].q = first.q.clone();
     points[count].q = last.q.clone();
     Trajectory { points }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_controllable_speed_is_the_one_that_bisection_finds() {
+        let limits = MotionLimits { velocity: vec![0.5; 2], acceleration: vec![1.0, 0.6] };
+        let row = |at: f64| [0.0, 0.0, at.cos(), (3.0 * at).sin(), -2.0 * at.sin(), 4.0 * (5.0 * at).cos()];
+        let du = 0.25;
+        let mut less_than_top = 0;
+        for k in 0..200 {
+            let (here, next) = (row(0.1 * f64::from(k)), row(0.1 * f64::from(k) + 0.05));
+            let bounds = Bounds::of(&Derivatives::of(&here), &Derivatives::of(&next), &limits, du);
+            let (top, wanted) = (2.0, 0.01 * f64::from(k));
+            let found = bounds.largest_controllable(top, wanted, du);
+            let possible = |x: f64| x <= bounds.most && bounds.leads_below(x, wanted, du);
+            let (mut low, mut high) = (0.0, top);
+            for _ in 0..60 {
+                let middle = 0.5 * (low + high);
+                if possible(middle) { low = middle } else { high = middle }
+            }
+            let bisected = if possible(top) { top } else { low };
+            assert!((found - bisected).abs() < 1e-9, "{k}: {found} instead of {bisected}");
+            less_than_top += usize::from(found < top);
+        }
+        assert!(less_than_top > 50, "{less_than_top} of 200 are bounded by the acceleration");
+    }
 }

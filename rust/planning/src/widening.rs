@@ -111,11 +111,18 @@ fn keeps(
     // What was searched for was looked at with the attempt's padding.
     let known =
         |s: &Station| route.searched >= padding && s.motion >= route.curved[0] && s.motion < route.curved[1];
-    let unknown: Vec<[&Station; 2]> =
-        middle.windows(2).map(|pair| [pair[0], pair[1]]).filter(|pair| !known(pair[0])).collect();
-    for [a, b] in unknown {
+    // What is unknown lies before what was searched for, and behind it.
+    let mut end = 0;
+    for part in middle.chunk_by(|a, b| known(a) == known(b)) {
         context.go_on()?;
-        if !context.scene.motion_is_free(&a.q, &b.q, &limits)? {
+        let begin = end;
+        end += part.len();
+        if known(part[0]) {
+            continue;
+        }
+        // With the motion to the next part.
+        let states = middle[begin..middle.len().min(end + 1)].iter().map(|station| station.q.as_slice());
+        if !context.scene.path_is_free(states, &limits)? {
             return Ok(false);
         }
     }

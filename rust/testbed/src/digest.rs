@@ -101,7 +101,9 @@ pub struct SpanDigest {
 /// Collects a trial's digest.
 #[derive(Clone, Debug)]
 pub struct Digest {
-    fields: Vec<Hasher>,
+    /// What each field has said in the present span. In one piece it is hashed several times as fast as number by number:
+    /// BLAKE3 takes its chunks of 1 KiB side by side.
+    fields: Vec<Vec<u8>>,
     chain: blake3::Hash,
     ticks_in_span: u64,
 }
@@ -110,7 +112,7 @@ impl Digest {
     /// A digest that begins with the configuration.
     pub fn new(configuration: &str) -> Self {
         Self {
-            fields: vec![Hasher::new(); Field::ALL.len()],
+            fields: vec![Vec::new(); Field::ALL.len()],
             chain: blake3::hash(configuration.as_bytes()),
             ticks_in_span: 0,
         }
@@ -249,11 +251,11 @@ impl Digest {
         let mut chain = Hasher::new();
         chain.update(self.chain.as_bytes());
         let mut fields = Vec::with_capacity(Field::ALL.len());
-        for hasher in &mut self.fields {
-            let hash = hasher.finalize();
+        for said in &mut self.fields {
+            let hash = blake3::hash(said);
             chain.update(hash.as_bytes());
             fields.push(hash.to_hex()[..16].to_owned());
-            hasher.reset();
+            said.clear();
         }
         self.chain = chain.finalize();
         Some(SpanDigest { tick: now, fields, chain: self.chain.to_hex().to_string() })
@@ -266,12 +268,12 @@ impl Digest {
 }
 
 /// Takes the numbers of one field.
-pub struct FieldDigest<'a>(&'a mut Hasher);
+pub struct FieldDigest<'a>(&'a mut Vec<u8>);
 
 impl FieldDigest<'_> {
     /// A number, by its bits.
     pub fn number(&mut self, value: f64) -> &mut Self {
-        self.0.update(&value.to_bits().to_le_bytes());
+        self.0.extend_from_slice(&value.to_bits().to_le_bytes());
         self
     }
 
@@ -286,14 +288,14 @@ impl FieldDigest<'_> {
 
     /// A whole number.
     pub fn word(&mut self, value: u64) -> &mut Self {
-        self.0.update(&value.to_le_bytes());
+        self.0.extend_from_slice(&value.to_le_bytes());
         self
     }
 
     /// Text, preceded by its length.
     pub fn text(&mut self, value: &str) -> &mut Self {
         self.word(value.len() as u64);
-        self.0.update(value.as_bytes());
+        self.0.extend_from_slice(value.as_bytes());
         self
     }
 

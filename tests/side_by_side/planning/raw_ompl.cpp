@@ -297,10 +297,18 @@ int run() {
 
   og::PathGeometric path = *problem->getSolutionPath()->as<og::PathGeometric>();
   Simplifier simplifier(information, seed_number(seed, 2));
-  const auto in_vain = [&] { return std::min(shortcuts, static_cast<unsigned int>(path.getStateCount())); };
-  simplifier.reduceVertices(path, shortcuts, in_vain());
-  simplifier.shortcutPath(path, shortcuts, shortcuts);
-  simplifier.reduceVertices(path, shortcuts, in_vain());
+  // From each point on to the farthest that a free motion leads to.
+  const auto leave_out_points = [&] {
+    std::vector<ob::State*>& points = path.getStates();
+    for (std::size_t from = 0; from + 2 < points.size(); ++from) {
+      std::size_t to = points.size() - 1;
+      while (to > from + 1 && !information->checkMotion(points[from], points[to])) --to;
+      points.erase(points.begin() + static_cast<long>(from + 1), points.begin() + static_cast<long>(to));
+    }
+  };
+  leave_out_points();
+  simplifier.shortcutPath(path, shortcuts, shortcuts, 1.0, 0.05);
+  leave_out_points();
   for (const ob::State* state : path.getStates()) print(values(state), n);
   return 0;
 }

@@ -1,6 +1,7 @@
 // Sampling-based planning between arm angles: OMPL's planners over a Scene, repeatable by their seed.
 #pragma once
 
+#include "proact/planning/motions.hpp"
 #include "proact/planning/scene.hpp"
 
 #include <atomic>
@@ -22,17 +23,6 @@ class CancelFlag {
 
  private:
   mutable std::atomic<bool> raised_{false};
-};
-
-/// How fine a straight joint motion is looked at: no joint vector changes by more than `radians` (L2) and no
-/// point of the arm moves farther than `metres` between two checked states, except where the clearance of a
-/// state proves that nothing can be hit.
-struct Resolution {
-  double radians = 0.02;
-  double metres = 0.005;
-  /// Above zero: motions are looked at in equal steps of this share of the joint space's extent and paths are
-  /// simplified to the end, both as OMPL does by itself. For comparison.
-  double equal_steps = 0.0;
 };
 
 /// Planners of OMPL. RRTConnect is the default, LBKPIECE1 was the original's. Anytime shortening is RRTConnect again and
@@ -88,10 +78,6 @@ struct JointPlan {
   /// True if `max_seconds` ended a search.
   bool timed_out = false;
 };
-
-/// True if the straight joint motion from a to b is free, both ends included. Throws std::invalid_argument for a motion
-/// of more steps of the resolution than any arm's.
-bool motion_is_free(Scene& scene, const double* a, const double* b, const Resolution& resolution);
 
 /// A roadmap of so many milestones that are free in the scene as it is now, by OMPL's PRM: of the query only the seed,
 /// the resolution and the further condition count. Fewer milestones if the flag was raised.

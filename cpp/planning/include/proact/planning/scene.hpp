@@ -7,6 +7,8 @@
 
 #include <Eigen/Geometry>
 
+#include <algorithm>
+#include <cmath>
 #include <memory>
 #include <optional>
 #include <string>
@@ -20,10 +22,11 @@ struct Box {
   Eigen::Vector3d high = Eigen::Vector3d::Constant(-1e300);
 };
 
-/// A shape ready for FCL.
+/// A shape that may touch others.
 struct Solid {
   Shape shape;
-  std::shared_ptr<fcl::CollisionGeometryd> geometry;
+  /// As FCL takes it; of a primitive only once FCL was asked.
+  mutable std::shared_ptr<fcl::CollisionGeometryd> geometry;
   /// A mesh's box in its own frame, and the padding that its geometry does not hold.
   Box local;
   double margin = 0.0;
@@ -92,10 +95,13 @@ class Scene {
   /// How far the straight joint motion q + t * dq may go on from `t` = 0 in both directions before anything
   /// could touch: a lower bound, at most `enough`. Negative if something touches at q.
   ///
-  /// The bound divides the distance of two bounding volumes by the largest distance that any point of the moving
-  /// body can travel per unit of t: the distance of its ball from each joint's axis now, and how much farther the
-  /// other joints can carry it until `enough`. It is zero where boxes overlap although the shapes are apart.
+  /// A lower bound of the distance of two shapes is set against the farthest that any point of the moving body can
+  /// travel: by its speed now and what joint turns can add to that on the way, or by the distance of its ball from each
+  /// joint's axis. The result is zero where shapes are not proved to be apart although FCL sees no contact.
   double clearance(const double* q, const double* dq, double enough);
+
+  /// The same for all motions in which no joint turns farther than t * |reach|, straight or not.
+  double clearance_around(const double* q, const double* reach, double enough);
 
   /// Largest distance, in metres, that any point of the arm travels along the straight joint motion dq: an
   /// upper bound over all configurations.
@@ -119,8 +125,7 @@ class Scene {
     std::size_t owner = 0;
     Transform link_from_shape = Transform::Identity();
     Transform body_from_shape = Transform::Identity();
-    /// A ball around the shape: its centre in `world` and its radius.
-    Vector centre = Vector::Zero();
+    /// Radius of a ball around the shape.
     double ball = 0.0;
     /// Where the shape is and a box around it; wrong until this state's question needed them.
     bool posed = false;
@@ -137,12 +142,21 @@ class Scene {
     double ball = 0.0;
     /// Farthest point of any member from the body's origin.
     double radius = 0.0;
-    /// False until this state's question needed the centres of the members.
+    /// Of the members' balls: centres in `world`, a column each, and radii; false until this state's question needed them.
+    Eigen::Array<double, Eigen::Dynamic, 3> centres;
+    Eigen::ArrayXd balls;
     bool centred = false;
   };
 
   struct ChainJoint {
     Pose parent_from_joint;
+    /// Where the joint is in its parent's frame, and its turn there by an angle: along + cos * across + sin * around.
+    Vector origin = Vector::Zero();
+    Eigen::Matrix3d along = Eigen::Matrix3d::Identity();
+    Eigen::Matrix3d across = Eigen::Matrix3d::Zero();
+    Eigen::Matrix3d around = Eigen::Matrix3d::Zero();
+    /// The axis in the parent's frame.
+    Vector turned_axis = Vector::UnitZ();
     Vec3 axis{0.0, 0.0, 1.0};
     double lower = 0.0;
     double upper = 0.0;
@@ -156,16 +170,46 @@ class Scene {
     Box box;
   };
 
+  /// How far a body can travel in t: at most any * t, and on a straight joint motion at most now * t + bend * t^2.
+  struct Rate {
+    double any = 0.0;
+    double now = 0.0;
+    double bend = 0.0;
+
+    /// Metres in t.
+    double travel(double t) const { return std::min(any * t, (now + bend * t) * t); }
+    /// A t in which it travels no farther than that many metres.
+    double time(double metres) const {
+      return std::max(metres / any, 2.0 * metres / (now + std::sqrt(now * now + 4.0 * bend * metres)));
+    }
+  };
+
+  /// Two shapes of which balls alone do not tell how far a motion may go on.
+  struct Near {
+    const Solid* first;
+    const Transform* first_pose;
+    const Solid* second;
+    const Transform* second_pose;
+    /// Distance of their boxes, metres, and how the two can close in.
+    double gap;
+    const Rate* rate;
+  };
+
   void place_hand();
+  static void place_joint(ChainJoint& joint, const Pose& parent_from_joint);
   void place_obstacle(Obstacle& obstacle) const;
+  void list_boxes();
   void update_radii();
   void pose_bodies(const double* q);
   static void centre_members(Body& body);
   static void pose_member(const Body& body, Member& member);
-  void set_speeds(const double* dq, double span);
+  double clearance(const double* q, const double* dq, double enough, bool straight);
+  void set_rates(const double* dq, double span, bool straight);
+  static void consider(double gap, const Rate& rate, double& least);
   void list_pairs();
-  bool bodies_clear(std::size_t a, std::size_t b, double& least);
-  bool obstacles_clear(std::size_t b, double& least);
+  void list_near_bodies(std::size_t a, std::size_t b, double& least);
+  void list_near_obstacles(std::size_t b, double& least);
+  bool is_apart(const Near& pair, double& least);
   bool contact_allowed(std::size_t owner, std::size_t obstacle) const;
   bool links_allowed(std::size_t a, std::size_t b) const;
   const std::string& owner_name(std::size_t owner) const;
@@ -183,12 +227,17 @@ class Scene {
   std::vector<Obstacle> obstacles_;
   std::optional<Object> attached_;
   Pose base_;
-  Pose world_from_base_;
+  Transform world_from_base_ = Transform::Identity();
   double padding_ = 0.0;
   std::vector<double> lever_;         // [joint][body]: metres per radian, in any configuration
-  std::vector<double> speed_;         // [body]: metres per unit of t
-  std::vector<double> pair_speed_;    // [body][body]
-  std::vector<double> any_speed_;     // [body][body]: the same in any configuration
+  std::vector<Rate> rates_;           // [body][body], of the second as the first sees it
+  std::vector<Vector> axes_;          // [joint]: in `world`, in the state that is looked at
+  std::vector<Near> near_;            // of that state
+  Eigen::Array<double, Eigen::Dynamic, 3> low_;   // [obstacle]: corners of their boxes
+  Eigen::Array<double, Eigen::Dynamic, 3> high_;
+  Eigen::ArrayXd far_;                // scratch: squared distances of a body from the obstacles
+  Eigen::ArrayXd squares_;            // scratch: squared distances of a body's members from an obstacle
+  std::vector<double> still_;         // [joint]: zeros
   std::size_t state_checks_ = 0;
 };
 
