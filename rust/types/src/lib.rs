@@ -17,6 +17,7 @@
 mod bounded;
 mod display;
 mod drive;
+mod dwell;
 mod event;
 mod feedback;
 mod gesture;
@@ -38,6 +39,7 @@ mod world;
 pub use bounded::{LineRead, MOST_RECORDING_BYTES, MOST_TEXT_BYTES, read_bytes, read_line, read_text};
 pub use display::{DisplayFrame, HandState, HandView, ModeView, Moves, PlannerView, TargetView};
 pub use drive::{BadDegreeOfFreedom, DegreeOfFreedom, Drives, MAX_DRIVES};
+pub use dwell::Dwell;
 pub use event::{Event, EventKind, GraspFault};
 pub use feedback::{ContactView, Cue, Digit, FeedbackCue, Tone, Vibration};
 pub use gesture::{Gesture, UnknownGesture};
