@@ -31,7 +31,7 @@ impl Worn {
 
     fn sample(&mut self, counter: u64, gesture: Gesture, freezes: u64) -> EmgSample {
         if counter.is_multiple_of(20) && counter < freezes {
-            self.newest = self.imu.next();
+            self.newest = self.imu.sample();
         }
         let mut channels = self.emg.next(gesture);
         for (c, value) in channels.iter_mut().enumerate() {
@@ -58,7 +58,7 @@ fn model() -> EmgModel {
         worn.imu.turn_to(place, 3);
         // It is there before the recording begins.
         for _ in 0..100 {
-            worn.imu.next();
+            worn.imu.sample();
         }
         for gesture in Gesture::ALL {
             let samples: Vec<EmgSample> =

@@ -38,7 +38,7 @@ impl SimulatedImu {
     }
 
     /// The next values, 50 or so a second, in the order of [`proact_emg::ImuChannel::of_an_armband`].
-    pub fn next(&mut self) -> [f64; 10] {
+    pub fn sample(&mut self) -> [f64; 10] {
         let step = (self.target - self.pitch).clamp(-LARGEST_STEP_RAD, LARGEST_STEP_RAD);
         self.pitch += step;
         let half = -self.pitch / 2.0;
@@ -74,15 +74,15 @@ mod tests {
         for (place, expected) in [(0, [-1.0, 0.0, 0.0]), (1, [0.0, 0.0, 1.0]), (2, [1.0, 0.0, 0.0])] {
             imu.turn_to(place, 3);
             for _ in 0..100 {
-                imu.next();
+                imu.sample();
             }
             let mean =
-                |k: usize, imu: &mut SimulatedImu| (0..400).map(|_| imu.next()[k]).sum::<f64>() / 400.0;
+                |k: usize, imu: &mut SimulatedImu| (0..400).map(|_| imu.sample()[k]).sum::<f64>() / 400.0;
             for (axis, expected) in expected.into_iter().enumerate() {
                 // Five standard errors of the mean.
                 assert!((mean(4 + axis, &mut imu) - expected).abs() < 0.005, "{place} {axis}");
             }
-            let length: f64 = imu.next()[..4].iter().map(|v| v * v).sum();
+            let length: f64 = imu.sample()[..4].iter().map(|v| v * v).sum();
             assert!((length - 1.0).abs() < 1e-12, "a unit quaternion");
         }
         assert!(imu.gain(0, 8) > 1.5 && imu.gain(4, 8) < 0.7 && (imu.gain(2, 8) - 1.0).abs() < 1e-9);

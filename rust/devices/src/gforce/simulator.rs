@@ -278,7 +278,7 @@ impl Simulator {
             let mut messages = vec![self.packet(packets)];
             // After each packet: 62.5 times a second at the usual settings. The maker names no rate.
             if let Some(imu) = &mut self.imu {
-                messages.extend(imu_messages(&imu.next()));
+                messages.extend(imu_messages(&imu.sample()));
             }
             let jitter = self.options.jitter.mul_f64(self.rng.random_range(0.0..=1.0));
             let most = self.options.notification_bytes;

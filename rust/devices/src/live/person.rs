@@ -78,7 +78,7 @@ impl PersonSource {
     /// changes what the electrodes hear ([`SimulatedImu`]).
     pub fn with_imu(mut self, seed: u64) -> PersonSource {
         let mut imu = SimulatedImu::new(seed);
-        let newest = imu.next();
+        let newest = imu.sample();
         self.imu = Some((imu, newest));
         self.info.imu = ImuChannel::of_an_armband();
         self
@@ -107,7 +107,7 @@ impl SampleSource for PersonSource {
             let mut samples = self.feed.sample_at(SimTime(tick), self.intended);
             if let Some((imu, newest)) = &mut self.imu {
                 if tick.is_multiple_of(IMU_MILLIS) {
-                    *newest = imu.next();
+                    *newest = imu.sample();
                 }
                 for sample in &mut samples {
                     let channels = sample.channels.len();

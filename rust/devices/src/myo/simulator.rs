@@ -158,7 +158,7 @@ impl GattDouble for MyoSimulator {
                 out.push(Notification { due: due + late, characteristic, bytes });
             }
             if let Some(imu) = self.imu.as_mut().filter(|_| sent.is_multiple_of(IMU_EVERY)) {
-                let bytes = imu_bytes(&imu.next()).to_vec();
+                let bytes = imu_bytes(&imu.sample()).to_vec();
                 out.push(Notification { due: due + late, characteristic: Characteristic::Imu, bytes });
             }
         }
