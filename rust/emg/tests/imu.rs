@@ -106,9 +106,14 @@ fn the_model_keeps_what_it_takes_and_refuses_a_stream_without() {
     EmgPipeline::new(&recorded, self::model(&recorded).classifier).expect("recorded only");
 }
 
+/// What an inertial measurement unit says in a sample.
+type Unit = fn(u64) -> [f64; 2];
+/// What was said at each decision, and why the stream was stale, with their ticks.
+type Ran = (Vec<(u64, EmgOutput)>, Vec<(u64, SignalFault)>);
+
 /// Runs 5 s of a closed hand; `unit` changes the values of the inertial measurement unit from 2 s to 4 s. What is said at
 /// each decision, and why the stream was stale.
-fn run(words: &[&str], unit: fn(u64) -> [f64; 2]) -> (Vec<(u64, EmgOutput)>, Vec<(u64, SignalFault)>) {
+fn run(words: &[&str], unit: Unit) -> Ran {
     let config = config(words);
     let model = model(&config);
     let config = EmgConfig { liveness: model.liveness(None), ..config };
@@ -133,7 +138,7 @@ fn run(words: &[&str], unit: fn(u64) -> [f64; 2]) -> (Vec<(u64, EmgOutput)>, Vec
 
 #[test]
 fn a_unit_that_freezes_or_falls_silent_stops_the_arm_and_a_relaxed_hand_is_waited_for() {
-    let cases: [(fn(u64) -> [f64; 2], SignalFault, StopCause, u64); 2] = [
+    let cases: [(Unit, SignalFault, StopCause, u64); 2] = [
         (|_| [0.99, 0.01], SignalFault::ImuFrozen(1), StopCause::Frozen, 3000),
         (|_| [f64::NAN, 0.01], SignalFault::ImuSilent(1), StopCause::Silent, 2040),
     ];

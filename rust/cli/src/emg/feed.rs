@@ -19,6 +19,14 @@ pub(super) enum Feed {
     Recorded(Recordings),
 }
 
+/// What came of a moment's wait.
+pub(super) struct Heard {
+    /// The time of the stream, which never goes back.
+    pub(super) now: SimTime,
+    /// What to tell the person.
+    pub(super) said: Option<String>,
+}
+
 impl Feed {
     pub(super) fn live(source: Box<dyn SampleSource>) -> Feed {
         Feed::Live { source, begin: Instant::now(), now: SimTime(0), position: None }
@@ -43,15 +51,12 @@ impl Feed {
         Some(format!("Position of the arm: {}", positions[place]))
     }
 
-    /// Waits a moment for what the source brings next: `packet` is empty if that is no packet. The time, and what to tell; nothing
-    /// of recordings.
+    /// Waits a moment for what the source brings next: `packet` is empty if that is no packet. Nothing of
+    /// recordings.
     ///
     /// # Errors
     /// What the source cannot mend, or its end.
-    pub(super) fn poll(
-        &mut self,
-        packet: &mut EmgPacket,
-    ) -> Result<Option<(SimTime, Option<String>)>, Box<dyn Error>> {
+    pub(super) fn poll(&mut self, packet: &mut EmgPacket) -> Result<Option<Heard>, Box<dyn Error>> {
         let Feed::Live { source, begin, now, .. } = self else { return Ok(None) };
         let event = source.poll(Duration::from_millis(20), packet)?;
         // The stream's clock must not go back, whichever clock it is read from.
@@ -65,6 +70,6 @@ impl Feed {
             SourceEvent::Restored => Some("armband found again".to_owned()),
             _ => None,
         };
-        Ok(Some((*now, said)))
+        Ok(Some(Heard { now: *now, said }))
     }
 }

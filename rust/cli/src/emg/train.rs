@@ -3,7 +3,7 @@
 pub use super::train_args::{PageArgs, TrainArgs};
 use super::{
     band,
-    feed::Feed,
+    feed::{Feed, Heard},
     recorded,
     screen::{Choice, Screen, open_screen, refusal_text, report_text, shortfall, sites_text},
     train_args::{calibration, check_empty},
@@ -401,7 +401,7 @@ impl Training {
             return Err("stopped before the end".into());
         }
         let mut packet = EmgPacket::default();
-        let Some((now, said)) = self.feed.poll(&mut packet)? else { return Ok(Vec::new()) };
+        let Some(Heard { now, said }) = self.feed.poll(&mut packet)? else { return Ok(Vec::new()) };
         said.iter().for_each(|text| self.screen.say(text));
         // Without a packet `samples` is empty.
         Ok(self.session.step(now, &packet.samples)?)
