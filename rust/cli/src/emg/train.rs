@@ -214,6 +214,7 @@ impl Training {
             emg: model.config.clone(),
             gestures: asked.clone(),
             most_rounds: 1,
+            positions: Vec::new(),
             ..self.config.clone()
         };
         self.session = Calibration::new(config)?;
@@ -265,6 +266,7 @@ impl Training {
                     emg: model.config.clone(),
                     gestures: CalibrationConfig::round(known, model.config.rest),
                     most_rounds: 1,
+                    positions: Vec::new(),
                     ..self.config.clone()
                 };
                 self.session = Calibration::new(config)?;
