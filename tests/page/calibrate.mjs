@@ -24,8 +24,9 @@ const { values: options } = parseArgs({
 const WAIT_MS = 60_000;
 const SIZES = [[320, 568], [390, 844], [800, 600], [1280, 720], [3840, 2160]];
 const model = `${options.out}/model.json`;
+// What an earlier run left is no part of this one.
+await rm(options.out, { recursive: true, force: true });
 await mkdir(options.out, { recursive: true });
-await rm(model, { force: true });
 
 /** Starts a command with a page; its address, and how it ends. */
 async function start(...words) {
@@ -150,8 +151,8 @@ try {
   if (cursor.movements.length !== 9) throw new Error(`${cursor.movements.length} movements, expected 9`);
 
   // A regressor: what is told of each degree of freedom, after each round and beside the figures at the end.
-  const quick = ["--source", "synthetic", "--secs", "0.6", "--prepare", "0.4", "--replace", "--out", model];
-  running = await start("train", ...quick, "--classifier", "ridge", "--target-r2", "0.99");
+  const quick = (name) => ["--source", "synthetic", "--secs", "0.6", "--prepare", "0.4", "--out", `${options.out}/${name}.json`];
+  running = await start("train", ...quick("driven"), "--classifier", "ridge", "--target-r2", "0.99");
   await page.goto(running.url);
   await button("Begin").click({ timeout: WAIT_MS });
   await seen(() => window.__calibration.reviewing && window.__calibration.rounds === 1);
@@ -175,7 +176,7 @@ try {
   check(JSON.stringify(await driveRows(page)) === JSON.stringify(shown), "the rows stay at the end");
 
   // Rounds in several positions of the arm, and what the inertial measurement unit is worth.
-  running = await start("train", ...quick, "--imu", "acceleration", "--positions", "hanging,overhead", "--target", "0.5");
+  running = await start("train", ...quick("positioned"), "--imu", "acceleration", "--positions", "hanging,overhead", "--target", "0.5");
   await page.goto(running.url);
   await button("Begin").click({ timeout: WAIT_MS });
   for (let round = 1; round <= 4; round++) {

@@ -6,6 +6,8 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 /// Noise of each axis: tremor and the sensor's own, g and deg/s. Assumed.
 const ACCELERATION_NOISE_G: f64 = 0.02;
 const ANGULAR_VELOCITY_NOISE_DEG_PER_S: f64 = 2.0;
+/// Tremor of the pitch, rad: no worn sensor stands still. Assumed.
+const PITCH_NOISE_RAD: f64 = 0.01;
 /// Most by which the forearm is turned from one sample to the next, rad. Assumed: 150 deg/s at 50 samples a second.
 const LARGEST_STEP_RAD: f64 = 0.052;
 /// Natural logarithm of what the electrodes on the two sides of the arm hear more, or less, overhead than with a level forearm.
@@ -15,8 +17,9 @@ const POSITION_GAIN: f64 = 0.6;
 /// The inertial measurement unit of a simulated person, whose forearm is turned up and down, and what its turn does to the EMG.
 ///
 /// The unit's x axis lies along the forearm towards the hand, z up when the forearm is level. With the forearm's pitch p, up
-/// positive: acceleration `(sin p, 0, cos p)` g, orientation a turn by -p about y, angular velocity -dp/dt about y; noise on the last
-/// two. Electrode c of n hears its muscles stronger by `exp(0.6 sin p cos(2 pi c / n))`, whatever the gesture.
+/// positive: acceleration `(sin p, 0, cos p)` g, orientation a turn by -p about y, angular velocity -dp/dt about y. The pitch trembles,
+/// and acceleration and angular velocity have noise. Electrode c of n hears its muscles stronger by
+/// `exp(0.6 sin p cos(2 pi c / n))`, whatever the gesture.
 #[derive(Clone, Debug)]
 pub struct SimulatedImu {
     rng: ChaCha8Rng,
@@ -41,14 +44,14 @@ impl SimulatedImu {
     pub fn sample(&mut self) -> [f64; 10] {
         let step = (self.target - self.pitch).clamp(-LARGEST_STEP_RAD, LARGEST_STEP_RAD);
         self.pitch += step;
-        let half = -self.pitch / 2.0;
-        let (sin, cos) = self.pitch.sin_cos();
         // At 50 samples a second.
         let turning = -step.to_degrees() * 50.0;
         let mut noise = |scale: f64| {
             let draw: f64 = StandardNormal.sample(&mut self.rng);
             scale * draw
         };
+        let pitch = self.pitch + noise(PITCH_NOISE_RAD);
+        let (half, (sin, cos)) = (-pitch / 2.0, pitch.sin_cos());
         let acceleration = [sin, 0.0, cos].map(|g| g + noise(ACCELERATION_NOISE_G));
         let velocity = [0.0, turning, 0.0].map(|speed| speed + noise(ANGULAR_VELOCITY_NOISE_DEG_PER_S));
         let mut values = [half.cos(), 0.0, half.sin(), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
