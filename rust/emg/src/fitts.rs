@@ -1,6 +1,6 @@
 use crate::EmgError;
 use crate::usability_test::positive;
-use proact_types::{Dwell, Gesture, GestureName, SimTime};
+use proact_types::{Gesture, GestureName, SimTime, TargetDwell};
 use serde::{Deserialize, Serialize};
 
 /// How the cursor test is done. Lengths are in half heights of the field, whose corners are at -1 and 1.
@@ -113,7 +113,7 @@ struct Shown {
     since: SimTime,
     start: [f64; 2],
     path: f64,
-    dwell: Dwell,
+    dwell: TargetDwell,
 }
 
 /// Difference of two steps beyond which the cursor does not move further, seconds: a silent stream is not made up for.
@@ -222,7 +222,7 @@ impl CursorTest {
             distance(self.cursor, target) <= width / 2.0
         };
         self.shown =
-            Some(Shown { since: now, start: self.cursor, path: 0.0, dwell: Dwell::begin(now, inside) });
+            Some(Shown { since: now, start: self.cursor, path: 0.0, dwell: TargetDwell::begin(now, inside) });
     }
 
     fn finish(&mut self, movement: Movement) {

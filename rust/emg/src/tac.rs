@@ -1,7 +1,7 @@
 use crate::EmgError;
 use crate::fitts::millis_of;
 use crate::usability_test::positive;
-use proact_types::{Dwell, GestureName, SimTime};
+use proact_types::{GestureName, SimTime, TargetDwell};
 use serde::{Deserialize, Serialize};
 
 /// A target is at least this share of its range away, as in miniVIE.
@@ -175,7 +175,7 @@ pub struct TacTest {
     relaxed: bool,
     /// The first gesture.
     begun: Option<SimTime>,
-    dwell: Dwell,
+    dwell: TargetDwell,
     travelled: f64,
 }
 
@@ -212,7 +212,7 @@ impl TacTest {
             before: None,
             relaxed: false,
             begun: None,
-            dwell: Dwell::default(),
+            dwell: TargetDwell::default(),
             travelled: 0.0,
         })
     }
@@ -273,7 +273,7 @@ impl TacTest {
             (!reached.is_empty()).then(|| reached.iter().sum::<f64>() / reached.len() as f64);
         self.position = self.config.axes.iter().map(TacAxis::start).collect();
         (self.relaxed, self.begun) = (false, None);
-        (self.dwell, self.travelled) = (Dwell::default(), 0.0);
+        (self.dwell, self.travelled) = (TargetDwell::default(), 0.0);
     }
 
     /// What has to go where: each axis of the target, where it is and where it should be; nothing after the end.

@@ -1,4 +1,4 @@
-use proact_types::{Dwell, SimTime};
+use proact_types::{SimTime, TargetDwell};
 
 /// One goal that something is brought to and kept at: a point to a ball, or joints to a posture.
 ///
@@ -11,7 +11,7 @@ pub(crate) struct Pursuit {
     last: Vec<f64>,
     /// Way so far, in the unit of the coordinates.
     path: f64,
-    dwell: Dwell,
+    dwell: TargetDwell,
 }
 
 /// How it went.
@@ -33,7 +33,7 @@ pub(crate) struct Pursued {
 impl Pursuit {
     /// A goal that is shown at `now`, while the coordinates are `at`.
     pub(crate) fn new(now: SimTime, at: &[f64]) -> Self {
-        Self { shown: now, start: at.to_vec(), last: at.to_vec(), path: 0.0, dwell: Dwell::default() }
+        Self { shown: now, start: at.to_vec(), last: at.to_vec(), path: 0.0, dwell: TargetDwell::default() }
     }
 
     /// Advances to `now`; what came of it once it was `inside` for the dwell, or time is up.

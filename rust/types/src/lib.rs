@@ -17,7 +17,6 @@
 mod bounded;
 mod display;
 mod drive;
-mod dwell;
 mod event;
 mod feedback;
 mod gesture;
@@ -30,6 +29,7 @@ mod method;
 mod plan;
 mod safety;
 mod scene;
+mod target_dwell;
 mod task;
 mod time;
 #[cfg(feature = "ts")]
@@ -39,7 +39,6 @@ mod world;
 pub use bounded::{LineRead, MOST_RECORDING_BYTES, MOST_TEXT_BYTES, read_bytes, read_line, read_text};
 pub use display::{DisplayFrame, HandState, HandView, ModeView, Moves, PlannerView, TargetView};
 pub use drive::{BadDegreeOfFreedom, DegreeOfFreedom, Drives, MAX_DRIVES};
-pub use dwell::Dwell;
 pub use event::{Event, EventKind, GraspFault};
 pub use feedback::{ContactView, Cue, Digit, FeedbackCue, Tone, Vibration};
 pub use gesture::{Gesture, UnknownGesture};
@@ -58,6 +57,7 @@ pub use plan::{
 };
 pub use safety::{InputSign, InputSource, SignKind, Stop, StopCause};
 pub use scene::{MAX_OBJECTS, Object, ObjectId, ObjectSet, PlaceRegion, Scene, SceneObject, Shape, Target};
+pub use target_dwell::TargetDwell;
 pub use task::{Briefing, Destination, JointGoal, Order, TaskContext, TaskGoal};
 pub use time::{SimTime, TICK_SECS};
 pub use world::{BodyState, Contact, PlantCommand, PlantState};

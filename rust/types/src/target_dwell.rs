@@ -2,15 +2,15 @@ use crate::SimTime;
 
 /// Something that has to stay in a target: since when it is in it, and how often it has left it again.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Dwell {
+pub struct TargetDwell {
     entered: Option<SimTime>,
     overshoots: u32,
 }
 
-impl Dwell {
+impl TargetDwell {
     /// A target that comes at `now`, in which it is already or not.
-    pub fn begin(now: SimTime, inside: bool) -> Dwell {
-        Dwell { entered: inside.then_some(now), overshoots: 0 }
+    pub fn begin(now: SimTime, inside: bool) -> TargetDwell {
+        TargetDwell { entered: inside.then_some(now), overshoots: 0 }
     }
 
     /// Whether it is `inside` at `now`. When it entered, once it has stayed for `millis`.
@@ -43,13 +43,13 @@ mod tests {
 
     #[test]
     fn only_an_unbroken_stay_counts_and_each_exit_is_an_overshoot() {
-        let mut dwell = Dwell::begin(SimTime(0), false);
+        let mut dwell = TargetDwell::begin(SimTime(0), false);
         let inside = |tick: u64| (10..20).contains(&tick) || tick == 25 || tick >= 30;
         let done: Vec<Option<SimTime>> =
             (0..60).map(|tick| dwell.step(SimTime(tick), inside(tick), 15)).collect();
         assert_eq!(done.iter().position(Option::is_some), Some(45));
         assert_eq!((done[45], dwell.overshoots()), (Some(SimTime(30)), 2));
-        let mut there = Dwell::begin(SimTime(7), true);
+        let mut there = TargetDwell::begin(SimTime(7), true);
         assert_eq!((there.entered(), there.step(SimTime(9), true, 2)), (Some(SimTime(7)), Some(SimTime(7))));
     }
 }
