@@ -1,5 +1,6 @@
 // The calibration page in a headless Chromium, with a simulated person at the armband: begin, two rounds, one gesture
-// again, stop; then the cursor test. At rest, when judged and in the cursor test it fits windows of all sizes, follows the
+// again, stop; then the cursor test; then a regressor, with the R2 of each degree of freedom, and a classifier that knows the position of
+// the arm. At rest, when judged and in the cursor test it fits windows of all sizes, follows the
 // system's colours and keeps WCAG 2.2 AA.
 //
 //   node tests/page/calibrate.mjs --program target/release/proact --out build/page/calibrate
@@ -23,8 +24,9 @@ const { values: options } = parseArgs({
 const WAIT_MS = 60_000;
 const SIZES = [[320, 568], [390, 844], [800, 600], [1280, 720], [3840, 2160]];
 const model = `${options.out}/model.json`;
+// What an earlier run left is no part of this one.
+await rm(options.out, { recursive: true, force: true });
 await mkdir(options.out, { recursive: true });
-await rm(model, { force: true });
 
 /** Starts a command with a page; its address, and how it ends. */
 async function start(...words) {
@@ -71,6 +73,9 @@ async function fits(page, what) {
   }
   await page.setViewportSize({ width: 1280, height: 720 });
 }
+
+/** Cells of the table of degrees of freedom. */
+const driveRows = (page) => page.locator("table.drives tr").evaluateAll((rows) => rows.slice(1).map((row) => [...row.children].map((cell) => cell.textContent)));
 
 const executablePath = ["/usr/bin/chromium", "/usr/bin/chromium-browser"].find((path) => existsSync(path));
 const browser = await chromium.launch({ executablePath, args: ["--headless=new", "--no-sandbox", "--disable-gpu"] });
@@ -144,6 +149,49 @@ try {
   const { cursor } = JSON.parse(tested.out);
   console.log(`cursor: ${cursor.throughput_bits_per_s.toFixed(2)} bit/s, ${(100 * cursor.completion_rate).toFixed(0)} %`);
   if (cursor.movements.length !== 9) throw new Error(`${cursor.movements.length} movements, expected 9`);
+
+  // A regressor: what is told of each degree of freedom, after each round and beside the figures at the end.
+  const quick = (name) => ["--source", "synthetic", "--secs", "0.6", "--prepare", "0.4", "--out", `${options.out}/${name}.json`];
+  running = await start("train", ...quick("driven"), "--classifier", "ridge", "--target-r2", "0.99");
+  await page.goto(running.url);
+  await button("Begin").click({ timeout: WAIT_MS });
+  await seen(() => window.__calibration.reviewing && window.__calibration.rounds === 1);
+  if ((await page.locator("table.drives").count()) !== 0) throw new Error("R2 before there is anything to judge");
+  await button("Another round").click();
+  await page.locator("table.drives").waitFor({ timeout: WAIT_MS });
+  const shown = await driveRows(page);
+  const told = await page.evaluate(() => window.__calibration.report.drives);
+  check(shown.length === 2 && told.length === 2, "two degrees of freedom have a row each");
+  for (const [k, { drive, r2, mean_absolute_error: off }] of told.entries()) {
+    check(shown[k].join(" ") === `${drive} ${r2.toFixed(3)} ${off.toFixed(3)}`, `the row says ${shown[k].join(", ")}`);
+    check(r2 > 0.3 && r2 < 1, `R2 of a simulated person is ${r2.toFixed(3)}`);
+  }
+  check((await page.locator("h2.accuracy").innerText()).includes("the aim is an R² of 0.99"), "and the aim is said");
+  await page.screenshot({ path: `${options.out}/drives.png`, fullPage: true });
+  await fits(page, "drives");
+  await button("Stop and save the model").click();
+  const driven = await running.ended;
+  check(driven.code !== 0 && /expected 0\.99/.test(driven.errors), "what is not reached is an error of the command");
+  await page.locator("table.drives").waitFor({ timeout: WAIT_MS });
+  check(JSON.stringify(await driveRows(page)) === JSON.stringify(shown), "the rows stay at the end");
+
+  // Rounds in several positions of the arm, and what the inertial measurement unit is worth.
+  running = await start("train", ...quick("positioned"), "--imu", "acceleration", "--positions", "hanging,overhead", "--target", "0.5");
+  await page.goto(running.url);
+  await button("Begin").click({ timeout: WAIT_MS });
+  for (let round = 1; round <= 4; round++) {
+    const arm = round % 2 === 1 ? "hanging" : "overhead";
+    await page.locator(".count", { hasText: `arm: ${arm}` }).waitFor({ timeout: WAIT_MS });
+    if (round === 1) await page.screenshot({ path: `${options.out}/position.png` });
+    await seen((count) => window.__calibration.reviewing && window.__calibration.rounds === count, round);
+    if (round < 4) await button("Another round").click();
+  }
+  check(/^[0-9.]+ % without the inertial measurement unit$/.test(await page.locator(".withoutimu").innerText()), "what it is worth is said");
+  await button("Stop and save the model").click();
+  const positioned = await running.ended;
+  if (positioned.code !== 0) throw new Error(`train ended with ${positioned.code}: ${positioned.errors}`);
+  const { accuracy, accuracy_without_imu: without } = JSON.parse(positioned.out);
+  console.log(`positions: ${(100 * accuracy).toFixed(1)} % with the inertial measurement unit, ${(100 * without).toFixed(1)} % without`);
   if (errors.length > 0) throw new Error(`errors on the page: ${errors.join("; ")}`);
 } catch (error) {
   const page = browser.contexts()[0]?.pages()[0];

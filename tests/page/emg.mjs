@@ -130,6 +130,8 @@ async function grid(page, address, tools) {
     ...signals,
     emg: lowestAndHighest(signals.emg.map(wide)),
     emg_row_hz: (2 * signals.emg_row_hz) / BLOCK,
+    // All but channel 11, whose turn has not come.
+    spectra: Array.from({ length: GRID }, (_, channel) => ({ channel, step_hz: 3.90625, density: Array.from({ length: 256 }, (_, k) => (k === channel ? 1 : 0)) })).filter(({ channel }) => channel !== 10),
     lights: Array.from({ length: GRID }, (_, k) => (k === 20 ? "red" : k > 40 && k < 44 ? "amber" : "green")),
     faults: Array.from({ length: GRID }, (_, k) => (k === 20 ? "flat" : k > 40 && k < 44 ? "mains" : null)),
   }));
@@ -140,7 +142,11 @@ async function grid(page, address, tools) {
   await page.keyboard.press("ArrowDown");
   await page.keyboard.press("ArrowRight");
   check((await page.locator(".spectrumpart h2").textContent()) === "Spectrum of channel 10", "a row down and one to the right is channel 10");
-  check((await page.locator(".spectrumpart p").textContent()).startsWith("No spectrum"), "without all samples there is no spectrum, and the page says why");
+  await page.waitForFunction(() => /^Median frequency 3\d Hz; lines 3\.9 Hz apart/.test(document.querySelector(".spectrumpart p")?.textContent ?? ""));
+  check(true, "the spectrum that the program took of the channel is shown");
+  await page.keyboard.press("ArrowRight");
+  check((await page.locator(".spectrumpart p").textContent()).startsWith("The spectrum of this channel comes"), "one that has not come yet is waited for");
+  await page.keyboard.press("ArrowLeft");
   const before = await picture(page);
   await page.waitForTimeout(500);
   check((await picture(page)) !== before, "the raster moves");

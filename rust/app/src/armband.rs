@@ -1,6 +1,6 @@
 //! An armband in a live trial: samples come on a thread of their own and go into the ticks.
 
-use crate::source::read_model;
+use crate::source::{read_model, takes_imu};
 use crate::tell;
 use arrayvec::ArrayVec;
 use proact_devices::{EmgPacket, SampleSource, SourceEvent, SourceName, SourceOptions, SourceRegistry};
@@ -48,7 +48,8 @@ impl LiveArmband {
         source: &SourceName,
         model: &Path,
     ) -> Result<LiveArmband, Box<dyn Error>> {
-        let source = sources.open(source, &SourceOptions::default())?;
+        let options = SourceOptions { imu: takes_imu(model)?, ..SourceOptions::default() };
+        let source = sources.open(source, &options)?;
         let model = read_model(model, source.info())?;
         Ok(Self::start(source, model))
     }

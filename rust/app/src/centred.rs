@@ -100,7 +100,12 @@ impl CentringCheck {
         let raw = zero.is_none() && model.centring.iter().any(|level| *level != 0.0);
         raw.then(|| CentringCheck {
             model: model.clone(),
-            stream: StreamFormat { rate_hz: info.rate_hz, channels: info.channels, rest_medians: None },
+            stream: StreamFormat {
+                rate_hz: info.rate_hz,
+                channels: info.channels,
+                rest_medians: None,
+                imu: info.imu.clone(),
+            },
             values: vec![Vec::new(); info.channels],
             needed: (CENTRING_SECS * info.rate_hz) as usize,
         })

@@ -1,7 +1,9 @@
 //! What the experimenter's page gets from a trial that runs in real time, and what its buttons do.
 
-use crate::{live::TrialInputs, pace::Pace, trace_envelope::TraceEnvelope};
-use proact_bridge::{ClientInput, GazeCheck, PageServer, Recognition, Signals, StudyAction, TrialStatus};
+use crate::{dense_spectra::DenseSpectra, live::TrialInputs, pace::Pace, trace_envelope::TraceEnvelope};
+use proact_bridge::{
+    ClientInput, GazeCheck, InertialValue, PageServer, Recognition, Signals, StudyAction, TrialStatus,
+};
 use proact_emg::{EmgConfig, Light, QualityConfig, QualityMonitor};
 use proact_testbed::{Step, Testbed};
 use proact_types::{DisplayFrame, Gesture, SimTime};
@@ -29,8 +31,11 @@ pub struct Experimenter<'a> {
     page: &'a PageServer,
     status: TrialStatus,
     signals: Signals,
+    emg: Option<EmgConfig>,
     quality: Option<QualityMonitor>,
     envelope: Option<TraceEnvelope>,
+    /// Of a stream whose samples the page does not get.
+    spectra: Option<DenseSpectra>,
     sent: Instant,
     sent_time: SimTime,
     ticks: u32,
@@ -66,9 +71,15 @@ impl<'a> Experimenter<'a> {
         page.set_status(&status);
         let emg = config.emg.as_ref();
         let envelope = emg.map(|emg| TraceEnvelope::new(emg.rate_hz, emg.channels));
+        let thinned = envelope.as_ref().is_some_and(TraceEnvelope::is_thinned);
+        let spectra = emg.filter(|_| thinned).map(|emg| DenseSpectra::new(emg.rate_hz, emg.channels));
         let rates = emg.zip(envelope.as_ref()).map(|(emg, rows)| (emg.rate_hz, rows.row_hz(emg.rate_hz)));
         let (emg_rate_hz, emg_row_hz) = rates.unwrap_or_default();
         let gestures = testbed.emg_gestures().to_vec();
+        let imu = emg.map_or(&[][..], |emg| &emg.imu.channels);
+        let inertial =
+            imu.iter().map(|c| InertialValue { name: c.name.clone(), unit: c.unit.clone(), value: None });
+        let inertial: Vec<InertialValue> = inertial.collect();
         let recognition = emg.map(|_| Recognition { gestures, ..Recognition::default() });
         let monitor = |emg: &EmgConfig| {
             let config = QualityConfig { rails: emg.liveness.rails, ..QualityConfig::default() };
@@ -77,8 +88,10 @@ impl<'a> Experimenter<'a> {
         Self {
             page,
             status,
-            signals: Signals { emg_rate_hz, emg_row_hz, recognition, ..Signals::default() },
+            emg: emg.cloned(),
+            signals: Signals { emg_rate_hz, emg_row_hz, recognition, inertial, ..Signals::default() },
             envelope,
+            spectra,
             quality: emg.map(monitor),
             sent: Instant::now(),
             sent_time: SimTime(0),
@@ -167,8 +180,23 @@ impl<'a> Experimenter<'a> {
         self.busy += spent;
         self.busiest = self.busiest.max(spent);
         for sample in &step.input.emg {
+            let Some(emg) = &self.emg else { break };
+            let imu = sample.channels.get(emg.channels..).unwrap_or_default();
+            for (shown, value) in self.signals.inertial.iter_mut().zip(imu) {
+                shown.value = Some(*value).filter(|value| value.is_finite());
+            }
+            let stripped;
+            let sample = if emg.imu.channels.is_empty() {
+                sample
+            } else {
+                stripped = emg.electrodes(sample);
+                &stripped
+            };
             if let Some(quality) = &mut self.quality {
                 quality.push(step.time, sample);
+            }
+            if let Some(spectra) = &mut self.spectra {
+                spectra.push(&sample.channels);
             }
             let most = MAX_SIGNAL_SECS * self.signals.emg_row_hz;
             if let Some(envelope) = self.envelope.as_mut().filter(|_| (self.signals.emg.len() as f64) < most)
@@ -213,6 +241,10 @@ impl<'a> Experimenter<'a> {
         signals.tick_max_us = self.busiest.as_secs_f64() * 1e6;
         signals.gaze_age_ms = self.seen_gaze.map(|seen| time.millis_since(seen));
         signals.pages = self.page.client_count();
+        signals.spectra = match &mut self.spectra {
+            Some(spectra) if signals.pages > 0 => spectra.turn(),
+            _ => Vec::new(),
+        };
         if let Some(quality) = &self.quality {
             let light = |light| {
                 match light {

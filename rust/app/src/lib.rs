@@ -17,6 +17,7 @@ mod centred;
 pub mod compare;
 mod console;
 mod counterfactual;
+mod dense_spectra;
 pub mod digests;
 mod disk;
 pub mod doctor;

@@ -10,9 +10,22 @@ use std::{error::Error, path::Path};
 /// A file that cannot be read, is no model, or was trained on another stream.
 pub fn read_model(path: &Path, info: &SourceInfo) -> Result<EmgModel, Box<dyn Error>> {
     let model = read_model_file(path)?;
-    let stream = StreamFormat { rate_hz: info.rate_hz, channels: info.channels, rest_medians: None };
+    let stream = StreamFormat {
+        rate_hz: info.rate_hz,
+        channels: info.channels,
+        rest_medians: None,
+        imu: info.imu.clone(),
+    };
     model.check_fits(&stream).map_err(|e| format!("{}: {e}", path.display()))?;
     Ok(model)
+}
+
+/// Whether the model's stream has an inertial measurement unit, which its source is to be asked for then.
+///
+/// # Errors
+/// A file that cannot be read, or is no model.
+pub fn takes_imu(path: &Path) -> Result<bool, Box<dyn Error>> {
+    Ok(!read_model_file(path)?.config.imu.channels.is_empty())
 }
 
 /// Reads a model file.

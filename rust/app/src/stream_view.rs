@@ -203,6 +203,7 @@ mod tests {
             rails: Some((0.0, 255.0)),
             loss_is_counted: true,
             volts: None,
+            imu: Vec::new(),
         };
         let mut glance = StreamGlance::new(&info, "recordings");
         for counter in 0..2000_u64 {

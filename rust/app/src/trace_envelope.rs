@@ -23,6 +23,11 @@ impl TraceEnvelope {
         Self { block, seen: 0, lowest: ChannelValues::new(), highest: ChannelValues::new() }
     }
 
+    /// Rows are no samples.
+    pub(crate) fn is_thinned(&self) -> bool {
+        self.block > 1
+    }
+
     /// Rows a second of a stream at `rate_hz`.
     pub(crate) fn row_hz(&self, rate_hz: f64) -> f64 {
         if self.block == 1 { rate_hz } else { 2.0 * rate_hz / self.block as f64 }

@@ -1,13 +1,16 @@
 //! A classifier, and a regressor, in another process: the example of the documentation, processes that fail, and the replay.
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)] // A test of files and processes.
 
+mod common;
+
 use arrayvec::ArrayVec;
+use common::{config, generator, moved, recordings, slices};
 use proact_app::{Arm, Recorder, ReplayOptions, replay_trial, trial};
-use proact_control::{JogProfile, MethodRegistry, Simultaneous};
-use proact_devices::{SyntheticEmg, SyntheticModel, read_process_file, stream, train_process};
+use proact_control::MethodRegistry;
+use proact_devices::{SyntheticEmg, read_process_file, train_process};
 use proact_emg::{ClassifierKind, EmgConfig, EmgModel, ProcessConfig, ProcessInput};
-use proact_testbed::{Setup, TrialConfig, ports};
-use proact_types::{DegreeOfFreedom, EmgSample, EventKind, Gesture, GestureName, SimTime, Stop, StopCause};
+use proact_testbed::ports;
+use proact_types::{EmgSample, EventKind, Gesture, SimTime, Stop, StopCause};
 use std::path::Path;
 
 const EXAMPLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/decoders");
@@ -16,19 +19,10 @@ const FRAME: &str = "import json, sys, time, math\n\
     for line in sys.stdin:\n    asked = json.loads(line)\n    answer = {'window': asked['window']}\n    \
     if asked['window']:\n        BODY\n    print(json.dumps(answer), flush=True)\n";
 
-fn generator(seed: u64) -> SyntheticEmg {
-    SyntheticEmg::new(&SyntheticModel::shipped().unwrap(), 1000.0, 8, 1.0, stream(seed, "test")).unwrap()
-}
-
 /// A model of synthetic EMG whose windows `process` decodes.
 fn model(classifier: ClassifierKind, process: ProcessConfig) -> EmgModel {
-    let mut emg = generator(1);
-    let mut take = |gesture| -> Vec<EmgSample> {
-        (0..3000).map(|counter| EmgSample { counter, channels: emg.next(gesture) }).collect()
-    };
-    let recordings = Gesture::ALL.map(|gesture| (GestureName::from(gesture), take(gesture)));
-    let slices: Vec<(GestureName, &[EmgSample])> =
-        recordings.iter().map(|(g, s)| (*g, s.as_slice())).collect();
+    let recordings = recordings(3000);
+    let slices = slices(&recordings);
     let config = EmgConfig { classifier, process: Some(process), ..EmgConfig::default() };
     let stand_in = EmgModel::train(&config.stand_in(), &[0.0; 8], &slices).unwrap();
     train_process(&config, stand_in, &slices).unwrap()
@@ -62,25 +56,14 @@ struct Ran {
 
 impl Ran {
     fn moved(&self, from: usize, to: usize) -> f64 {
-        let arm = self.targets[from].iter().zip(&self.targets[to]).take(7);
-        arm.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+        moved(&self.targets, from, to)
     }
 }
 
 /// A live trial of `ticks` with method A, recorded in `dir`.
 fn run(model: &EmgModel, ticks: u64, at_once: bool, dir: &Path) -> Ran {
-    let mut config = TrialConfig::new("A", 1, Setup::named("still").unwrap());
-    let JogProfile::Time { simultaneous, .. } = &mut config.profile.jog else { panic!("by time") };
-    *simultaneous = at_once.then(|| Simultaneous {
-        hand_at: 0.5,
-        hand_below: 0.3,
-        drives: [
-            (DegreeOfFreedom::wrist(), "elbow".to_owned()),
-            (DegreeOfFreedom::hand(), "hand".to_owned()),
-        ]
-        .into(),
-    });
     let worn = trial::Armband { trained: model, samples: Box::new(Armband(generator(2))) };
+    let config = config(at_once);
     let arm = Arm::of(&config).unwrap();
     let trial::Assembly { mut session, classifier, arm, .. } =
         trial::live_with(&MethodRegistry::standard(), &arm, config, Some(worn)).unwrap();

@@ -2,29 +2,22 @@
 //! record replays.
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)] // A test of files and processes.
 
+mod common;
+
 use arrayvec::ArrayVec;
+use common::{config, generator, moved, recordings, slices};
 use proact_app::{Arm, Recorder, ReplayOptions, replay_trial, trial};
 use proact_control::{JogProfile, MethodRegistry, Simultaneous};
-use proact_devices::{EmgOrigin, SyntheticEmg, SyntheticModel, stream};
+use proact_devices::{EmgOrigin, SyntheticEmg};
 use proact_emg::{ClassifierKind, EmgConfig, EmgModel};
 use proact_testbed::{Setup, TrialConfig, ports};
 use proact_types::{DegreeOfFreedom, EmgSample, EventKind, Gesture, SimTime};
 
 const TICKS: u64 = 4500;
 
-fn generator(seed: u64) -> SyntheticEmg {
-    SyntheticEmg::new(&SyntheticModel::shipped().unwrap(), 1000.0, 8, 1.0, stream(seed, "test")).unwrap()
-}
-
 fn model(classifier: ClassifierKind) -> EmgModel {
-    let mut emg = generator(1);
-    let mut take = |gesture| -> Vec<EmgSample> {
-        (0..6000).map(|counter| EmgSample { counter, channels: emg.next(gesture) }).collect()
-    };
-    let recordings = Gesture::ALL.map(|gesture| (gesture, take(gesture)));
-    let slices: Vec<(Gesture, &[EmgSample])> = recordings.iter().map(|(g, s)| (*g, s.as_slice())).collect();
     let config = EmgConfig { classifier, ..EmgConfig::default() };
-    EmgModel::train(&config, &[0.0; 8], &slices).unwrap()
+    EmgModel::train(&config, &[0.0; 8], &slices(&recordings(6000))).unwrap()
 }
 
 /// The wrist from 0.5 s on until the link is lost at 1.5 s, and still when it is back at 2 s; relaxed from 2.5 s, the wrist again
@@ -41,22 +34,6 @@ impl ports::EmgSource for Armband {
         let lost = (1500..2000).contains(&now.0);
         (!lost).then_some(EmgSample { counter: now.0, channels }).into_iter().collect()
     }
-}
-
-/// Method A, in which the wrist's drive moves the elbow, or without such a setting.
-fn config(at_once: bool) -> TrialConfig {
-    let mut config = TrialConfig::new("A", 1, Setup::named("still").unwrap());
-    let JogProfile::Time { simultaneous, .. } = &mut config.profile.jog else { panic!("by time") };
-    *simultaneous = at_once.then(|| Simultaneous {
-        hand_at: 0.5,
-        hand_below: 0.3,
-        drives: [
-            (DegreeOfFreedom::wrist(), "elbow".to_owned()),
-            (DegreeOfFreedom::hand(), "hand".to_owned()),
-        ]
-        .into(),
-    });
-    config
 }
 
 fn start(config: TrialConfig, model: &EmgModel) -> Result<trial::Assembly, String> {
@@ -84,10 +61,7 @@ fn a_regressor_moves_the_arm_but_not_through_a_lost_link_and_the_record_replays(
         );
     }
     recorder.finish(&session.result()).unwrap();
-    let moved = |from: usize, to: usize| {
-        let arm = targets[from].iter().zip(&targets[to]).take(7);
-        arm.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
-    };
+    let moved = |from, to| moved(&targets, from, to);
     assert!(moved(600, 1500) > 0.1, "{} rad in 0.9 s", moved(600, 1500));
     assert!(moved(1750, 3500) == 0.0, "{} rad while the link was lost or not trusted", moved(1750, 3500));
     assert!(rearmed.len() == 1 && (2500..3200).contains(&rearmed[0]), "{rearmed:?}");

@@ -58,6 +58,8 @@ pub enum CalibrationView<'a> {
     Calibration {
         /// What the session is doing.
         phase: Phase,
+        /// The position of the limb that is asked for; none if none is.
+        position: Option<&'a str>,
         /// Complete rounds.
         rounds: usize,
         /// Rounds after which no more are offered.

@@ -64,7 +64,9 @@ pub use gaze_check::{GazeCheck, GazePoint};
 pub use input::{AfterTrial, ClientInput, ControllerPose, StudyAction};
 pub use meshes::MeshFile;
 pub use server::{PageContent, PageOptions, PageServer};
-pub use signals::{Recognition, ResultCard, ResultLine, Signals, TrialStatus};
+pub use signals::{
+    ChannelSpectrum, InertialValue, Recognition, ResultCard, ResultLine, Signals, TrialStatus,
+};
 pub use study::{
     ExperimenterScreen, FormPair, FormScreen, GivenAnswer, NextSession, NowScreen, NowWhat, ParticipantLine,
     ParticipantScreen, PromptScreen, RefusedAnswer, SessionScreen, StepLine, StudyButton, StudyRequest,

@@ -96,6 +96,30 @@ pub struct Recognition {
     pub fault: Option<String>,
 }
 
+/// The power spectrum of the newest second of a channel: Welch's estimate.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+pub struct ChannelSpectrum {
+    /// Which, from 0.
+    pub channel: usize,
+    /// From line to line, hertz; the first is at zero.
+    pub step_hz: f64,
+    /// Power a hertz, the device's unit squared; without the mean, up to 1 kHz.
+    pub density: Vec<f64>,
+}
+
+/// The newest value of a channel of an inertial measurement unit.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+pub struct InertialValue {
+    /// Such as `acceleration_x`.
+    pub name: String,
+    /// Such as `g`.
+    pub unit: String,
+    /// None before the first, and for what is no number.
+    pub value: Option<f64>,
+}
+
 /// What the experimenter watches beside the scene: about ten times a second, the latest only.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
@@ -107,8 +131,12 @@ pub struct Signals {
     pub emg: Vec<Vec<f64>>,
     /// Rows of `emg` a second, hertz; zero without an armband.
     pub emg_row_hz: f64,
+    /// Spectra of some channels, in turn, of streams whose samples are not sent; each channel's stays until the next.
+    pub spectra: Vec<ChannelSpectrum>,
     /// Nominal sampling rate, hertz; zero without an armband.
     pub emg_rate_hz: f64,
+    /// Newest values of an inertial measurement unit; empty without one.
+    pub inertial: Vec<InertialValue>,
     /// One light a channel: `green`, `amber`, `red`.
     pub lights: Vec<String>,
     /// What is wrong with a channel, for each, such as `flat` or `mains`; none if nothing is.

@@ -2,6 +2,7 @@
 
 mod band;
 mod decoder_args;
+mod feed;
 mod page;
 mod recorded;
 mod screen;
@@ -14,19 +15,21 @@ mod train;
 mod train_args;
 mod trained;
 mod usage;
+mod window_args;
 
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{Args, Subcommand};
 use proact_app::{tell, write_whole};
 use proact_devices::{
-    DeviceError, MYO_RATE_HZ, Recording, Recordings, SampleFile, SourceRegistry, evaluate, read_samples,
+    DeviceError, Recording, Recordings, SampleFile, SourceRegistry, evaluate, read_samples,
 };
-use proact_emg::{DriveScore, EmgConfig, EmgFilter, FeatureSet, FeatureVector, WindowLength};
+use proact_emg::{DriveScore, EmgConfig, FeatureVector};
 use proact_types::GestureName;
 use std::{
     error::Error,
     io::{self, Write},
-    path::{Path, PathBuf},
+    path::PathBuf,
 };
+pub use window_args::WindowArgs;
 
 /// Subcommands of `proact emg`.
 #[derive(Debug, Subcommand)]
@@ -75,46 +78,6 @@ pub enum EmgCommand {
     Simulate(simulate::SimulateArgs),
     /// Tell days and hours of use from the log that `proact serve --use-log` keeps.
     Use(usage::UseArgs),
-}
-
-/// How a stream is cut into windows, and what is computed from them.
-#[derive(Debug, Args)]
-pub struct WindowArgs {
-    /// Length of a window.
-    #[arg(long, default_value_t = 100.0)]
-    window: f64,
-    /// Step from one window to the next.
-    #[arg(long, default_value_t = 50.0)]
-    increment: f64,
-    /// Unit of window and increment.
-    #[arg(long, value_enum, default_value_t = Unit::Ms)]
-    unit: Unit,
-    /// Samples per second, if neither the device nor a file beside the recordings says so.
-    #[arg(long = "emg-rate")]
-    rate: Option<f64>,
-    /// Features or groups by LibEMG's names, as `HTD` or `MAV,RMS,AR4`.
-    #[arg(long, value_parser = parse_features, default_value_t = FeatureSet::HTD)]
-    features: FeatureSet,
-    /// Filter the stream first, as bandpass:20-450, bandstop:45-55, highpass:20, lowpass:450 (`:2` after it is another order than 4) or
-    /// notch:50 (`:5` another width than 3 Hz); several in their order.
-    #[arg(long = "filter", value_name = "FILTER")]
-    filters: Vec<EmgFilter>,
-    #[command(flatten)]
-    decoder: decoder_args::DecoderArgs,
-}
-
-/// Names in capitals or not.
-fn parse_features(text: &str) -> Result<FeatureSet, proact_emg::EmgError> {
-    text.parse().or_else(|_| text.to_uppercase().parse())
-}
-
-/// Units of window lengths.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Unit {
-    /// Samples of the stream.
-    Samples,
-    /// Milliseconds, made samples by the rate.
-    Ms,
 }
 
 /// Options of `proact emg evaluate`.
@@ -188,7 +151,7 @@ pub(crate) fn run(sources: &SourceRegistry, command: &EmgCommand, json: bool) ->
 
 fn evaluation(args: &EvaluateArgs, json: bool) -> Result<String, Box<dyn Error>> {
     let recordings = args.window.open(&args.data)?;
-    let config = args.window.config(recordings.rate_hz, recordings.channels)?;
+    let config = args.window.config(recordings.rate_hz, recordings.channels, &recordings.imu)?;
     let result = evaluate(&recordings, &args.train_reps, &args.test_reps, &config)?;
     if json {
         return Ok(serde_json::to_string(&result)? + "\n");
@@ -230,17 +193,17 @@ fn features(args: &FeaturesArgs, json: bool) -> Result<String, Box<dyn Error>> {
                 path: path.clone(),
             };
             let rate_hz = args.window.rate_where_it_matters(recording.rate_hz(args.window.rate))?;
-            let config = args.window.config(rate_hz, channels)?;
+            let config = args.window.config(rate_hz, channels, &[])?;
             (config.clone(), recording.windows(&config)?)
         }
         (None, Some(dir)) => {
             let recordings = args.window.open(dir)?;
-            let config = args.window.config(recordings.rate_hz, recordings.channels)?;
+            let config = args.window.config(recordings.rate_hz, recordings.channels, &recordings.imu)?;
             (config.clone(), windows_of(&recordings, &[&args.train_reps, &args.test_reps], &config)?)
         }
         (None, None) => return Err("no recording was named, expected --data DIR or --csv FILE".into()),
     };
-    let names = config.layout().column_names();
+    let names = config.column_names();
     if json {
         let object = serde_json::json!({ "windows": windows.len(), "columns": names, "features": windows });
         return Ok(object.to_string() + "\n");
@@ -275,74 +238,11 @@ fn windows_of(
     Ok(windows)
 }
 
-impl WindowArgs {
-    /// [`WindowArgs::config`] for a live stream: unlike recordings it can fall silent.
-    fn live_config(&self, rate_hz: f64, channels: usize) -> Result<EmgConfig, Box<dyn Error>> {
-        let config = EmgConfig {
-            max_age_millis: EmgConfig::default().max_age_millis,
-            ..self.config(rate_hz, channels)?
-        };
-        config.check()?;
-        Ok(config)
-    }
-
-    /// The recordings in `dir`.
-    ///
-    /// # Errors
-    /// As [`Recordings::open`], though a rate that nobody says is none where nothing depends on it.
-    fn open(&self, dir: &Path) -> Result<Recordings, DeviceError> {
-        let recordings = match Recordings::open(dir, self.rate) {
-            Err(DeviceError::UnknownRate { .. }) if !self.depends_on_rate() => {
-                Recordings::open(dir, Some(MYO_RATE_HZ))
-            }
-            opened => opened,
-        }?;
-        recordings.notes.iter().for_each(tell);
-        Ok(recordings)
-    }
-
-    /// `rate`, or any where it is unknown and nothing depends on it.
-    fn rate_where_it_matters(&self, rate: Result<f64, DeviceError>) -> Result<f64, DeviceError> {
-        match rate {
-            Err(DeviceError::UnknownRate { .. }) if !self.depends_on_rate() => Ok(MYO_RATE_HZ),
-            rate => rate,
-        }
-    }
-
-    /// Whether windows or their features would be others at another rate.
-    fn depends_on_rate(&self) -> bool {
-        self.unit == Unit::Ms || self.features.depends_on_rate()
-    }
-
-    fn config(&self, rate_hz: f64, channels: usize) -> Result<EmgConfig, Box<dyn Error>> {
-        let length = |name: &str, value: f64| match self.unit {
-            Unit::Ms => Ok(WindowLength::Millis(value)),
-            Unit::Samples if value.fract() == 0.0 && (1.0..=f64::from(u32::MAX)).contains(&value) => {
-                Ok(WindowLength::Samples(value as u32))
-            }
-            Unit::Samples => Err(format!("{name} is {value} samples, expected a whole number above zero")),
-        };
-        let config = self.decoder.settle(EmgConfig {
-            rate_hz,
-            channels,
-            window: length("window", self.window)?,
-            increment: length("increment", self.increment)?,
-            filters: self.filters.clone(),
-            features: self.features,
-            // Recordings have no silences: any increment will do.
-            max_age_millis: u64::MAX,
-            ..EmgConfig::default()
-        });
-        config.check()?;
-        Ok(config)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use clap::Parser;
-    use std::fs::File;
+    use std::{fs::File, path::Path};
 
     #[derive(Parser)]
     struct Line {

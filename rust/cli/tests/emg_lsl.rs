@@ -6,11 +6,14 @@
 mod common;
 
 use common::{Running, event, proact, stream};
+use proact_devices::{EmgPacket, LslSource, Recording, RecordingFolder, SampleSource, SourceEvent};
+use proact_types::{Gesture, GestureName};
 use serde_json::Value;
 use std::{
     io::{BufRead, BufReader, Lines, Write},
     path::{Path, PathBuf},
     process::{ChildStdout, Command, Stdio},
+    time::{Duration, Instant},
 };
 
 /// A name that no other program on the network has.
@@ -90,6 +93,65 @@ fn a_stream_goes_through_two_programs_and_its_classes_are_right() {
     let clock = |key: &str| end["clock"][key].as_f64().unwrap();
     assert!(clock("offset_secs").abs() <= clock("uncertainty_secs") + 1e-3, "{end}");
     assert!((-0.02..6.0).contains(&clock("mean_age_secs")), "{end}");
+}
+
+/// Processor time of a process, user and system, seconds.
+fn processor_secs(pid: u32) -> f64 {
+    /// What Linux counts in, whatever the machine (man 5 proc).
+    const TICKS_A_SECOND: f64 = 100.0;
+    let text = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap();
+    let fields: Vec<&str> = text.rsplit_once(')').unwrap().1.split_whitespace().collect();
+    let ticks = |field: usize| fields[field].parse::<f64>().unwrap();
+    (ticks(11) + ticks(12)) / TICKS_A_SECOND
+}
+
+/// From a grid's stream to decisions: recorded, trained on, recognised, all over the lab streaming layer. The share of a core that the
+/// program takes is told, not judged: the machine is shared.
+#[test]
+fn a_grid_of_64_electrodes_at_4_khz_is_trained_on_and_recognised() {
+    let held = [Gesture::NoMotion, Gesture::HandClose, Gesture::WristFlexion];
+    let grid = |of: &str, schedule: &str| {
+        let name = name(of);
+        let words = ["--like", "otb", "--emg-rate", "4000", "--seed", "3", "--gesture", schedule];
+        (simulator(&name, &words), format!("lsl:{name}"))
+    };
+    let dir = tempfile::tempdir().unwrap();
+    let names = held.map(GestureName::from);
+    let folder = RecordingFolder::create(&dir.path().join("grid"), 4000.0, &names, names[0], &[]).unwrap();
+    for gesture in held {
+        let (_simulator, source) = grid(gesture.ros_name(), &format!("{}:100", gesture.ros_name()));
+        let mut stream = LslSource::open(source.strip_prefix("lsl:"), false).unwrap();
+        assert_eq!(
+            (stream.info().channels, stream.info().rate_hz),
+            (64, 4000.0),
+            "auxiliary channels are left out"
+        );
+        let (mut packet, mut samples) = (EmgPacket::default(), Vec::new());
+        // The hand is in its gesture from the second second on.
+        while samples.len() < 36_000 {
+            if stream.poll(Duration::from_secs(5), &mut packet).unwrap() == SourceEvent::Packet {
+                samples.append(&mut packet.samples);
+            }
+        }
+        for (repetition, part) in samples[4000..].chunks(16_000).enumerate() {
+            folder.keep(&Recording::bridging(repetition as u32, gesture.into(), part)).unwrap();
+        }
+    }
+    let model = dir.path().join("model.json");
+    let recordings = format!("file:{}", folder.path().display());
+    let words = ["train", "--source", &recordings, "--features", "MAV,WL", "--out", model.to_str().unwrap()];
+    let trained = proact(&words).output().unwrap();
+    assert!(trained.status.success(), "{}", String::from_utf8_lossy(&trained.stderr));
+
+    let (_simulator, source) = grid("live", "no_motion:2,hand_close:2,wrist_flexion:2");
+    let mut live = Live::start(&["--source", &source, "--model", model.to_str().unwrap()]);
+    live.find(|line| line["stale"] == false);
+    let (begin, before) = (Instant::now(), processor_secs(live._running.0.id()));
+    for gesture in ["hand_close", "wrist_flexion", "no_motion", "hand_close"] {
+        live.find(|line| line["gesture"] == gesture);
+    }
+    let share = (processor_secs(live._running.0.id()) - before) / begin.elapsed().as_secs_f64();
+    println!("64 channels at 4 kHz over the lab streaming layer: {:.1} % of a core", 100.0 * share);
 }
 
 #[test]

@@ -66,4 +66,18 @@ fn what_a_process_lacks_is_said_before_anybody_holds_a_gesture() {
     let error = train(&["--classifier", "process", "--process", &bad]);
     assert!(error.contains("does not start") && error.contains("has ended"), "{error}");
     assert!(!Path::new(&out).exists(), "no model of a process that does not answer");
+    // It begins well, and does not learn; it learns, and answers with one value too few.
+    let program = at(dir.path(), "program.py");
+    std::fs::write(&bad, "command = [\"python3\", \"./program.py\"]\n").unwrap();
+    for (learns, why) in [("raise ValueError", "has ended"), ("pass", "posterior")] {
+        let text = format!(
+            "import json, sys\nfor line in sys.stdin:\n    asked = json.loads(line)\n    if 'fit' in asked:\n        {learns}\n    \
+             answer = {{'window': asked['window']}}\n    if asked['window'] > 0:\n        answer['posterior'] = [1.0]\n    \
+             print(json.dumps(answer), flush=True)\n"
+        );
+        std::fs::write(&program, text).unwrap();
+        let error = train(&["--classifier", "process", "--process", &bad]);
+        assert!(error.contains(why) && error.contains("tried before anything was recorded"), "{error}");
+        assert!(!Path::new(&format!("{out}.recordings")).exists(), "no repetition was asked for");
+    }
 }

@@ -109,6 +109,23 @@ pub(crate) fn is_emg(kind: &str) -> bool {
     kind.eq_ignore_ascii_case("EMG") || kind.eq_ignore_ascii_case("EXG")
 }
 
+/// A sensor of an inertial measurement unit, as programs call them.
+#[cfg_attr(not(feature = "lsl"), allow(dead_code))] // Only streams say what their channels are.
+pub(crate) fn is_imu(kind: &str) -> bool {
+    let known = [
+        "ACC",
+        "ACCELEROMETER",
+        "ACCELERATION",
+        "GYR",
+        "GYRO",
+        "GYROSCOPE",
+        "ORIENTATION",
+        "QUATERNION",
+        "IMU",
+    ];
+    known.iter().any(|known| kind.eq_ignore_ascii_case(known))
+}
+
 /// Microvolts of one of this unit; none if it is no voltage.
 pub(crate) fn microvolts_of(unit: &str) -> Option<f64> {
     let unit = unit.trim().to_lowercase();

@@ -1,11 +1,12 @@
 //! A classifier or regressor in another process: started here, trained and asked line by line.
 
-use crate::{DeviceError, LineFault, LineProcess};
+use crate::{DeviceError, LineFault, LineProcess, stream};
 use proact_emg::{
     Classifier, DecoderProcess, EmgConfig, EmgModel, EmgPipeline, Prediction, ProcessConfig, WindowInput,
     WindowLine, begin_line, extract_inputs,
 };
 use proact_types::{DegreeOfFreedom, EmgSample, GestureName, WindowAnswer};
+use rand_distr::{Distribution, StandardNormal};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::{
@@ -181,6 +182,50 @@ pub fn train_process(
     }
     let state = fit(config, stand_in.classifier.gestures(), &windows)?;
     Ok(stand_in.decoded_by_process(config, &state)?)
+}
+
+/// Windows of each gesture that a program is tried with.
+const TRIED_WINDOWS: usize = 8;
+/// Standard deviation of the samples that a program is tried with, of the weakest electrode: codes of an armband.
+const TRIED_AMPLITUDE: f64 = 4.0;
+
+/// Tries the program of `config` before anybody holds a gesture: it is started, learns from a few made-up windows of each gesture,
+/// is started anew with what it learnt, and recognises one. Nothing is kept of it.
+///
+/// The windows are Gaussian noise, each gesture strongest on electrodes of its own; they say nothing of how well it will do. The
+/// same settings give the same windows.
+///
+/// # Errors
+/// What the program gets wrong; settings that cannot work.
+pub fn try_process(config: &EmgConfig, gestures: &[GestureName]) -> Result<(), DeviceError> {
+    let mut rng = stream(0, "emg/process/tried");
+    let samples = config.window_samples()? + (TRIED_WINDOWS - 1) * config.increment_samples()?;
+    let mut windows = Vec::with_capacity(gestures.len());
+    for (number, gesture) in gestures.iter().enumerate() {
+        let mut sample = |counter: usize| {
+            let mut value = |channel: usize| {
+                let own = if channel % gestures.len() == number { 8.0 } else { 1.0 };
+                let noise: f64 = StandardNormal.sample(&mut rng);
+                TRIED_AMPLITUDE * own * noise
+            };
+            let channels = (0..config.sample_channels()).map(&mut value).collect();
+            EmgSample { counter: counter as u64, channels }
+        };
+        let made_up: Vec<EmgSample> = (0..samples).map(&mut sample).collect();
+        windows.push((*gesture, extract_inputs(config, &made_up)?));
+    }
+    let each = || windows.iter().flat_map(|(gesture, windows)| windows.iter().map(move |w| (gesture, w)));
+    let (labels, features): (Vec<GestureName>, Vec<&[f64]>) =
+        each().map(|(gesture, window)| (*gesture, window.features.as_slice())).unzip();
+    let stand_in = Classifier::train(&config.stand_in(), &features, &labels)?;
+    let state = fit(config, stand_in.gestures(), &windows)?;
+    let classifier = stand_in.decoded_by_process(config, &state)?;
+    if let (Some(mut process), Some((_, window))) =
+        (ProcessDecoder::start(config, &classifier, true)?, each().next())
+    {
+        process.predict(&classifier, 1, window)?;
+    }
+    Ok(())
 }
 
 /// Reads the file (TOML) of a program that decodes. Words of its command that begin with `./` are files beside it.

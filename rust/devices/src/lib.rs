@@ -59,18 +59,20 @@ pub mod motion_capture;
 pub mod myo;
 mod ports;
 mod random;
+mod raw_keys;
 mod recorder;
 mod recording;
 mod recording_folder;
 mod sample_file;
 mod setup;
+mod simulated_imu;
 mod sources;
 mod synthetic;
 mod vmpl;
 mod vmpl_ghost;
 
 pub use amplifier::{AmplifierChannel, AmplifierLayout};
-pub use decoder_process::{ProcessDecoder, open_pipeline, read_process_file, train_process};
+pub use decoder_process::{ProcessDecoder, open_pipeline, read_process_file, train_process, try_process};
 pub use error::DeviceError;
 pub use evaluate::{Evaluation, evaluate, leave_one_out};
 pub use feed::EmgFeed;
@@ -96,6 +98,7 @@ pub use recording::{MYO_RATE_HZ, Recording, Recordings};
 pub use recording_folder::RecordingFolder;
 pub use sample_file::{SampleFile, read_samples};
 pub use setup::{EmgOrigin, EmgSetup, default_config, prepare, prepare_model, prepare_with, train};
+pub use simulated_imu::SimulatedImu;
 pub use sources::{
     Address, ClassesFrom, OpenSource, REACTION, SourceName, SourceOptions, SourceRegistry, SourceScheme,
 };

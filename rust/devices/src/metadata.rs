@@ -1,4 +1,5 @@
 use crate::DeviceError;
+use proact_emg::ImuChannel;
 use proact_types::{Gesture, GestureName, MAX_GESTURES, MOST_TEXT_BYTES, read_text};
 use serde_json::Value;
 use std::{
@@ -16,6 +17,8 @@ pub(crate) struct Metadata {
     pub classes: Option<BTreeMap<u32, GestureName>>,
     /// The gesture of a relaxed hand; none if the folder does not say.
     pub rest: Option<GestureName>,
+    /// Channels of an inertial measurement unit, in the order of their columns.
+    imu: Vec<ImuChannel>,
     /// Per file first row and number of rows that were lost and bridged.
     bridged: BTreeMap<String, Vec<[usize; 2]>>,
 }
@@ -44,6 +47,7 @@ impl Metadata {
             metadata.classes = metadata.classes.or(read.classes);
             metadata.rest = metadata.rest.or(read.rest);
             metadata.bridged.extend(read.bridged);
+            metadata.imu.extend(read.imu);
             let known = metadata.gestures();
             if let Some(rest) = metadata.rest.filter(|rest| !known.contains(rest)) {
                 let known = known.iter().map(GestureName::as_str).collect::<Vec<_>>().join(", ");
@@ -104,7 +108,32 @@ impl Metadata {
             Some(marks) => serde_json::from_value(marks.clone())
                 .map_err(|e| format!("bridged: {e}; expected per file a list of [first row, rows]"))?,
         };
-        Ok(Metadata { rate_hz, classes, rest, bridged })
+        let imu: Vec<ImuChannel> = match object.get("imu") {
+            None => Vec::new(),
+            Some(channels) => serde_json::from_value(channels.clone())
+                .map_err(|e| format!("imu: {e}; expected a list of channels with name and unit"))?,
+        };
+        Ok(Metadata { rate_hz, classes, rest, bridged, imu })
+    }
+
+    /// The channels of the inertial measurement unit.
+    ///
+    /// # Errors
+    /// There are none.
+    pub(crate) fn imu(&self, dir: &Path) -> Result<&[ImuChannel], DeviceError> {
+        if self.imu.is_empty() { Err(self.no_imu(dir)) } else { Ok(&self.imu) }
+    }
+
+    /// It names channels of an inertial measurement unit.
+    pub(crate) fn has_imu(&self) -> bool {
+        !self.imu.is_empty()
+    }
+
+    /// What is said of the folder `dir` without an inertial measurement unit.
+    pub(crate) fn no_imu(&self, dir: &Path) -> DeviceError {
+        let reason = "it names no channels of an inertial measurement unit, expected a list `imu` of names and units with files \
+                      R_<repetition>_C_<class>_IMU.csv; leave --imu out to train without";
+        DeviceError::Metadata { path: dir.join(FILES[0]), reason: reason.to_owned() }
     }
 
     /// The rows of the file `name` that were lost and bridged: first row, from 0, and number.
@@ -147,6 +176,16 @@ impl Metadata {
             };
             DeviceError::UnknownClass { path: path.to_owned(), class, known: known.join(", ") }
         })
+    }
+
+    /// Names the classes by their numbers, and the first as that of a relaxed hand, where the folder does not say.
+    pub(crate) fn name_classes(&mut self, names: &[&str]) {
+        if self.classes.is_none() {
+            let named = |(class, name): (u32, &&str)| Some((class, name.parse::<GestureName>().ok()?));
+            let classes: BTreeMap<u32, GestureName> = (0..).zip(names).filter_map(named).collect();
+            self.rest = self.rest.or(classes.get(&0).copied());
+            self.classes = Some(classes);
+        }
     }
 
     /// The gestures of the folder, in alphabetical order: those that it names, else the five.
@@ -253,6 +292,7 @@ mod tests {
             (r#"{"classes": ["fist", "a\u0007b"]}"#, "expected 1 to 64 bytes"),
             (r#"{"classes": ["No motion", "rest"]}"#, "two classes have the same name"),
             (r#"{"classes": ["fist"], "rest": 3}"#, "rest is 3, expected the name"),
+            (r#"{"imu": ["x"]}"#, "expected a list of channels with name and unit"),
             (r#"{"bridged": {"R_0_C_0.csv": [[1, -2]]}}"#, "expected per file a list of [first row, rows]"),
         ] {
             let error = Metadata::parse(text).unwrap_err();

@@ -3,6 +3,7 @@ use crate::{
     metadata::Metadata,
     sample_file::{SampleFile, read_rows, read_samples},
 };
+use proact_emg::ImuChannel;
 use proact_types::{ChannelValues, EmgSample, Gesture, GestureName};
 use std::{
     collections::BTreeSet,
@@ -18,6 +19,9 @@ enum Layout {
     /// `R_<repetition>_C_<class>.csv` or `R_<repetition>_C_<class>_EMG.csv`, one column a channel; class numbers
     /// by the folder's metadata, else in the order of [`Gesture::ALL`].
     LibEmg,
+    /// That of the 3DC data set, as LibEMG reads it: `train/EMG_gesture_<repetition>_<class>.txt` of one participant and the same in
+    /// `test`, whose repetitions follow. 1000 Hz.
+    ThreeDc,
     /// `0.txt` (rest), `1.txt` (wrist flexion), `2.txt` (wrist extension), `7.txt` (hand close): 8 channels and
     /// the label that was shown. There is no hand-open class.
     MyoReadings,
@@ -30,7 +34,7 @@ pub struct Recording {
     pub repetition: u32,
     /// What the person did.
     pub gesture: GestureName,
-    /// `[samples][channels]`, without gaps.
+    /// `[samples][channels]`, without gaps; those of an inertial measurement unit follow the electrodes ([`Recordings::imu`]).
     pub samples: Vec<ChannelValues>,
     /// First row, from 0, and number of rows that were lost: what stands there nobody measured.
     pub bridged: Vec<[usize; 2]>,
@@ -89,8 +93,10 @@ pub struct Recordings {
     pub path: PathBuf,
     /// Samples per second.
     pub rate_hz: f64,
-    /// Channels of every sample.
+    /// Electrodes, which come first in every sample.
     pub channels: usize,
+    /// Channels of an inertial measurement unit, which follow them. Only [`Recordings::open_with_imu`] reads any.
+    pub imu: Vec<ImuChannel>,
     /// The gestures that there should be, in alphabetical order: those that the folder names, else the five.
     pub expected: Vec<GestureName>,
     /// The gesture of a relaxed hand.
@@ -121,32 +127,56 @@ impl Recordings {
     /// A missing or empty folder, a folder of several sessions, a file with anything but finite numbers in
     /// rows of one length, metadata that cannot be or disagrees, or a rate that nobody says; each says where and what.
     pub fn open(dir: &Path, asked_hz: Option<f64>) -> Result<Recordings, DeviceError> {
+        Recordings::open_of(dir, asked_hz, false)
+    }
+
+    /// [`Recordings::open`] of a folder with what an inertial measurement unit said: a file `R_<repetition>_C_<class>_IMU.csv` beside each
+    /// of the electrodes', a column a channel, whose names and units `metadata.json` has under `imu`. Rows of a unit that is slower
+    /// than the electrodes are held: row k of n belongs to the time from k / n of the recording on.
+    ///
+    /// # Errors
+    /// As [`Recordings::open`]; a folder that says nothing of such channels, or has other columns than it says.
+    pub fn open_with_imu(dir: &Path, asked_hz: Option<f64>) -> Result<Recordings, DeviceError> {
+        Recordings::open_of(dir, asked_hz, true)
+    }
+
+    fn open_of(dir: &Path, asked_hz: Option<f64>, with_imu: bool) -> Result<Recordings, DeviceError> {
         if let Some(value) = asked_hz.filter(|rate_hz| !(rate_hz.is_finite() && *rate_hz > 0.0)) {
             let expected = "a finite number of samples per second above zero";
             return Err(DeviceError::Parameter { name: "EMG rate", value, expected });
         }
         let names = list(dir)?;
-        let metadata = Metadata::read(dir)?;
+        let mut metadata = Metadata::read(dir)?;
         let told_hz = match (metadata.rate_hz, asked_hz) {
             (Some(recorded_hz), Some(asked_hz)) if recorded_hz != asked_hz => {
                 return Err(DeviceError::RateDisagrees { path: dir.to_owned(), recorded_hz, asked_hz });
             }
             (recorded_hz, asked_hz) => recorded_hz.or(asked_hz),
         };
+        let imu = if with_imu { metadata.imu(dir)?.to_vec() } else { Vec::new() };
         let (mut items, mut notes) = (Vec::new(), Vec::new());
-        match layout(&names) {
+        match layout(dir, &names) {
             Some(Layout::LibEmg) => {
                 for name in &names {
                     if let Some((repetition, class)) = parse_name(name) {
                         let path = dir.join(name);
                         let gesture = metadata.gesture(&path, class)?;
-                        let SampleFile { samples, notes: noted } = read_samples(&path)?;
+                        let SampleFile { mut samples, notes: noted } = read_samples(&path)?;
                         notes.extend(noted);
+                        if with_imu {
+                            append_imu(&mut samples, &imu_path(&path), imu.len(), &mut notes)?;
+                        }
                         let bridged = metadata.bridged(&path, name, samples.len())?;
                         items.push(Recording { repetition, gesture, samples, bridged, path });
                     }
                 }
             }
+            Some(Layout::ThreeDc) if with_imu => return Err(Metadata::default().no_imu(dir)),
+            Some(Layout::ThreeDc) => {
+                metadata.name_classes(&THREE_DC_CLASSES);
+                items.extend(read_three_dc(dir, &metadata, &mut notes)?);
+            }
+            Some(Layout::MyoReadings) if with_imu => return Err(Metadata::default().no_imu(dir)),
             Some(Layout::MyoReadings) => {
                 let rate_hz = told_hz.unwrap_or(MYO_RATE_HZ);
                 for (label, gesture) in MYO_LABELS {
@@ -162,10 +192,11 @@ impl Recordings {
         items.sort_by_key(|r| (r.repetition, r.gesture));
         let (expected, rest) = (metadata.gestures(), metadata.rest.unwrap_or_default());
         let myo = told_hz.is_none() && items.iter().all(Recording::is_of_a_myo);
-        let rate_hz = told_hz.or(myo.then_some(MYO_RATE_HZ));
+        let three_dc = items.iter().any(|r: &Recording| three_dc_name(&r.path).is_some());
+        let rate_hz = told_hz.or(myo.then_some(MYO_RATE_HZ)).or(three_dc.then_some(THREE_DC_RATE_HZ));
         let rate_hz = rate_hz.ok_or_else(|| DeviceError::UnknownRate { path: dir.to_owned() })?;
         let mut recordings =
-            Recordings { path: dir.to_owned(), rate_hz, channels: 0, expected, rest, items, notes };
+            Recordings { path: dir.to_owned(), rate_hz, channels: 0, imu, expected, rest, items, notes };
         recordings.check_items()?;
         Ok(recordings)
     }
@@ -175,17 +206,18 @@ impl Recordings {
     /// # Errors
     /// A folder or file that cannot be written; none is replaced.
     pub fn write(&self, dir: &Path) -> Result<(), DeviceError> {
-        let folder = RecordingFolder::create(dir, self.rate_hz, &self.expected, self.rest)?;
+        let folder = RecordingFolder::create(dir, self.rate_hz, &self.expected, self.rest, &self.imu)?;
         self.items.iter().try_for_each(|item| folder.keep(item))
     }
 
     /// Checks that all files have the channels of the first, and no repetition comes twice.
     fn check_items(&mut self) -> Result<(), DeviceError> {
-        self.channels = self.items.first().and_then(|r| r.samples.first()).map_or(0, |s| s.len());
+        let columns = self.items.first().and_then(|r| r.samples.first()).map_or(0, |s| s.len());
+        self.channels = columns - self.imu.len().min(columns);
         for (k, item) in self.items.iter().enumerate() {
             let got = item.samples.first().map_or(0, |s| s.len());
-            if got != self.channels {
-                let expected = format!("{} as in {}", self.channels, self.items[0].path.display());
+            if got != columns {
+                let expected = format!("{} as in {}", columns - self.imu.len(), self.items[0].path.display());
                 return Err(DeviceError::Columns { path: item.path.clone(), row: 1, got, expected });
             }
             let twin = |r: &&Recording| (r.repetition, r.gesture) == (item.repetition, item.gesture);
@@ -223,6 +255,61 @@ impl Recordings {
     }
 }
 
+/// Folders of a participant of the 3DC data set, in the order in which they were recorded.
+const THREE_DC_SETS: [&str; 2] = ["train", "test"];
+/// Rate of the 3DC armband (Cote-Allard et al. 2019).
+const THREE_DC_RATE_HZ: f64 = 1000.0;
+/// The gestures of the 3DC data set by their class numbers, as LibEMG names them; the first is a relaxed hand.
+const THREE_DC_CLASSES: [&str; 11] = [
+    "Neutral",
+    "Radial Deviation",
+    "Wrist Flexion",
+    "Ulnar Deviation",
+    "Wrist Extension",
+    "Supination",
+    "Pronation",
+    "Power Grip",
+    "Open Hand",
+    "Chuck Grip",
+    "Pinch Grip",
+];
+
+/// Repetition and class of a file `EMG_gesture_<repetition>_<class>.txt`.
+fn three_dc_name(path: &Path) -> Option<(u32, u32)> {
+    let name = path.file_name()?.to_str()?;
+    let numbers = name.strip_prefix("EMG_gesture_")?.strip_suffix(".txt")?;
+    let (repetition, class) = numbers.split_once('_')?;
+    Some((repetition.parse().ok()?, class.parse().ok()?))
+}
+
+fn has_three_dc(dir: &Path, names: &[String]) -> bool {
+    let sets = THREE_DC_SETS.iter().filter(|set| names.iter().any(|name| name == *set));
+    let mut inside = sets.flat_map(|set| list(&dir.join(set)).unwrap_or_default());
+    inside.any(|name| three_dc_name(Path::new(&name)).is_some())
+}
+
+/// Reads both sets of a participant; the repetitions of the second are numbered on from those of the first.
+fn read_three_dc(
+    dir: &Path,
+    metadata: &Metadata,
+    notes: &mut Vec<String>,
+) -> Result<Vec<Recording>, DeviceError> {
+    let (mut items, mut before): (Vec<Recording>, u32) = (Vec::new(), 0);
+    for set in THREE_DC_SETS.map(|set| dir.join(set)).into_iter().filter(|set| set.is_dir()) {
+        for name in list(&set)? {
+            let path = set.join(name);
+            let Some((repetition, class)) = three_dc_name(&path) else { continue };
+            let gesture = metadata.gesture(&path, class)?;
+            let SampleFile { samples, notes: noted } = read_samples(&path)?;
+            notes.extend(noted);
+            let repetition = before.saturating_add(repetition);
+            items.push(Recording { repetition, gesture, samples, bridged: Vec::new(), path });
+        }
+        before = items.iter().map(|r| r.repetition + 1).max().unwrap_or(0);
+    }
+    Ok(items)
+}
+
 /// Labels of the myo_readings layout. Rest has a file of its own.
 const MYO_LABELS: [(u32, Gesture); 4] = [
     (0, Gesture::NoMotion),
@@ -254,9 +341,11 @@ fn list(dir: &Path) -> Result<Vec<String>, DeviceError> {
     Ok(names)
 }
 
-fn layout(names: &[String]) -> Option<Layout> {
+fn layout(dir: &Path, names: &[String]) -> Option<Layout> {
     if names.iter().any(|n| parse_name(n).is_some()) {
         Some(Layout::LibEmg)
+    } else if has_three_dc(dir, names) {
+        Some(Layout::ThreeDc)
     } else if MYO_LABELS.iter().any(|(label, _)| names.contains(&format!("{label}.txt"))) {
         Some(Layout::MyoReadings)
     } else {
@@ -265,7 +354,10 @@ fn layout(names: &[String]) -> Option<Layout> {
 }
 
 fn no_layout(dir: &Path, names: &[String]) -> DeviceError {
-    let holds_recordings = |name: &&String| list(&dir.join(name)).is_ok_and(|inner| layout(&inner).is_some());
+    let holds_recordings = |name: &&String| {
+        let inside = dir.join(name);
+        list(&inside).is_ok_and(|inner| layout(&inside, &inner).is_some())
+    };
     let sessions: Vec<String> = names.iter().filter(holds_recordings).cloned().collect();
     let path = dir.to_owned();
     if sessions.is_empty() {
@@ -273,6 +365,28 @@ fn no_layout(dir: &Path, names: &[String]) -> DeviceError {
     } else {
         DeviceError::ManySessions { path, sessions }
     }
+}
+
+/// Where the inertial measurement unit of the recording at `path` is.
+fn imu_path(path: &Path) -> PathBuf {
+    let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
+    path.with_file_name(format!("{}_IMU.csv", stem.strip_suffix("_EMG").unwrap_or(stem)))
+}
+
+/// Reads the `channels` columns of an inertial measurement unit behind those of the electrodes.
+fn append_imu(
+    samples: &mut [ChannelValues],
+    path: &Path,
+    channels: usize,
+    notes: &mut Vec<String>,
+) -> Result<(), DeviceError> {
+    let SampleFile { samples: rows, notes: noted } = read_rows(path, Some(channels))?;
+    notes.extend(noted);
+    let count = samples.len();
+    for (k, sample) in samples.iter_mut().enumerate() {
+        sample.extend_from_slice(&rows[k * rows.len() / count]);
+    }
+    Ok(())
 }
 
 /// Repetition and class of `R_<repetition>_C_<class>.csv`, with or without `_EMG`.

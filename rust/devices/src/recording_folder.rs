@@ -1,5 +1,5 @@
 use crate::{DeviceError, Recording, Recordings, metadata::Metadata};
-use proact_emg::Calibration;
+use proact_emg::{Calibration, ImuChannel};
 use proact_types::{ChannelValues, GestureName, MOST_TEXT_BYTES, read_text};
 use std::{
     collections::BTreeSet,
@@ -15,11 +15,13 @@ pub struct RecordingFolder {
     dir: PathBuf,
     /// In the order of their class numbers.
     gestures: Vec<GestureName>,
+    /// Channels of an inertial measurement unit behind the electrodes.
+    imu: usize,
 }
 
 impl RecordingFolder {
     /// Makes the folder if it is not there, for recordings of `rate_hz` of `gestures`, whose class numbers are in
-    /// alphabetical order; `rest` is that of a relaxed hand.
+    /// alphabetical order; `rest` is that of a relaxed hand, and `imu` the channels that follow the electrodes.
     ///
     /// # Errors
     /// A folder that cannot be written, or one that holds recordings already.
@@ -28,6 +30,7 @@ impl RecordingFolder {
         rate_hz: f64,
         gestures: &[GestureName],
         rest: GestureName,
+        imu: &[ImuChannel],
     ) -> Result<Self, DeviceError> {
         std::fs::create_dir_all(dir).map_err(unwritten(dir))?;
         let gestures: Vec<GestureName> =
@@ -41,12 +44,15 @@ impl RecordingFolder {
         if rest != GestureName::default() {
             metadata["rest"] = rest.as_str().into();
         }
+        if !imu.is_empty() {
+            metadata["imu"] = serde_json::json!(imu);
+        }
         let path = dir.join(METADATA);
         let mut file = std::fs::File::create_new(&path).map_err(unwritten(&path))?;
         file.write_all(format!("{metadata:#}\n").as_bytes())
             .and_then(|()| file.sync_all())
             .map_err(unwritten(&path))?;
-        Ok(Self { dir: dir.to_owned(), gestures })
+        Ok(Self { dir: dir.to_owned(), gestures, imu: imu.len() })
     }
 
     /// The folder.
@@ -71,10 +77,15 @@ impl RecordingFolder {
     /// A gesture that the folder is not for, or a file that cannot be written; one that was there before stays then.
     pub fn keep(&self, item: &Recording) -> Result<(), DeviceError> {
         let name = self.file_of(item.gesture, item.repetition)?;
-        let line = |row: &ChannelValues| row.iter().map(f64::to_string).collect::<Vec<_>>().join(",") + "\n";
-        let text: String = item.samples.iter().map(line).collect();
+        let line = |row: &[f64]| row.iter().map(f64::to_string).collect::<Vec<_>>().join(",") + "\n";
+        let split = |row: &ChannelValues| row.len() - self.imu.min(row.len());
+        let text: String = item.samples.iter().map(|row| line(&row[..split(row)])).collect();
         // First, so that no row is ever taken for a measured one.
         self.mark(&name, &item.bridged)?;
+        if self.imu > 0 {
+            let text: String = item.samples.iter().map(|row| line(&row[split(row)..])).collect();
+            self.replace(&imu_of(&name), &text)?;
+        }
         self.replace(&name, &text)
     }
 
@@ -83,11 +94,14 @@ impl RecordingFolder {
     /// # Errors
     /// A gesture that the folder is not for, or a file that cannot be removed.
     pub fn discard(&self, gesture: GestureName, repetition: u32) -> Result<(), DeviceError> {
-        let path = self.dir.join(self.file_of(gesture, repetition)?);
-        match std::fs::remove_file(&path) {
-            Err(error) if error.kind() != ErrorKind::NotFound => Err(unwritten(&path)(error)),
-            _ => Ok(()),
+        let name = self.file_of(gesture, repetition)?;
+        for path in [self.dir.join(&name), self.dir.join(imu_of(&name))] {
+            match std::fs::remove_file(&path) {
+                Err(error) if error.kind() != ErrorKind::NotFound => return Err(unwritten(&path)(error)),
+                _ => {}
+            }
         }
+        Ok(())
     }
 
     /// The folder of a session that was interrupted, to go on with; its recordings.
@@ -100,6 +114,7 @@ impl RecordingFolder {
         channels: usize,
         gestures: &[GestureName],
         rest: GestureName,
+        imu: &[ImuChannel],
     ) -> Result<(Self, Recordings), DeviceError> {
         let gestures: Vec<GestureName> =
             gestures.iter().copied().collect::<BTreeSet<_>>().into_iter().collect();
@@ -117,15 +132,33 @@ impl RecordingFolder {
         if metadata.rest.unwrap_or_default() != rest {
             return Err(differs("rest", metadata.rest.unwrap_or_default().to_string(), rest.to_string()));
         }
-        let folder = Self { dir: dir.to_owned(), gestures };
-        let recordings = match Recordings::open(dir, Some(rate_hz)) {
+        let has = if metadata.has_imu() { metadata.imu(dir)? } else { &[] };
+        if has != imu {
+            let named = |list: &[ImuChannel]| match list.len() {
+                0 => "none".to_owned(),
+                _ => list.iter().map(|channel| channel.name.as_str()).collect::<Vec<_>>().join(", "),
+            };
+            return Err(differs("the inertial channels", named(has), named(imu)));
+        }
+        let folder = Self { dir: dir.to_owned(), gestures, imu: imu.len() };
+        let open = if imu.is_empty() { Recordings::open } else { Recordings::open_with_imu };
+        let recordings = match open(dir, Some(rate_hz)) {
             Ok(recordings) => recordings,
             // Stopped before the first was kept.
             Err(DeviceError::NoRecordings { .. }) => {
                 let (path, items) = (dir.to_owned(), Vec::new());
                 return Ok((
                     folder,
-                    Recordings { path, rate_hz, channels, expected, rest, items, notes: Vec::new() },
+                    Recordings {
+                        path,
+                        rate_hz,
+                        channels,
+                        imu: imu.to_vec(),
+                        expected,
+                        rest,
+                        items,
+                        notes: Vec::new(),
+                    },
                 ));
             }
             Err(error) => return Err(error),
@@ -172,6 +205,11 @@ impl RecordingFolder {
         };
         write().map_err(unwritten(&path))
     }
+}
+
+/// The name of what an inertial measurement unit said beside the recording called `name`.
+fn imu_of(name: &str) -> String {
+    name.replace(".csv", "_IMU.csv")
 }
 
 /// What stands beside the recordings of a folder.

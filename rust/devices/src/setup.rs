@@ -119,6 +119,7 @@ pub fn prepare_with(
                 path: PathBuf::new(),
                 rate_hz: SYNTHETIC_RATE_HZ,
                 channels: SyntheticModel::shipped()?.channels(),
+                imu: Vec::new(),
                 expected: Gesture::ALL.map(GestureName::from).into(),
                 rest: GestureName::default(),
                 items: Vec::new(),
@@ -164,7 +165,8 @@ pub fn prepare_model(
         values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
     };
     let rest_medians = Some(rest.into_iter().map(median).collect());
-    model.check_fits(&StreamFormat { rate_hz, channels, rest_medians })?;
+    // The samples of a trial that is fed come without an inertial measurement unit.
+    model.check_fits(&StreamFormat { rate_hz, channels, rest_medians, imu: Vec::new() })?;
     let centring =
         if model.centring.iter().all(|level| *level == 0.0) { Vec::new() } else { model.centring.clone() };
     let classifier = model.classifier.clone();

@@ -4,13 +4,12 @@ use crate::{
     DeviceError, EmgOrigin, KeyboardSource, Pacing, PersonSource, PlaybackSource, Recordings, SampleSource,
     gforce::{Connect, GForce, GForceOptions, LinkError, TcpConnector},
     myo::{Myo, MyoEmgMode, protocol::RATE_HZ as MYO_HZ},
+    raw_keys::RawKeys,
     read_recorded,
 };
 use std::{
     fmt,
-    io::{IsTerminal, Read, stdin},
     path::{Path, PathBuf},
-    process::{Command, Stdio},
     str::FromStr,
     time::Duration,
 };
@@ -36,12 +35,14 @@ pub struct SourceOptions {
     pub seed: u64,
     /// Samples per second, Hz, if one is asked for: a whole number up to 20,000.
     pub rate_hz: Option<u16>,
+    /// The inertial measurement unit too. A source that has none is refused then.
+    pub imu: bool,
 }
 
 impl Default for SourceOptions {
     fn default() -> Self {
         let GForceOptions { bits, packet_bytes, .. } = GForceOptions::default();
-        Self { rep: 2, flat_out: false, bits, packet_bytes, seed: 0, rate_hz: None }
+        Self { rep: 2, flat_out: false, bits, packet_bytes, seed: 0, rate_hz: None, imu: false }
     }
 }
 
@@ -65,8 +66,8 @@ impl SourceOptions {
     }
 
     fn armband(&self) -> GForceOptions {
-        let &Self { rate_hz, bits, packet_bytes, .. } = self;
-        GForceOptions { rate_hz, bits, packet_bytes, ..GForceOptions::default() }
+        let &Self { rate_hz, bits, packet_bytes, imu, .. } = self;
+        GForceOptions { rate_hz, bits, packet_bytes, imu, ..GForceOptions::default() }
     }
 
     fn pacing(&self) -> Pacing {
@@ -74,7 +75,10 @@ impl SourceOptions {
     }
 
     fn person(&self, origin: &EmgOrigin) -> Result<Box<dyn SampleSource>, DeviceError> {
-        Ok(Box::new(PersonSource::new(origin, self.pacing(), REACTION, self.seed)?))
+        let person = PersonSource::new(origin, self.pacing(), REACTION, self.seed)?;
+        let person =
+            if self.imu && *origin == EmgOrigin::Synthetic { person.with_imu(self.seed) } else { person };
+        Ok(Box::new(person))
     }
 }
 
@@ -306,7 +310,12 @@ impl SourceRegistry {
         name: &SourceName,
         options: &SourceOptions,
     ) -> Result<Box<dyn SampleSource>, DeviceError> {
-        (self.find(name)?.open)(name.address(), options)
+        let source = (self.find(name)?.open)(name.address(), options)?;
+        if options.imu && source.info().imu.is_empty() {
+            let reason = "it has no inertial measurement unit, which --imu, or the model, asks for";
+            return Err(unusable(&name.to_string(), reason));
+        }
+        Ok(source)
     }
 }
 
@@ -332,7 +341,9 @@ fn play(path: &str, options: &SourceOptions) -> Result<Box<dyn SampleSource>, De
         let (name, rate) = (path.display().to_string(), recorded.rate_hz);
         return Ok(Box::new(PlaybackSource::new(&name, recorded.samples, rate, packet_of(rate), pacing)?));
     }
-    let recordings = Recordings::open(path, options.rate_hz.map(f64::from))?;
+    let rate_hz = options.rate_hz.map(f64::from);
+    let recordings =
+        if options.imu { Recordings::open_with_imu(path, rate_hz) } else { Recordings::open(path, rate_hz) }?;
     let (gestures, packet) = (recordings.gestures(), packet_of(recordings.rate_hz));
     Ok(Box::new(PlaybackSource::of_recordings(&recordings, options.rep, &gestures, packet, pacing)?))
 }
@@ -372,7 +383,8 @@ fn open_myo<C: Connect + 'static>(
         let expected = "200 Hz, the one rate of a Myo";
         return Err(DeviceError::Parameter { name: "--emg-rate", value: rate_hz.into(), expected });
     }
-    let open = connector.and_then(|connector| Myo::open(Box::new(connector), MyoEmgMode::default()));
+    let imu = options.imu;
+    let open = connector.and_then(|connector| Myo::open(Box::new(connector), MyoEmgMode::default(), imu));
     Ok(Box::new(open.map_err(crate::gforce::GForceError::from)?))
 }
 
@@ -387,45 +399,13 @@ fn open_myo_ble(name: &str, options: &SourceOptions) -> Result<Box<dyn SampleSou
 }
 
 #[cfg(feature = "lsl")]
-fn open_lsl(name: &str, _options: &SourceOptions) -> Result<Box<dyn SampleSource>, DeviceError> {
-    Ok(Box::new(crate::LslSource::open(Some(name).filter(|name| !name.is_empty()))?))
+fn open_lsl(name: &str, options: &SourceOptions) -> Result<Box<dyn SampleSource>, DeviceError> {
+    Ok(Box::new(crate::LslSource::open(Some(name).filter(|name| !name.is_empty()), options.imu)?))
 }
 
 #[cfg(not(feature = "lsl"))]
 fn open_lsl(_name: &str, _options: &SourceOptions) -> Result<Box<dyn SampleSource>, DeviceError> {
     Err(unusable("lsl", crate::NO_LSL))
-}
-
-/// Standard input, key by key where it is a terminal; the terminal is put right again in the end.
-struct RawKeys {
-    terminal: bool,
-}
-
-impl RawKeys {
-    fn new() -> RawKeys {
-        let terminal = stdin().is_terminal() && stty(&["-icanon", "-echo"]);
-        RawKeys { terminal }
-    }
-}
-
-/// Without it a key needs Enter after it, which is no reason to stop.
-fn stty(words: &[&str]) -> bool {
-    let command = Command::new("stty").args(words).stdin(Stdio::inherit()).status();
-    command.is_ok_and(|status| status.success())
-}
-
-impl Read for RawKeys {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        stdin().read(buffer)
-    }
-}
-
-impl Drop for RawKeys {
-    fn drop(&mut self) {
-        if self.terminal {
-            stty(&["icanon", "echo"]);
-        }
-    }
 }
 
 #[cfg(test)]

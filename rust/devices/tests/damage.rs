@@ -18,6 +18,7 @@ fn info() -> SourceInfo {
         rails: Some((0.0, 255.0)),
         loss_is_counted: true,
         volts: None,
+        imu: Vec::new(),
     }
 }
 

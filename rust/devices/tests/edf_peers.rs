@@ -41,6 +41,7 @@ fn pyedflib_and_mne_find_every_sample_in_its_place_in_volts_and_the_gaps() {
         rails: Some((0.0, 255.0)),
         loss_is_counted: true,
         volts: Some(scale),
+        imu: Vec::new(),
     };
     // Two packets are lost, then 50 samples within packets, then one in two for a while.
     let first = 1005;

@@ -204,3 +204,41 @@ fn nobody_at_the_address_is_an_error_with_the_address() {
     let error = GForce::open(Box::new(connector), GForceOptions::default()).err().unwrap().to_string();
     assert!(error.contains("nothing answers at 127.0.0.1:1"), "{error}");
 }
+
+/// Bytes of the messages by the maker's protocol: 1 g along z, 2 deg/s about y, no turn.
+#[test]
+fn an_inertial_measurement_unit_has_messages_of_its_own_beside_those_of_the_electrodes() {
+    use proact_devices::gforce::imu::{imu_messages, read_imu};
+    let said = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -2.0, 0.0];
+    let [orientation, acceleration, velocity] = imu_messages(&said);
+    assert_eq!((orientation.len(), acceleration.len(), velocity.len()), (17, 13, 13));
+    assert_eq!(orientation[..5], [0x05, 0x00, 0x00, 0x80, 0x3F]);
+    assert_eq!((acceleration[0], &acceleration[9..]), (0x01, &[0x00, 0x00, 0x01, 0x00][..]));
+    assert_eq!((velocity[0], &velocity[5..9]), (0x02, &[0x00, 0x00, 0xFE, 0xFF][..]));
+    let mut read = [f64::NAN; 10];
+    assert!([orientation, acceleration, velocity].iter().all(|message| read_imu(message, &mut read)));
+    assert_eq!(read, said);
+    assert!(
+        !read_imu(&[0x01, 0, 0], &mut read) && !read_imu(&[0x08; 13], &mut read) && !read_imu(&[], &mut read)
+    );
+
+    let (pair, _) = pair(flawless());
+    let mut source = GForce::open(pair, GForceOptions { imu: true, ..GForceOptions::default() }).unwrap();
+    assert_eq!((source.info().channels, source.info().imu.len()), (8, 10));
+    assert!(!source.info().loss_is_counted, "nobody says how kinds of data share the numbers");
+    let mut packet = EmgPacket::default();
+    let mut all = Vec::new();
+    while all.len() < 800 {
+        if source.poll(Duration::from_secs(5), &mut packet).unwrap() == SourceEvent::Packet {
+            all.append(&mut packet.samples);
+        }
+    }
+    assert!(
+        all.iter().zip(0..).all(|(sample, counter)| sample.counter == counter && sample.channels.len() == 18)
+    );
+    // Nothing is said before the first packet is over.
+    assert!(all[0].channels[8..].iter().all(|value| value.is_nan()));
+    let length = |k: usize| all[k].channels[12..15].iter().map(|v| v * v).sum::<f64>().sqrt();
+    assert!((32..800).all(|k| (length(k) - 1.0).abs() < 0.2), "gravity");
+    assert_eq!(source.counts().malformed, 0);
+}

@@ -31,6 +31,7 @@ fn a_stream_of_a_grid_is_kept_in_both_formats_and_played_again() {
         rails: None,
         loss_is_counted: true,
         volts: None,
+        imu: Vec::new(),
     };
     let all = samples(640, 0);
     for ending in ["csv", "edf"] {
@@ -58,7 +59,8 @@ fn a_training_with_a_grid_is_written_and_read_again() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().join("recordings");
     let gestures = Gesture::ALL.map(GestureName::from);
-    let written = RecordingFolder::create(&folder, RATE_HZ, &gestures, Gesture::NoMotion.into()).unwrap();
+    let written =
+        RecordingFolder::create(&folder, RATE_HZ, &gestures, Gesture::NoMotion.into(), &[]).unwrap();
     for (gesture, seed) in Gesture::ALL.into_iter().zip(0..) {
         written.keep(&Recording::bridging(0, gesture.into(), &samples(100, seed))).unwrap();
     }

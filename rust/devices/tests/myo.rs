@@ -6,6 +6,7 @@ use proact_devices::{
     gforce::{TcpConnector, serve},
     myo::{Myo, MyoEmgMode, MyoSimulator, MyoSimulatorOptions},
 };
+use proact_emg::ImuChannel;
 use proact_types::EmgSample;
 use std::{
     net::{SocketAddr, TcpListener},
@@ -64,7 +65,7 @@ impl Drop for Served {
 }
 
 fn open(served: &Served) -> Myo {
-    Myo::open(Box::new(TcpConnector::new(served.address.to_string())), MyoEmgMode::Filtered).unwrap()
+    Myo::open(Box::new(TcpConnector::new(served.address.to_string())), MyoEmgMode::Filtered, false).unwrap()
 }
 
 /// The next `packets` packets' samples.
@@ -146,4 +147,35 @@ fn the_registry_opens_it_at_its_one_rate_only() {
     let error = registry.open(&name, &at(Some(1000))).err().unwrap().to_string();
     assert!(error.contains("200 Hz, the one rate of a Myo"), "{error}");
     assert_eq!(registry.open(&name, &at(Some(200))).unwrap().info().channels, 8);
+}
+
+#[test]
+fn the_inertial_measurement_unit_follows_the_electrodes_in_every_sample() {
+    let served = Served::new(0, 0.0);
+    let address = TcpConnector::new(served.address.to_string());
+    let mut myo = Myo::open(Box::new(address), MyoEmgMode::Filtered, true).unwrap();
+    assert_eq!((myo.info().channels, &myo.info().imu), (8, &ImuChannel::of_an_armband()));
+    let all = samples(&mut myo, 100);
+    assert!(counted(&all), "its notifications are no samples of the electrodes");
+    assert!(all.iter().all(|sample| sample.channels.len() == 18));
+    let acceleration = |sample: &EmgSample| sample.channels[12..15].to_vec();
+    let length = |a: &[f64]| a.iter().map(|v| v * v).sum::<f64>().sqrt();
+    assert!(all.iter().all(|sample| (length(&acceleration(sample)) - 1.0).abs() < 0.2), "gravity");
+    // A value every four samples.
+    let changes = all.windows(2).filter(|pair| acceleration(&pair[0]) != acceleration(&pair[1])).count();
+    assert!((45..=50).contains(&changes), "{changes}");
+    assert_eq!((myo.counts().lost_samples, myo.counts().malformed), (0, 0));
+}
+
+#[test]
+fn a_source_without_an_inertial_measurement_unit_is_refused_where_one_is_asked_for() {
+    let options = SourceOptions { imu: true, ..SourceOptions::default() };
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("stream.csv");
+    std::fs::write(&path, "counter,device_s,received_s,ch0\n0,0,0,1\n1,0.005,0,2\n").unwrap();
+    let Ok(name) = format!("file:{}", path.display()).parse();
+    let error = SourceRegistry::standard().open(&name, &options).err().unwrap().to_string();
+    assert!(error.contains("it has no inertial measurement unit, which --imu"), "{error}");
+    let Ok(name) = "synthetic".parse();
+    assert_eq!(SourceRegistry::standard().open(&name, &options).unwrap().info().imu.len(), 10);
 }

@@ -3,8 +3,10 @@
 #![allow(clippy::disallowed_methods, clippy::unwrap_used)]
 
 use proact_devices::{
-    DeviceError, EmgOrigin, Recording, RecordingFolder, Recordings, SourceOptions, SourceRegistry, prepare,
+    DeviceError, EmgOrigin, Recording, RecordingFolder, Recordings, SourceOptions, SourceRegistry, evaluate,
+    prepare,
 };
+use proact_emg::{EmgConfig, ImuChannel, WindowLength};
 use proact_types::{EmgSample, Gesture, GestureName};
 use std::{fs, path::Path};
 
@@ -220,7 +222,7 @@ fn what_was_lost_is_bridged_in_the_file_marked_beside_it_and_never_read_as_measu
     let dir = folder();
     let at = dir.path().join("kept");
     let gestures = [Gesture::NoMotion, Gesture::HandClose].map(GestureName::from);
-    let kept = RecordingFolder::create(&at, 200.0, &gestures, Gesture::NoMotion.into()).unwrap();
+    let kept = RecordingFolder::create(&at, 200.0, &gestures, Gesture::NoMotion.into(), &[]).unwrap();
     let sample = |counter: u64| EmgSample { counter, channels: [counter as f64, 0.5].into_iter().collect() };
     let gapped: Vec<EmgSample> =
         (100..160).filter(|k| !(120..124).contains(k) && *k != 150).map(sample).collect();
@@ -247,12 +249,12 @@ fn what_was_lost_is_bridged_in_the_file_marked_beside_it_and_never_read_as_measu
         60
     );
     let (resumed, known) =
-        RecordingFolder::resume(&at, 200.0, 2, &gestures, Gesture::NoMotion.into()).unwrap();
+        RecordingFolder::resume(&at, 200.0, 2, &gestures, Gesture::NoMotion.into(), &[]).unwrap();
     assert_eq!(known.items.len(), 2);
     resumed.discard(Gesture::HandClose.into(), 0).unwrap();
     assert_eq!(Recordings::open(&at, None).unwrap().items.len(), 1);
     let refused = |rate, channels, gestures: &[GestureName]| {
-        RecordingFolder::resume(&at, rate, channels, gestures, Gesture::NoMotion.into())
+        RecordingFolder::resume(&at, rate, channels, gestures, Gesture::NoMotion.into(), &[])
             .err()
             .unwrap()
             .to_string()
@@ -263,4 +265,96 @@ fn what_was_lost_is_bridged_in_the_file_marked_beside_it_and_never_read_as_measu
     let marks = r#"{"rate_hz": 200, "bridged": {"R_0_C_1.csv": [[50, 11]]}}"#;
     write(&at, "metadata.json", marks);
     assert!(error(&at).contains("11 rows from row 50 were lost, it has 60 rows"));
+}
+
+#[test]
+fn an_inertial_measurement_unit_is_kept_beside_the_electrodes_and_read_only_where_it_is_asked_for() {
+    let dir = folder();
+    let at = dir.path().join("worn");
+    let gestures = [Gesture::NoMotion, Gesture::HandClose].map(GestureName::from);
+    let rest = GestureName::from(Gesture::NoMotion);
+    let imu = [ImuChannel::new("acceleration_x", "g"), ImuChannel::new("acceleration_z", "g")];
+    let kept = RecordingFolder::create(&at, 200.0, &gestures, rest, &imu).unwrap();
+    let sample = |counter: u64| {
+        let channels = [counter as f64, 0.5, -3.0, 0.01 * (counter / 4) as f64, 1.0];
+        EmgSample { counter, channels: channels.into_iter().collect() }
+    };
+    let samples: Vec<EmgSample> = (0..60).map(sample).collect();
+    for gesture in gestures {
+        kept.keep(&Recording::bridging(0, gesture, &samples)).unwrap();
+    }
+    let with = Recordings::open_with_imu(&at, None).unwrap();
+    assert_eq!((with.channels, &with.imu[..]), (3, &imu[..]));
+    assert_eq!(with.find(Gesture::HandClose, 0).unwrap().numbered().collect::<Vec<_>>(), samples);
+    // Whoever does not ask reads what LibEMG does: the electrodes.
+    let without = Recordings::open(&at, None).unwrap();
+    assert_eq!((without.channels, without.imu.len(), without.items[0].samples[7].len()), (3, 0, 3));
+    // A unit that is slower than the electrodes: each of its rows holds for four of theirs.
+    let slow: String = (0..15).map(|k| format!("{},1\n", 0.01 * f64::from(k))).collect();
+    write(&at, "R_0_C_0_IMU.csv", &slow);
+    let held = Recordings::open_with_imu(&at, None).unwrap();
+    let close = held.find(Gesture::HandClose, 0).unwrap();
+    assert_eq!(close.numbered().collect::<Vec<_>>(), samples, "class 0 in alphabetical order");
+    write(&at, "R_0_C_0_IMU.csv", "1,2,3\n");
+    let error = Recordings::open_with_imu(&at, None).unwrap_err().to_string();
+    assert!(error.contains("R_0_C_0_IMU.csv") && error.contains("row 1"), "{error}");
+    write(&at, "R_0_C_0_IMU.csv", &slow);
+    let resume = |imu: &[ImuChannel]| RecordingFolder::resume(&at, 200.0, 3, &gestures, rest, imu);
+    let error = resume(&[]).err().unwrap().to_string();
+    assert!(error.contains("it is for the inertial channels acceleration_x, acceleration_z"), "{error}");
+    let (resumed, known) = resume(&imu).unwrap();
+    assert_eq!(known.items.len(), 2);
+    resumed.discard(Gesture::HandClose.into(), 0).unwrap();
+    assert!(!at.join("R_0_C_0_IMU.csv").exists());
+    std::fs::remove_file(at.join("R_0_C_1_IMU.csv")).unwrap();
+    assert!(Recordings::open_with_imu(&at, None).unwrap_err().to_string().contains("R_0_C_1_IMU.csv"));
+    let plain = folder();
+    write(plain.path(), "R_0_C_0.csv", &"1,2\n3,4\n".repeat(40));
+    let error = Recordings::open_with_imu(plain.path(), Some(200.0)).unwrap_err().to_string();
+    assert!(error.contains("names no channels of an inertial measurement unit"), "{error}");
+}
+
+/// The layout is that of LibEMG's `_3DCDataset`; the samples are made up.
+#[test]
+fn a_participant_of_the_3dc_data_set_is_read_as_libemg_does() {
+    let dir = folder();
+    for set in ["train", "test"] {
+        fs::create_dir(dir.path().join(set)).unwrap();
+        for (repetition, class) in (0..2_usize).flat_map(|r| (0..11_usize).map(move |c| (r, c))) {
+            let set_part = usize::from(set == "test");
+            let row = |k: usize| {
+                let value = |c: usize| {
+                    let phase = k as f64 * (0.9 + 0.13 * c as f64) + (repetition + 3 * set_part) as f64;
+                    format!("{:.4}", (if c == class { 40.0 } else { 5.0 }) * phase.sin())
+                };
+                (0..10).map(value).collect::<Vec<_>>().join(",") + "\n"
+            };
+            let text: String = (0..600).map(row).collect();
+            write(&dir.path().join(set), &format!("EMG_gesture_{repetition}_{class}.txt"), &text);
+            // Its armband has an inertial measurement unit, too, which LibEMG does not read.
+            write(&dir.path().join(set), &format!("IMU_gesture_{repetition}_{class}.txt"), "1,2,3\n");
+        }
+    }
+    let read = Recordings::open(dir.path(), None).unwrap();
+    assert_eq!((read.rate_hz, read.channels, read.items.len()), (1000.0, 10, 44));
+    assert_eq!((read.gestures().len(), read.rest.as_str(), read.missing().len()), (11, "Neutral", 0));
+    let grip: GestureName = "Power Grip".parse().unwrap();
+    let repetitions: Vec<u32> =
+        read.items.iter().filter(|r| r.gesture == grip).map(|r| r.repetition).collect();
+    assert_eq!(repetitions, [0, 1, 2, 3], "the test follows the training");
+    assert!(read.find(grip, 2).unwrap().path.ends_with("test/EMG_gesture_0_7.txt"));
+    let config = EmgConfig {
+        channels: 10,
+        rest: read.rest,
+        window: WindowLength::Samples(200),
+        increment: WindowLength::Samples(50),
+        ..EmgConfig::default()
+    };
+    let result = evaluate(&read, &[0, 1], &[2, 3], &config).unwrap();
+    // Nine windows of each of 22 recordings.
+    assert_eq!((result.windows, result.classes.len()), (198, 11));
+    assert!(result.accuracy > 0.8, "{}", result.accuracy);
+    write(&dir.path().join("train"), "EMG_gesture_0_11.txt", "1,2,3,4,5,6,7,8,9,10\n");
+    let error = Recordings::open(dir.path(), None).unwrap_err().to_string();
+    assert!(error.contains("EMG_gesture_0_11.txt") && error.contains("class 11"), "{error}");
 }

@@ -47,6 +47,9 @@ pub struct Classifier {
     /// Of the stream; models of older versions have no feature that depends on it.
     #[serde(default = "default_rate_hz")]
     rate_hz: f64,
+    /// Means of channels of an inertial measurement unit behind the features of the EMG.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    imu: usize,
     #[serde(flatten)]
     discriminant: Discriminant,
     /// The gesture of each class of the discriminant, in alphabetical order, as LibEMG's.
@@ -141,6 +144,7 @@ impl Classifier {
             features: config.features,
             channels: config.channels,
             rate_hz: config.rate_hz,
+            imu: config.imu.features.len(),
             discriminant,
             efforts: amplitudes
                 .map(|a| (0..gestures.len()).map(|class| scale(a, class)).collect())
@@ -161,7 +165,7 @@ impl Classifier {
 
     /// Where the values stand in the vectors that it takes.
     pub fn layout(&self) -> FeatureLayout {
-        self.features.layout(self.channels, self.rate_hz)
+        self.features.layout(self.channels, self.rate_hz).with_imu(self.imu)
     }
 
     /// The effort scale of each of [`Classifier::gestures`]; empty if amplitudes were not known.
@@ -188,6 +192,7 @@ impl Classifier {
         self.discriminant.is_sound()
             && (1..=MAX_EMG_CHANNELS).contains(&self.channels)
             && self.rate_hz.is_finite()
+            && self.imu <= MAX_EMG_CHANNELS
             && self.discriminant.features() == self.layout().count()
             && self.discriminant.classes() == classes
             && classes <= MAX_GESTURES
@@ -361,6 +366,10 @@ impl Classifier {
     fn no_scale(&self) -> EmgError {
         EmgError::NoEffortScale { features: self.features.to_string() }
     }
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 fn default_rate_hz() -> f64 {

@@ -1,9 +1,9 @@
 use crate::filter::FilterBank;
 use crate::{
-    ClassifierKind, EmgError, EmgFilter, FeatureLayout, FeatureSet, LivenessConfig, ProcessConfig,
+    ClassifierKind, EmgError, EmgFilter, FeatureLayout, FeatureSet, ImuConfig, LivenessConfig, ProcessConfig,
     RegressionConfig, TwoSiteConfig,
 };
-use proact_types::{GestureName, MAX_EMG_CHANNELS};
+use proact_types::{EmgSample, GestureName, MAX_EMG_CHANNELS};
 use serde::{Deserialize, Serialize};
 use std::num::NonZeroU32;
 
@@ -136,6 +136,9 @@ pub struct EmgConfig {
     /// The program that decodes, with the classifiers `process` and `process_regressor`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub process: Option<ProcessConfig>,
+    /// Channels of an inertial measurement unit beside those of the electrodes.
+    #[serde(skip_serializing_if = "ImuConfig::is_default")]
+    pub imu: ImuConfig,
 }
 
 /// How short gaps in a live stream are bridged: lost samples are put on a straight line between their neighbours, and are
@@ -186,6 +189,7 @@ impl Default for EmgConfig {
             regression: RegressionConfig::default(),
             two_site: TwoSiteConfig::default(),
             process: None,
+            imu: ImuConfig::default(),
         }
     }
 }
@@ -233,7 +237,29 @@ impl EmgConfig {
 
     /// Where the values of the features stand in the vector of a window.
     pub fn layout(&self) -> FeatureLayout {
-        self.features.layout(self.channels, self.rate_hz)
+        self.features.layout(self.channels, self.rate_hz).with_imu(self.imu.features.len())
+    }
+
+    /// [`FeatureLayout::column_names`], with the names of the channels whose means follow, as `MEAN_acceleration_x`.
+    pub fn column_names(&self) -> Vec<String> {
+        let layout = self.layout();
+        let means = self.imu.features.iter().map(|name| format!("MEAN_{name}"));
+        layout.column_names().into_iter().take(layout.emg_count()).chain(means).collect()
+    }
+
+    /// The sample without what follows the electrodes. One that is of another length than the stream's stays as it is, for whoever
+    /// takes it to refuse.
+    pub fn electrodes(&self, sample: &EmgSample) -> EmgSample {
+        let mut sample = sample.clone();
+        if sample.channels.len() == self.sample_channels() {
+            sample.channels.truncate(self.channels);
+        }
+        sample
+    }
+
+    /// Channels of a sample: those of the electrodes, then those of the inertial measurement unit.
+    pub fn sample_channels(&self) -> usize {
+        self.channels + self.imu.channels.len()
     }
 
     fn check_process(&self) -> Result<(), EmgError> {
@@ -263,6 +289,7 @@ impl EmgConfig {
         if !(1..=MAX_EMG_CHANNELS).contains(&self.channels) {
             return Err(EmgError::ChannelCount { got: self.channels });
         }
+        self.imu.check(self.channels)?;
         FilterBank::new(&self.filters, self.rate_hz, self.channels)?;
         self.window_samples()?;
         if let Some(feature) = self.layout().empty() {

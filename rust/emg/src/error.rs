@@ -12,6 +12,20 @@ pub enum EmgError {
         /// As given.
         rate_hz: f64,
     },
+    /// Positions of the limb that nobody could tell apart.
+    #[error(
+        "positions of the limb are {got:?}, expected names of 1 to 64 bytes without control characters, each once"
+    )]
+    Positions {
+        /// As given.
+        got: Vec<String>,
+    },
+    /// Channels of an inertial measurement unit that cannot be, or cannot be learnt from.
+    #[error("inertial measurement unit (emg.imu): {reason}")]
+    Imu {
+        /// What is wrong.
+        reason: String,
+    },
     /// No usable number of channels.
     #[error("EMG stream has {got} channels, expected 1 to {MAX_EMG_CHANNELS}")]
     ChannelCount {

@@ -74,11 +74,11 @@ fn each_window<'a>(
     let mut extractor = FeatureExtractor::new(config)?;
     let mut filters = FilterBank::new(&config.filters, config.rate_hz, config.channels)?;
     for sample in samples {
-        if sample.channels.len() != config.channels || sample.channels.iter().any(|v| !v.is_finite()) {
+        if !window.is_usable(&sample.channels) {
             return Err(EmgError::BadSample {
                 counter: sample.counter,
                 channels: sample.channels.len(),
-                expected: config.channels,
+                expected: config.sample_channels(),
             });
         }
         let mut filtered = sample.clone();

@@ -7,17 +7,29 @@ use std::ops::Range;
 /// Feature-major: all values of the first feature, then all of the second. Within a feature the channels follow each other;
 /// `AR4` and `CC` have four values of channel 0, then of channel 1; bands (`DFTR` and the wavelets) have band 0 of all
 /// channels, then band 1; phasors have the pairs of channels (0, 1), (0, 2) .. (1, 2) and so on, first the distances, then
-/// the ratios. All as LibEMG lays them out.
+/// the ratios. All as LibEMG lays them out. Means of an inertial measurement unit ([`crate::ImuConfig`]) follow all features.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FeatureLayout {
     set: FeatureSet,
     channels: usize,
     rate_hz: f64,
+    /// Means of channels of an inertial measurement unit, at the end.
+    imu: usize,
 }
 
 impl FeatureLayout {
     pub(crate) fn new(set: FeatureSet, channels: usize, rate_hz: f64) -> FeatureLayout {
-        FeatureLayout { set, channels, rate_hz }
+        FeatureLayout { set, channels, rate_hz, imu: 0 }
+    }
+
+    /// The same with `imu` values at the end.
+    pub(crate) fn with_imu(self, imu: usize) -> FeatureLayout {
+        FeatureLayout { imu, ..self }
+    }
+
+    /// Number of values of the EMG alone, which come first.
+    pub(crate) fn emg_count(&self) -> usize {
+        self.parts().last().map_or(0, |(_, _, range)| range.end)
     }
 
     /// The features and where the values of each stand.
@@ -38,7 +50,7 @@ impl FeatureLayout {
 
     /// Number of values of a window.
     pub fn count(&self) -> usize {
-        self.parts().last().map_or(0, |(_, _, range)| range.end)
+        self.emg_count() + self.imu
     }
 
     /// The first feature without a value: bands above half the rate, or pairs of a single channel.
@@ -47,7 +59,7 @@ impl FeatureLayout {
     }
 
     /// `MAV_ch0` and so on, in the order of the vector; `AR4_1_ch0` .. `AR4_4_ch0` for coefficients, `DFTR_1_ch0` for bands,
-    /// `RMSPHASOR_1_ch0_ch1` for pairs.
+    /// `RMSPHASOR_1_ch0_ch1` for pairs; `MEAN_imu0` for the means of an inertial measurement unit.
     pub fn column_names(&self) -> Vec<String> {
         let mut names = Vec::with_capacity(self.count());
         let channels = self.channels;
@@ -67,11 +79,12 @@ impl FeatureLayout {
                 ),
             }
         }
+        names.extend((0..self.imu).map(|k| format!("MEAN_imu{k}")));
         names
     }
 
     /// Writes to `out` the vector that the band would have given if it sat `shift` channels further: channel c of the
-    /// result is channel `(c + shift) mod channels` of `vector`.
+    /// result is channel `(c + shift) mod channels` of `vector`. Means of an inertial measurement unit stay.
     ///
     /// # Panics
     /// If a length differs from [`FeatureLayout::count`]; the caller owns both.
@@ -79,6 +92,8 @@ impl FeatureLayout {
         let (count, channels) = (self.count(), self.channels);
         assert_eq!((vector.len(), out.len()), (count, count), "lengths of the feature vectors");
         let shift = shift % channels;
+        let imu = count - self.imu..;
+        out[imu.clone()].copy_from_slice(&vector[imu]);
         for (_, shape, range) in self.parts() {
             let (from, to) = (&vector[range.clone()], &mut out[range]);
             to.copy_from_slice(from);

@@ -211,6 +211,10 @@ impl FeatureExtractor {
                 out.iter_mut().filter(|v| !v.is_finite() && !any_overflow).for_each(|v| *v = 0.0);
             }
         }
+        let imu = self.layout.emg_count();
+        for (out, mean) in self.vector[imu..].iter_mut().zip(window.imu_means()) {
+            *out = mean;
+        }
         &self.vector
     }
 

@@ -209,8 +209,13 @@ impl FilterBank {
     /// repeated counter) is left as it is and changes nothing; lost samples change nothing either; a counter that went back
     /// begins anew.
     pub(crate) fn apply(&mut self, sample: &mut EmgSample) {
-        let whole = sample.channels.len() * self.sections.len() == self.states.len();
-        if !whole || sample.channels.iter().any(|v| !v.is_finite()) || self.newest == Some(sample.counter) {
+        // What follows the electrodes is no EMG.
+        let electrodes = self.states.len() / self.sections.len();
+        let whole = sample.channels.len() >= electrodes;
+        if !whole
+            || sample.channels[..electrodes].iter().any(|v| !v.is_finite())
+            || self.newest == Some(sample.counter)
+        {
             return;
         }
         let begins = self.newest.is_none_or(|newest| sample.counter < newest);

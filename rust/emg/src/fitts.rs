@@ -1,6 +1,6 @@
 use crate::EmgError;
 use crate::usability_test::positive;
-use proact_types::{Gesture, GestureName, SimTime};
+use proact_types::{Gesture, GestureName, SimTime, TargetDwell};
 use serde::{Deserialize, Serialize};
 
 /// How the cursor test is done. Lengths are in half heights of the field, whose corners are at -1 and 1.
@@ -113,8 +113,7 @@ struct Shown {
     since: SimTime,
     start: [f64; 2],
     path: f64,
-    entered: Option<SimTime>,
-    overshoots: u32,
+    dwell: TargetDwell,
 }
 
 /// Difference of two steps beyond which the cursor does not move further, seconds: a silent stream is not made up for.
@@ -174,17 +173,9 @@ impl CursorTest {
         shown.path += distance(before, self.cursor);
         let (target, width) = self.target();
         let inside = distance(self.cursor, target) <= width / 2.0;
-        match shown.entered {
-            None if inside => shown.entered = Some(now),
-            Some(_) if !inside => {
-                shown.overshoots += 1;
-                shown.entered = None;
-            }
-            _ => {}
-        }
+        let entered = shown.dwell.step(now, inside, millis_of(self.config.dwell_secs));
         self.shown = Some(shown);
         let secs = |since: SimTime| now.millis_since(since) as f64 / 1000.0;
-        let entered = shown.entered.filter(|since| secs(*since) >= self.config.dwell_secs);
         if entered.is_none() && secs(shown.since) < self.config.limit_secs {
             return None;
         }
@@ -201,7 +192,7 @@ impl CursorTest {
                 Some(_) => 1.0,
                 None => 0.0,
             },
-            overshoots: shown.overshoots,
+            overshoots: shown.dwell.overshoots(),
         };
         self.finish(movement);
         if !self.is_finished() {
@@ -230,8 +221,8 @@ impl CursorTest {
             let (target, width) = self.target();
             distance(self.cursor, target) <= width / 2.0
         };
-        let entered = inside.then_some(now);
-        self.shown = Some(Shown { since: now, start: self.cursor, path: 0.0, entered, overshoots: 0 });
+        self.shown =
+            Some(Shown { since: now, start: self.cursor, path: 0.0, dwell: TargetDwell::begin(now, inside) });
     }
 
     fn finish(&mut self, movement: Movement) {
@@ -271,7 +262,7 @@ impl CursorTest {
 
     /// Share of the dwell time that the cursor has been in the target, 0 to 1.
     pub fn dwelt(&self) -> f64 {
-        let since = self.shown.and_then(|s| s.entered);
+        let since = self.shown.and_then(|s| s.dwell.entered());
         match (since, self.now) {
             (Some(since), Some(now)) if !self.is_finished() => {
                 (now.millis_since(since) as f64 / 1000.0 / self.config.dwell_secs).min(1.0)
@@ -294,6 +285,11 @@ impl CursorTest {
     pub fn config(&self) -> &CursorConfig {
         &self.config
     }
+}
+
+/// Whole milliseconds that are not less; what a product adds to a whole number is rounding.
+pub(crate) fn millis_of(secs: f64) -> u64 {
+    (1000.0 * secs - 1e-6).ceil() as u64
 }
 
 fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
@@ -363,7 +359,7 @@ mod tests {
         let mut test = CursorTest::new(one_ring(1.6, 0.2)).expect("good");
         // Straight through the first target, and back from the rim of the field.
         run(&mut test, |test, _| match test.report().movements.len() {
-            0 if test.shown.is_some_and(|s| s.overshoots == 0) => WristExtension,
+            0 if test.shown.is_some_and(|s| s.dwell.overshoots() == 0) => WristExtension,
             _ => towards(test),
         });
         let first = test.report().movements[0];

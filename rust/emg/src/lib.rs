@@ -40,6 +40,7 @@
 //! ```
 
 mod adaptation;
+mod arrivals;
 mod calibration;
 mod classifier;
 mod config;
@@ -57,6 +58,7 @@ mod features;
 mod filter;
 mod fitts;
 mod goertzel;
+mod imu;
 mod lda;
 mod liveness;
 mod metrics;
@@ -74,6 +76,7 @@ mod spectrum;
 mod tac;
 mod two_site;
 mod usability_test;
+mod welch;
 mod window;
 
 pub use adaptation::{Adaptation, AdaptationConfig};
@@ -97,6 +100,7 @@ pub use feature_space::{FeatureSpace, FeatureSpaceAxes, feature_space};
 pub use features::{FeatureExtractor, FeatureVector};
 pub use filter::EmgFilter;
 pub use fitts::{CursorConfig, CursorEvent, CursorReport, CursorTest, Movement};
+pub use imu::{ImuChannel, ImuConfig};
 pub use lda::Lda;
 pub use liveness::{Liveness, LivenessConfig, SignalFault, noise_floors};
 pub use metrics::RecognitionMetrics;
@@ -115,4 +119,5 @@ pub use two_site::TwoSiteConfig;
 pub use usability_test::{
     HoldConfig, HoldReport, HoldTest, SequenceConfig, SequenceMistake, SequenceReport, SequenceTest,
 };
+pub use welch::{Spectrum, welch};
 pub use window::{SlidingWindow, StreamCounts, WindowView};

@@ -1,7 +1,9 @@
 //! Whether a stream is that of a living armband on a living arm: what may still come, sample for sample and with
 //! rising counters, after a converter froze, an electrode fell off or a radio lost half of its packets.
 
-use crate::EmgError;
+use crate::arrivals::Arrivals;
+use crate::imu::{ImuFault, ImuWatch};
+use crate::{EmgError, ImuConfig};
 use proact_types::{ChannelValues, EmgSample, SimTime, StopCause};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -123,14 +125,18 @@ pub enum SignalFault {
     Lossy(f64),
     /// Samples a second.
     WrongRate(f64),
+    /// No numbers come from an inertial measurement unit that decisions need: one of its channels.
+    ImuSilent(usize),
+    /// A sensor of it does not change: one of its channels.
+    ImuFrozen(usize),
 }
 
 impl SignalFault {
     /// The kind of death.
     pub fn cause(&self) -> StopCause {
         match self {
-            SignalFault::Silent => StopCause::Silent,
-            SignalFault::Frozen => StopCause::Frozen,
+            SignalFault::Silent | SignalFault::ImuSilent(_) => StopCause::Silent,
+            SignalFault::Frozen | SignalFault::ImuFrozen(_) => StopCause::Frozen,
             SignalFault::Flat(_) => StopCause::Flat,
             SignalFault::Railed(_) => StopCause::Railed,
             SignalFault::Noiseless(_) => StopCause::Noiseless,
@@ -154,6 +160,12 @@ impl fmt::Display for SignalFault {
                 write!(f, "{:.0} % of the armband's samples are lost", 100.0 * share)
             }
             SignalFault::WrongRate(hz) => write!(f, "the armband sends {hz:.0} samples a second"),
+            SignalFault::ImuSilent(channel) => {
+                write!(f, "channel {channel} of the inertial measurement unit is silent")
+            }
+            SignalFault::ImuFrozen(channel) => {
+                write!(f, "channel {channel} of the inertial measurement unit repeats its values")
+            }
         }
     }
 }
@@ -172,6 +184,7 @@ pub struct Liveness {
     centring: ChannelValues,
     repetition: Option<Repetition>,
     channels: Vec<Channel>,
+    imu: ImuWatch,
     arrivals: Option<Arrivals>,
     /// Counter expected next; none before the first sample.
     expected: Option<u64>,
@@ -210,11 +223,18 @@ impl Liveness {
                 Repetition::new(((PERIOD_MS * rate_hz / 1000.0) as usize).clamp(least, most), limit)
             }),
             channels: (0..channels).map(channel).collect(),
+            imu: ImuWatch::new(&ImuConfig::default(), rate_hz),
             arrivals: (config.span_ms > 0).then(|| Arrivals::new(config.span_ms as usize)),
             expected: None,
             fault: None,
             config: config.clone(),
         })
+    }
+
+    /// The same for a stream with an inertial measurement unit, which is watched where decisions need it.
+    pub fn with_imu(mut self, config: &ImuConfig) -> Self {
+        self.imu = ImuWatch::new(config, self.rate_hz);
+        self
     }
 
     /// What was subtracted from each channel, so that rails are compared with codes.
@@ -237,13 +257,25 @@ impl Liveness {
     /// Takes the next sample of the tick. True while the stream is alive.
     pub fn push(&mut self, sample: &EmgSample) -> bool {
         let Some(lost) = self.count(sample.counter) else { return self.fault.is_none() };
-        let usable = sample.channels.len() == self.channels.len()
-            && sample.channels.iter().all(|value| value.is_finite());
+        let electrodes = self.channels.len();
+        let whole = sample.channels.len() == electrodes + self.imu.channels();
+        let (emg, imu) = sample.channels.split_at(electrodes.min(sample.channels.len()));
+        let usable = whole && emg.iter().all(|value| value.is_finite()) && self.imu.is_usable(imu);
         if let Some(arrivals) = &mut self.arrivals {
             arrivals.add(lost, usable);
         }
         if usable {
-            self.look_at(&sample.channels);
+            self.look_at(emg);
+        }
+        if let Some(fault) = whole.then(|| self.imu.push(imu)).flatten() {
+            let fault = match fault {
+                ImuFault::Silent(channel) => SignalFault::ImuSilent(channel),
+                ImuFault::Frozen(channel) => SignalFault::ImuFrozen(channel),
+            };
+            // Without its numbers samples are unusable, and the share of those says less.
+            if matches!(self.fault, None | Some(SignalFault::Lossy(_))) {
+                self.fault = Some(fault);
+            }
         }
         if let Some(fault) = self.arrivals.as_ref().and_then(|a| a.fault(&self.config, self.rate_hz)) {
             // What the samples say goes first: it tells more.
@@ -418,78 +450,4 @@ pub fn noise_floors<'a>(
         }
     }
     floors.unwrap_or_default()
-}
-
-/// How many samples came and were lost in each of the newest ticks.
-#[derive(Clone, Debug)]
-struct Arrivals {
-    /// Usable samples, and lost or unusable ones, per tick, a ring.
-    ticks: Vec<[u32; 2]>,
-    sums: [u64; 2],
-    now: SimTime,
-    /// When the stream began, or began again.
-    since: Option<SimTime>,
-    /// When the last sample came.
-    last: SimTime,
-}
-
-impl Arrivals {
-    fn new(span: usize) -> Self {
-        Self {
-            ticks: vec![[0; 2]; span.max(1)],
-            sums: [0; 2],
-            now: SimTime(0),
-            since: None,
-            last: SimTime(0),
-        }
-    }
-
-    fn advance_to(&mut self, now: SimTime) {
-        let span = self.ticks.len() as u64;
-        let passed = now.millis_since(self.now).min(span);
-        for tick in (now.0 + 1).saturating_sub(passed)..=now.0 {
-            let place = (tick % span) as usize;
-            for (sum, old) in self.sums.iter_mut().zip(std::mem::take(&mut self.ticks[place])) {
-                *sum -= u64::from(old);
-            }
-        }
-        self.now = now;
-    }
-
-    fn add(&mut self, lost: u64, usable: bool) {
-        let span = self.ticks.len() as u64;
-        // After a silence as long as the span there is nothing to compare with: a new beginning, and what was lost
-        // meanwhile was lost in that silence.
-        let begins = self.since.is_none() || self.now.millis_since(self.last) >= span;
-        if begins {
-            self.since = Some(self.now);
-            self.ticks.fill([0; 2]);
-            self.sums = [0; 2];
-        }
-        self.last = self.now;
-        let lost = if begins { 0 } else { lost };
-        let lost = u32::try_from(lost).unwrap_or(u32::MAX / 2);
-        let place = (self.now.0 % span) as usize;
-        for (k, count) in [u32::from(usable), lost + u32::from(!usable)].into_iter().enumerate() {
-            let before = self.ticks[place][k];
-            self.ticks[place][k] = before.saturating_add(count);
-            self.sums[k] += u64::from(self.ticks[place][k] - before);
-        }
-    }
-
-    fn fault(&self, config: &LivenessConfig, rate_hz: f64) -> Option<SignalFault> {
-        let span = self.ticks.len() as f64;
-        let [usable, lost] = self.sums.map(|sum| sum as f64);
-        let nominal = span * rate_hz / 1000.0;
-        if lost > config.lost_share * nominal.max(lost + usable) {
-            return Some(SignalFault::Lossy(lost / (lost + usable)));
-        }
-        // The rate is known once the span is full.
-        if self.since.is_none_or(|since| self.now.millis_since(since) < self.ticks.len() as u64) {
-            return None;
-        }
-        let share = (usable + lost) / nominal;
-        let [least, most] = config.rate_shares;
-        (share < least || share > most).then_some(SignalFault::WrongRate(share * rate_hz))
-    }
 }

@@ -1,7 +1,8 @@
+use crate::imu::{ImuFault, ImuWatch};
 use crate::moments::Moments;
 use crate::{
-    Classifier, ClassifierKind, EmgConfig, EmgError, EmgFilter, LivenessConfig, extract_with_amplitudes,
-    noise_floors,
+    Classifier, ClassifierKind, EmgConfig, EmgError, EmgFilter, ImuChannel, LivenessConfig,
+    extract_with_amplitudes, noise_floors,
 };
 use proact_types::{EmgSample, GestureName};
 use serde::{Deserialize, Serialize};
@@ -35,6 +36,8 @@ pub struct StreamFormat {
     pub channels: usize,
     /// Median of each channel at rest, if it has been measured.
     pub rest_medians: Option<Vec<f64>>,
+    /// Channels of an inertial measurement unit that follow those of the electrodes.
+    pub imu: Vec<ImuChannel>,
 }
 
 /// A trained classifier with everything needed to use it again: the contents of a model file.
@@ -83,6 +86,7 @@ impl EmgModel {
         let mut rest = vec![Vec::new(); config.channels];
         for (gesture, samples) in recordings.iter().filter(|(gesture, _)| config.learns((*gesture).into())) {
             let gesture: GestureName = (*gesture).into();
+            check_imu(config, gesture, samples)?;
             let centred: Vec<EmgSample> = samples.iter().map(|s| centred(s, centring)).collect();
             let (vectors, sums) = extract_with_amplitudes(config, &centred)?;
             windows.extend(vectors);
@@ -163,6 +167,7 @@ impl EmgModel {
                 ),
                 ("emg.regression.alpha", config.regression.alpha.to_string()),
                 ("emg.process", format!("{:?}", config.process)),
+                ("emg.imu", imu_text(config)),
             ]
         };
         match of(asked).into_iter().zip(of(&self.config)).find(|(asked, trained)| asked != trained) {
@@ -187,6 +192,13 @@ impl EmgModel {
             reasons.push(format!(
                 "the model has {} channels, the stream {}",
                 self.config.channels, stream.channels
+            ));
+        }
+        if stream.imu != self.config.imu.channels {
+            reasons.push(format!(
+                "the model was trained on a stream with {}, this one has {}",
+                unit_text(&self.config.imu.channels),
+                unit_text(&stream.imu)
             ));
         }
         let rate = self.config.rate_hz;
@@ -220,9 +232,15 @@ impl EmgModel {
     /// stream as its channel c, as [`crate::check_rotation`] proposes.
     ///
     /// # Errors
-    /// [`EmgError::ModelFile`] for a model that was put together wrongly.
+    /// [`EmgError::ModelFile`] for a model that was put together wrongly, [`EmgError::Imu`] for one that needs an inertial
+    /// measurement unit: it sits on the band and has turned with it.
     pub fn rolled(&self, shift: usize) -> Result<EmgModel, EmgError> {
         self.check()?;
+        if !self.config.imu.features.is_empty() {
+            let reason =
+                "it has turned with the band, and the model needs it: turn the band back, or calibrate anew";
+            return Err(EmgError::Imu { reason: reason.to_owned() });
+        }
         let channels = self.config.channels;
         let shift = shift % channels;
         let layout = self.config.layout();
@@ -293,6 +311,48 @@ impl EmgModel {
         };
         Err(EmgError::ModelFile { reason: wrong.to_owned() })
     }
+}
+
+/// How the model takes an inertial measurement unit.
+fn imu_text(config: &EmgConfig) -> String {
+    let channels = unit_text(&config.imu.channels);
+    if config.imu.features.is_empty() {
+        channels
+    } else {
+        format!("{channels}, used: {}", config.imu.features.join(" "))
+    }
+}
+
+fn unit_text(channels: &[ImuChannel]) -> String {
+    if channels.is_empty() {
+        return "no inertial measurement unit".to_owned();
+    }
+    let named: Vec<String> = channels.iter().map(|c| format!("{} ({})", c.name, c.unit)).collect();
+    format!("an inertial measurement unit of {}", named.join(", "))
+}
+
+/// Whether all sensors of an inertial measurement unit that are features said something in a recording.
+pub(crate) fn check_imu(
+    config: &EmgConfig,
+    gesture: GestureName,
+    samples: &[EmgSample],
+) -> Result<(), EmgError> {
+    let of_unit = |sample: &'_ EmgSample| sample.channels.len() == config.sample_channels();
+    if config.imu.features.is_empty() || !samples.iter().all(of_unit) {
+        // Samples of another length are refused by what cuts windows.
+        return Ok(());
+    }
+    let values = samples.iter().map(|sample| &sample.channels[config.channels..]);
+    let (number, what) = match ImuWatch::of_recording(&config.imu, values) {
+        None => return Ok(()),
+        Some(ImuFault::Silent(number)) => (number, "has values that are no numbers"),
+        Some(ImuFault::Frozen(number)) => (number, "does not change"),
+    };
+    let name = config.imu.channels.get(number - 1).map_or("", |channel| channel.name.as_str());
+    let reason = format!(
+        "{name} {what} in a recording of {gesture}, expected a living sensor: look at it and record again, or train without it"
+    );
+    Err(EmgError::Imu { reason })
 }
 
 fn check_format(format: u32) -> Result<(), EmgError> {

@@ -108,7 +108,7 @@ impl EmgPipeline {
         }
         let (got, expected) = (
             classifier.feature_count(),
-            classifier.features().layout(config.channels, config.rate_hz).count(),
+            EmgConfig { features: classifier.features(), ..config.clone() }.layout().count(),
         );
         if got != expected {
             return Err(EmgError::FeatureCount { got, expected });
@@ -128,7 +128,7 @@ impl EmgPipeline {
             vote: config.majority.map(MajorityVote::new),
             events: StreamEvents::default(),
             filters: FilterBank::new(&config.filters, config.rate_hz, config.channels)?,
-            liveness: Liveness::new(&config.liveness, config.rate_hz, config.channels)?,
+            liveness: Liveness::new(&config.liveness, config.rate_hz, config.channels)?.with_imu(&config.imu),
             window: SlidingWindow::new(config)?,
             rule: DecisionRule::new(config),
             switch: SiteSwitch::new(&config.two_site),

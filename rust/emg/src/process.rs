@@ -139,7 +139,7 @@ pub fn begin_line(
     };
     let begin = json!({
         "gestures": gestures, "rest": config.rest, "drives": drives, "input": input,
-        "features": config.layout().column_names(), "channels": config.channels, "rate_hz": config.rate_hz,
+        "features": config.column_names(), "channels": config.channels, "rate_hz": config.rate_hz,
         "samples": config.window_samples()?,
     });
     Ok(json!({ "window": 0, "begin": begin, "state": state }).to_string())

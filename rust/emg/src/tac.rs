@@ -1,6 +1,7 @@
 use crate::EmgError;
+use crate::fitts::millis_of;
 use crate::usability_test::positive;
-use proact_types::{GestureName, SimTime};
+use proact_types::{GestureName, SimTime, TargetDwell};
 use serde::{Deserialize, Serialize};
 
 /// A target is at least this share of its range away, as in miniVIE.
@@ -174,9 +175,7 @@ pub struct TacTest {
     relaxed: bool,
     /// The first gesture.
     begun: Option<SimTime>,
-    /// Since when it is in the target.
-    inside: Option<SimTime>,
-    overshoots: usize,
+    dwell: TargetDwell,
     travelled: f64,
 }
 
@@ -213,8 +212,7 @@ impl TacTest {
             before: None,
             relaxed: false,
             begun: None,
-            inside: None,
-            overshoots: 0,
+            dwell: TargetDwell::default(),
             travelled: 0.0,
         })
     }
@@ -247,15 +245,7 @@ impl TacTest {
         let inside = target
             .iter()
             .all(|(axis, goal)| (self.position[*axis] - goal).abs() <= self.config.axes[*axis].tolerance);
-        match (inside, self.inside) {
-            (true, None) => self.inside = Some(now),
-            (false, Some(_)) => {
-                self.inside = None;
-                self.overshoots += 1;
-            }
-            _ => {}
-        }
-        let reached = self.inside.filter(|since| secs(*since) >= self.config.dwell_secs);
+        let reached = self.dwell.step(now, inside, millis_of(self.config.dwell_secs));
         let over = reached.is_some() || secs(begun) >= self.config.limit_secs;
         if over {
             self.end(reached.map(|since| since.millis_since(begun) as f64 / 1000.0));
@@ -274,7 +264,7 @@ impl TacTest {
         self.report.trials.push(TacTrial {
             target: target.iter().map(named).collect(),
             secs,
-            overshoots: self.overshoots,
+            overshoots: self.dwell.overshoots() as usize,
             path_efficiency: (self.travelled > 0.0).then(|| (shortest / self.travelled).min(1.0)),
         });
         let reached: Vec<f64> = self.report.trials.iter().filter_map(|trial| trial.secs).collect();
@@ -282,8 +272,8 @@ impl TacTest {
         self.report.mean_secs =
             (!reached.is_empty()).then(|| reached.iter().sum::<f64>() / reached.len() as f64);
         self.position = self.config.axes.iter().map(TacAxis::start).collect();
-        (self.relaxed, self.begun, self.inside) = (false, None, None);
-        (self.overshoots, self.travelled) = (0, 0.0);
+        (self.relaxed, self.begun) = (false, None);
+        (self.dwell, self.travelled) = (TargetDwell::default(), 0.0);
     }
 
     /// What has to go where: each axis of the target, where it is and where it should be; nothing after the end.
@@ -312,7 +302,7 @@ impl TacTest {
 
     /// Share of the dwell time that is over, 0 to 1.
     pub fn dwelt(&self) -> f64 {
-        (self.secs_since(self.inside) / self.config.dwell_secs).min(1.0)
+        (self.secs_since(self.dwell.entered()) / self.config.dwell_secs).min(1.0)
     }
 
     fn secs_since(&self, start: Option<SimTime>) -> f64 {

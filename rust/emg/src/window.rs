@@ -47,9 +47,13 @@ impl StreamCounts {
 #[derive(Clone, Debug)]
 pub struct SlidingWindow {
     channels: usize,
+    /// Places in a sample of the channels of an inertial measurement unit that are features.
+    imu: Vec<usize>,
+    /// Values of a sample.
+    sample_channels: usize,
     length: usize,
     increment: usize,
-    /// `[channel][capacity]`, row-major, so that a window is one slice per channel. One more row marks samples that were
+    /// `[channel][capacity]`, row-major, so that a window is one slice per channel; first the electrodes, then `imu`. One more row marks samples that were
     /// lost and bridged by a one.
     data: Vec<f64>,
     capacity: usize,
@@ -74,6 +78,7 @@ pub struct SlidingWindow {
 pub struct WindowView<'a> {
     data: &'a [f64],
     channels: usize,
+    imu: usize,
     capacity: usize,
     start: usize,
     length: usize,
@@ -102,9 +107,15 @@ impl WindowView<'_> {
         &self.parameters
     }
 
-    /// Number of channels.
+    /// Number of channels of EMG.
     pub fn channels(&self) -> usize {
         self.channels
+    }
+
+    /// Mean of each channel of an inertial measurement unit that is a feature, in its unit.
+    pub(crate) fn imu_means(&self) -> impl Iterator<Item = f64> {
+        let rows = self.channels..self.channels + self.imu;
+        rows.map(|row| self.channel(row).iter().sum::<f64>() / self.length as f64)
     }
 
     /// Samples of one channel, oldest first.
@@ -127,11 +138,15 @@ impl SlidingWindow {
         let (length, increment) = (config.window_samples()?, config.increment_samples()?);
         // Rows are three windows long, so that samples are moved to the front only now and then.
         let capacity = 3 * length;
+        let imu: Vec<usize> = config.imu.used().into_iter().map(|place| config.channels + place).collect();
+        let rows = config.channels + imu.len() + 1;
         Ok(SlidingWindow {
             channels: config.channels,
+            imu,
+            sample_channels: config.sample_channels(),
             length,
             increment,
-            data: vec![0.0; (config.channels + 1) * capacity],
+            data: vec![0.0; rows * capacity],
             capacity,
             filled: 0,
             run: 0,
@@ -156,7 +171,7 @@ impl SlidingWindow {
     /// Takes the next sample; returns the window that ends with it, if there is one.
     pub fn push(&mut self, sample: &EmgSample) -> Option<WindowView<'_>> {
         let gap = self.advance_to(sample.counter)?;
-        if sample.channels.len() == self.channels && sample.channels.iter().all(|v| v.is_finite()) {
+        if self.is_usable(&sample.channels) {
             self.bridge(gap, &sample.channels);
             self.store(&sample.channels, 0.0);
         } else {
@@ -168,7 +183,7 @@ impl SlidingWindow {
         }
         self.next_end = self.next_end.saturating_add(self.increment as u64);
         let start = self.filled - self.run.min(self.length);
-        let marks = self.channels * self.capacity;
+        let marks = (self.channels + self.imu.len()) * self.capacity;
         let bridged = self.data[marks + start..marks + self.filled].iter().sum::<f64>() as usize;
         if self.run < self.length || bridged > self.most_bridged {
             self.counts.rejected_windows = self.counts.rejected_windows.saturating_add(1);
@@ -179,12 +194,20 @@ impl SlidingWindow {
         Some(WindowView {
             data: &self.data,
             channels: self.channels,
+            imu: self.imu.len(),
             capacity: self.capacity,
             start,
             length: self.length,
             bridged,
             parameters: self.parameters,
         })
+    }
+
+    /// A sample of the stream's length, whose electrodes and features of an inertial measurement unit are numbers.
+    pub(crate) fn is_usable(&self, values: &[f64]) -> bool {
+        values.len() == self.sample_channels
+            && values[..self.channels].iter().all(|v| v.is_finite())
+            && self.imu.iter().all(|place| values[*place].is_finite())
     }
 
     /// No window may hold a sample from before: what came is no signal of an arm.
@@ -239,9 +262,12 @@ impl SlidingWindow {
         if gap == 0 || self.run == 0 {
             return;
         }
-        let mut before = ChannelValues::new();
         let newest = self.filled - 1;
-        before.extend(self.data.chunks_exact(self.capacity).take(self.channels).map(|row| row[newest]));
+        // Of a sample as long as the stream's; what is no feature stays as it is.
+        let mut before: ChannelValues = values.into();
+        for (row, place) in (0..self.channels).chain(self.imu.iter().copied()).enumerate() {
+            before[place] = self.data[row * self.capacity + newest];
+        }
         for k in 1..=gap {
             let share = k as f64 / (gap + 1) as f64;
             let line = before.iter().zip(values).map(|(from, to)| from + share * (to - from));
@@ -260,9 +286,10 @@ impl SlidingWindow {
             }
             self.filled = keep;
         }
-        let marked = values.iter().chain(std::iter::once(&mark));
+        let imu = self.imu.iter().map(|place| values[*place]);
+        let marked = values[..self.channels].iter().copied().chain(imu).chain(std::iter::once(mark));
         for (row, value) in self.data.chunks_exact_mut(self.capacity).zip(marked) {
-            row[self.filled] = *value;
+            row[self.filled] = value;
         }
         self.filled += 1;
         self.run = (self.run + 1).min(self.length);

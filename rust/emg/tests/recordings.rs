@@ -143,7 +143,8 @@ fn a_model_survives_its_file_and_refuses_other_streams_with_reasons() {
     let read = EmgModel::from_json(&json).expect("its own file");
     assert_eq!(read, model);
     let medians: Vec<f64> = model.channels.iter().map(|c| c.rest_median).collect();
-    let stream = StreamFormat { rate_hz: 199.0, channels: 8, rest_medians: Some(medians.clone()) };
+    let stream =
+        StreamFormat { rate_hz: 199.0, channels: 8, rest_medians: Some(medians.clone()), imu: Vec::new() };
     assert_eq!(read.check_fits(&stream), Ok(()));
     let refused = |change: fn(&mut StreamFormat)| {
         let mut stream = stream.clone();

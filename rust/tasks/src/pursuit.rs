@@ -1,4 +1,4 @@
-use proact_types::SimTime;
+use proact_types::{SimTime, TargetDwell};
 
 /// One goal that something is brought to and kept at: a point to a ball, or joints to a posture.
 ///
@@ -11,8 +11,7 @@ pub(crate) struct Pursuit {
     last: Vec<f64>,
     /// Way so far, in the unit of the coordinates.
     path: f64,
-    entered: Option<SimTime>,
-    overshoots: u32,
+    dwell: TargetDwell,
 }
 
 /// How it went.
@@ -34,7 +33,7 @@ pub(crate) struct Pursued {
 impl Pursuit {
     /// A goal that is shown at `now`, while the coordinates are `at`.
     pub(crate) fn new(now: SimTime, at: &[f64]) -> Self {
-        Self { shown: now, start: at.to_vec(), last: at.to_vec(), path: 0.0, entered: None, overshoots: 0 }
+        Self { shown: now, start: at.to_vec(), last: at.to_vec(), path: 0.0, dwell: TargetDwell::default() }
     }
 
     /// Advances to `now`; what came of it once it was `inside` for the dwell, or time is up.
@@ -48,15 +47,7 @@ impl Pursuit {
     ) -> Option<Pursued> {
         self.path += apart(&self.last, at);
         self.last.copy_from_slice(at);
-        match self.entered {
-            None if inside => self.entered = Some(now),
-            Some(_) if !inside => {
-                self.overshoots += 1;
-                self.entered = None;
-            }
-            _ => {}
-        }
-        let entered = self.entered.filter(|since| now.millis_since(*since) >= dwell.0);
+        let entered = self.dwell.step(now, inside, dwell.0);
         if entered.is_none() && now.millis_since(self.shown) < limit.0 {
             return None;
         }
@@ -64,7 +55,7 @@ impl Pursuit {
         Some(Pursued {
             reached: entered.is_some(),
             seconds: entered.unwrap_or(now).millis_since(self.shown) as f64 / 1e3,
-            overshoots: self.overshoots,
+            overshoots: self.dwell.overshoots(),
             path_efficiency: (entered.is_some() && self.path > 0.0).then_some(efficiency),
             from: self.start.clone(),
             to: at.to_vec(),

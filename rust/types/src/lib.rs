@@ -29,6 +29,7 @@ mod method;
 mod plan;
 mod safety;
 mod scene;
+mod target_dwell;
 mod task;
 mod time;
 #[cfg(feature = "ts")]
@@ -56,6 +57,7 @@ pub use plan::{
 };
 pub use safety::{InputSign, InputSource, SignKind, Stop, StopCause};
 pub use scene::{MAX_OBJECTS, Object, ObjectId, ObjectSet, PlaceRegion, Scene, SceneObject, Shape, Target};
+pub use target_dwell::TargetDwell;
 pub use task::{Briefing, Destination, JointGoal, Order, TaskContext, TaskGoal};
 pub use time::{SimTime, TICK_SECS};
 pub use world::{BodyState, Contact, PlantCommand, PlantState};

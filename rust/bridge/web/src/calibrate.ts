@@ -109,15 +109,16 @@ function showPrompt(gesture: GestureName, text: string, share: number, recording
 }
 
 function showCalibration(message: Screen<"calibration">): void {
-  const { phase } = message;
+  const { phase, position } = message;
+  const arm = position ? `arm: ${position}; ` : "";
   if (!message.begun) {
     showPrompt("no_motion", "Put the band on and check the electrodes below. Then begin.", 0, false);
   } else if (phase.name === "preparing") {
-    showPrompt(phase.prompt.gesture, `make it now: recording in ${Math.ceil(phase.left_secs)}`, 0, false);
+    showPrompt(phase.prompt.gesture, `${arm}make it now: recording in ${Math.ceil(phase.left_secs)}`, 0, false);
   } else if (phase.name === "recording") {
-    showPrompt(phase.prompt.gesture, "hold", phase.share, true);
+    showPrompt(phase.prompt.gesture, `${arm}hold`, phase.share, true);
   } else if (phase.name === "blocked") {
-    showPrompt(phase.prompt.gesture, "waiting for good electrodes", 0, false);
+    showPrompt(phase.prompt.gesture, `${arm}waiting for good electrodes`, 0, false);
   } else {
     showPrompt("no_motion", `round ${message.rounds} is recorded`, 1, false);
   }
@@ -167,6 +168,7 @@ function showReport(report: CalibrationReport | null, target: number, targetR2: 
   judged.replaceChildren(
     element("h2", "accuracy", `Round ${report.rounds}: ${percent(report.accuracy)} recognised, ${verdict}`),
     ...warnings,
+    typeof report.accuracy_without_imu === "number" ? element("p", "small withoutimu", `${percent(report.accuracy_without_imu)} without the inertial measurement unit`) : "",
     drives.length > 0 ? driveTable(drives) : "",
     element("div", "scroll", element("table", "", head, ...rows)),
   );

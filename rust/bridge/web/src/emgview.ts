@@ -5,7 +5,7 @@ import "./emgview.css";
 import { button, element, setClass, setText, setWidth } from "./dom";
 import { EmgColumns, SPAN_SECS } from "./emgcolumns";
 import { Raster, drawSpectrum, drawTraces, inksOf, type Shown } from "./emgpictures";
-import { medianFrequency, powerSpectrum } from "./spectrum";
+import { medianFrequency, powerSpectrum, type Spectrum } from "./spectrum";
 import { GESTURE_NAMES, capitalised } from "./protocol";
 import type { Gesture, Recognition, Signals } from "./generated/types";
 
@@ -58,11 +58,14 @@ export class EmgView {
   private readonly effort = element("div", "fill");
   private readonly effortText = element("span", "percent");
   private readonly bars = element("ul", "bars");
+  private readonly inertial = element("p", "small inertial");
   private readonly spectrumTitle = element("h2");
   private readonly spectrum = element("canvas", "spectrum");
   private readonly spectrumText = element("p", "small");
   private readonly raster = new Raster();
   private recent: number[][] = [];
+  /** Of dense streams, by channel. */
+  private readonly spectra = new Map<number, Spectrum>();
   private signals: Signals | null = null;
   private gestures = "";
   private shown: Shown | null = null;
@@ -91,7 +94,7 @@ export class EmgView {
     const effort = element("div", "effort", element("span", "", "Effort"), element("div", "bar", this.effort), this.effortText);
     root.append(
       element("div", "emgbar", this.verdict, this.freeze),
-      pane("signalpart", element("h2", "", `Channels, last ${SPAN_SECS} s`), element("div", "lanes", list, element("div", "pictures", this.canvas, this.trace)), this.scale),
+      pane("signalpart", element("h2", "", `Channels, last ${SPAN_SECS} s`), element("div", "lanes", list, element("div", "pictures", this.canvas, this.trace)), this.scale, this.inertial),
       pane("gesturepart", element("h2", "", "Gesture in force"), this.inForce, this.newest, effort, element("h2", "", "Probabilities, newest window"), this.bars),
       pane("spectrumpart", this.spectrumTitle, this.spectrum, this.spectrumText),
     );
@@ -105,6 +108,7 @@ export class EmgView {
   clear(): void {
     this.columns.clear();
     this.recent = [];
+    this.spectra.clear();
     this.edge = 0;
   }
 
@@ -116,9 +120,11 @@ export class EmgView {
     if (signals.emg.length > 0 && signals.emg[0]?.length !== this.recent[0]?.length) this.recent = [];
     this.recent.push(...signals.emg);
     this.recent.splice(0, this.recent.length - Math.ceil(SPECTRUM_SECS * signals.emg_row_hz));
+    for (const { channel, step_hz, density } of signals.spectra) this.spectra.set(channel, { stepHz: step_hz, density });
     if (this.selected >= this.columns.channels) this.selected = 0;
     this.measure();
     this.showChannels(signals);
+    this.showInertial(signals);
     if (signals.recognition) this.showRecognition(signals.recognition);
     this.showSpectrum();
   }
@@ -219,6 +225,13 @@ export class EmgView {
     setClass(this.verdict, "warn", dead === null && !lights.includes("red") && (lights.includes("amber") || waits !== ""));
   }
 
+  /** Newest values of an inertial measurement unit, by name. */
+  private showInertial({ inertial }: Signals): void {
+    const said = inertial.map(({ name, unit, value }) => `${name.replaceAll("_", " ")} ${value === null ? "nothing" : value.toFixed(2)}${value === null || unit === "1" ? "" : ` ${unit}`}`);
+    this.inertial.hidden = said.length === 0;
+    setText(this.inertial, `Inertial measurement unit: ${said.join(", ")}`);
+  }
+
   private showRecognition({ gestures, posterior, in_force, window_class, effort, fault }: Recognition): void {
     setText(this.inForce, gestureText(in_force));
     const most = Math.max(...posterior);
@@ -250,14 +263,13 @@ export class EmgView {
     setText(this.spectrumTitle, `Spectrum of channel ${selected + 1}`);
     const fault = signals.faults[selected];
     const finding = fault ? ` Channel ${selected + 1} is ${FAULTS[fault]?.long ?? fault.replaceAll("_", " ")}.` : "";
-    // Lowest and highest values are no samples: they have no spectrum.
+    // Lowest and highest values are no samples: the program takes their spectra.
     const whole = Math.abs(signals.emg_row_hz - signals.emg_rate_hz) < 1;
-    const spectrum = whole ? powerSpectrum(this.recent.map((row) => row[selected] ?? 0), signals.emg_rate_hz) : null;
+    const spectrum = whole ? powerSpectrum(this.recent.map((row) => row[selected] ?? 0), signals.emg_rate_hz) : (this.spectra.get(selected) ?? null);
     drawSpectrum(this.spectrum, spectrum, inksOf(this.root));
-    this.spectrum.hidden = !whole;
     const median = spectrum && medianFrequency(spectrum);
     const figures = median ? `Median frequency ${median.toFixed(0)} Hz; lines ${spectrum.stepHz.toFixed(1)} Hz apart.` : "No signal to take one of.";
-    setText(this.spectrumText, (whole ? figures : "No spectrum: of a stream as dense as this the page gets lowest and highest values, not all samples.") + finding);
+    setText(this.spectrumText, (whole || spectrum ? figures : "The spectrum of this channel comes within seconds.") + finding);
   }
 }
 

@@ -47,6 +47,7 @@ impl TextBand {
             rails: None,
             loss_is_counted: false,
             volts: None,
+            imu: Vec::new(),
         };
         let (input, opened) = (BufReader::new(stream), Instant::now());
         Ok(TextBand { input, line: Vec::new(), info, counts: SourceCounts::default(), next: 0, opened })

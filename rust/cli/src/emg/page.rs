@@ -182,6 +182,7 @@ fn calibration_view(session: &Calibration) -> CalibrationView<'_> {
     CalibrationView::Calibration {
         reviewing: phase == Phase::Reviewing,
         phase,
+        position: session.position(),
         rounds: session.rounds(),
         most_rounds: config.most_rounds,
         gestures: &config.gestures,

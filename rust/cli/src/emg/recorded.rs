@@ -1,7 +1,7 @@
 //! What is said about recordings before anything is trained on them.
 
 use proact_app::stream_view::fault_text;
-use proact_devices::Recordings;
+use proact_devices::{Recording, Recordings};
 use proact_emg::{CalibrationConfig, Light, RecordedFault, RecordedRepetition, check_recordings};
 use proact_types::{EmgSample, GestureName};
 
@@ -10,7 +10,8 @@ const NAMED: usize = 4;
 
 /// What is wrong with the recordings, worst first.
 pub(super) fn faults(recordings: &Recordings, config: &CalibrationConfig) -> Vec<RecordedFault> {
-    let numbered: Vec<Vec<EmgSample>> = recordings.items.iter().map(|r| r.numbered().collect()).collect();
+    let electrodes = |r: &Recording| r.numbered().map(|sample| config.emg.electrodes(&sample)).collect();
+    let numbered: Vec<Vec<EmgSample>> = recordings.items.iter().map(electrodes).collect();
     let repetitions: Vec<RecordedRepetition<'_>> = recordings
         .items
         .iter()

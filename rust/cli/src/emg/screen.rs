@@ -94,7 +94,8 @@ impl Screen for Terminal {
             .collect();
         self.bar.set_prefix(prefix);
         self.bar.set_position((1000.0 * share) as u64);
-        self.bar.set_message(format!("{message}  round {}  channels {lights}", session.rounds() + 1));
+        let arm = session.position().map_or_else(String::new, |position| format!("  arm: {position}"));
+        self.bar.set_message(format!("{message}{arm}  round {}  channels {lights}", session.rounds() + 1));
     }
 
     fn say(&mut self, text: &str) {
@@ -160,6 +161,9 @@ pub(super) fn report_text(report: &CalibrationReport) -> String {
         let counts: String = row.iter().map(|count| format!("{count:>6}")).collect();
         text += &format!("  {:<16}{counts}   {:5.1} %\n", gesture, 100.0 * recall);
     }
+    if let Some(without) = report.accuracy_without_imu {
+        text += &format!("  {:.1} % without the inertial measurement unit\n", 100.0 * without);
+    }
     for DriveScore { drive, r2, mean_absolute_error } in &report.drives {
         text += &format!("  {drive:<32} R2 {r2:.3}, mean absolute error {mean_absolute_error:.3}\n");
     }
@@ -203,6 +207,7 @@ pub(super) fn refusal_text(refusal: &Refusal) -> String {
         Refusal::Gap { lost: 0 } => "a sample was unusable".to_owned(),
         Refusal::Gap { lost } => format!("{lost} samples were lost"),
         Refusal::Silence => "no samples came".to_owned(),
+        Refusal::Imu => "the inertial measurement unit said nothing, or the same all the time".to_owned(),
         Refusal::Red { channels, stream } => {
             let mut parts: Vec<String> = channels
                 .iter()

@@ -24,7 +24,7 @@ pub struct SelectArgs {
 /// The features in the order in which they were chosen.
 pub(super) fn text(args: &SelectArgs, json: bool) -> Result<String, Box<dyn Error>> {
     let recordings = args.window.open(&args.data)?;
-    let config = args.window.config(recordings.rate_hz, recordings.channels)?;
+    let config = args.window.config(recordings.rate_hz, recordings.channels, &recordings.imu)?;
     let gestures = recordings.gestures();
     let (mut windows, mut labels, mut repetitions) = (Vec::new(), Vec::new(), Vec::new());
     for recording in &recordings.items {

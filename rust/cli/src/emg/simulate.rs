@@ -218,6 +218,7 @@ fn publish(
         rails: None,
         loss_is_counted: true,
         volts: None,
+        imu: Vec::new(),
     };
     let mut published = Published::open(name, &info, layout)?;
     say(
@@ -266,6 +267,7 @@ fn feed(args: &SimulateArgs) -> Result<(EmgFeed, f64, usize), Box<dyn Error>> {
             path: PathBuf::new(),
             rate_hz,
             channels,
+            imu: Vec::new(),
             expected,
             rest,
             items: Vec::new(),

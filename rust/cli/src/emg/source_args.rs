@@ -32,7 +32,7 @@ pub struct SourceArgs {
 }
 
 impl SourceArgs {
-    /// Opens the source at `rate` hertz, if one is asked for.
+    /// Opens the source at `rate` hertz, if one is asked for, with its inertial measurement unit if `imu`.
     ///
     /// # Errors
     /// A source that does not exist or cannot be opened, a rate that cannot be.
@@ -40,8 +40,9 @@ impl SourceArgs {
         &self,
         sources: &SourceRegistry,
         rate: Option<f64>,
+        imu: bool,
     ) -> Result<Box<dyn SampleSource>, DeviceError> {
-        let options = self.options().at_rate(rate)?;
+        let options = SourceOptions { imu, ..self.options().at_rate(rate)? };
         let help = sources.find(&self.source)?.help;
         if self.source.scheme() == "keys" {
             tell(help);
@@ -58,6 +59,7 @@ impl SourceArgs {
             packet_bytes: self.packet,
             seed: self.seed,
             rate_hz: None,
+            imu: false,
         }
     }
 }

@@ -6,7 +6,7 @@ use clap::Args;
 use proact_app::{
     CentredStream, answer,
     lab_streaming::Published,
-    source::read_model,
+    source::{read_model, takes_imu},
     stream_view::{StreamGlance, StreamView},
 };
 use proact_devices::{
@@ -93,7 +93,11 @@ pub(super) fn run(sources: &SourceRegistry, args: &StreamArgs, json: bool) -> Re
     if let Some(from) = args.source.source.classes_from() {
         return classes(args, &from, &mut out, &stop);
     }
-    let source = args.source.open(sources, args.window.rate)?;
+    let imu = match &args.model {
+        Some(path) => takes_imu(path)?,
+        None => args.window.wants_imu(),
+    };
+    let source = args.source.open(sources, args.window.rate, imu)?;
     samples(args, source, &mut out, &stop)
 }
 
@@ -102,12 +106,18 @@ fn model(args: &StreamArgs, info: &SourceInfo) -> Result<(EmgModel, String), Box
     if let Some(path) = &args.model {
         return Ok((read_model(path, info)?, path.display().to_string()));
     }
-    let mut config = args.window.live_config(info.rate_hz, info.channels)?;
+    let mut config = args.window.live_config(info.rate_hz, info.channels, &info.imu)?;
     let (recordings, reps, label) = match &args.data {
         Some(dir) => (args.window.open(dir)?, args.train_reps.clone(), dir.display().to_string()),
         None => (synthetic(info.rate_hz)?, vec![0], "synthetic EMG; name recordings with --data".to_owned()),
     };
     check_fit(info, recordings.rate_hz, recordings.channels, &label)?;
+    if recordings.imu != info.imu {
+        return Err(format!(
+            "the inertial measurement unit of the stream is not that of {label}; leave --imu out"
+        )
+        .into());
+    }
     if reps.is_empty() {
         return Err("no repetitions to train on were named, expected at least one, such as 0".into());
     }
@@ -138,7 +148,8 @@ fn synthetic(rate_hz: f64) -> Result<Recordings, Box<dyn Error>> {
     };
     let items = Gesture::ALL.map(&mut record).into();
     let (expected, rest) = (Gesture::ALL.map(GestureName::from).into(), GestureName::default());
-    Ok(Recordings { path: "synthetic".into(), rate_hz, channels, expected, rest, items, notes: Vec::new() })
+    let (path, imu) = ("synthetic".into(), Vec::new());
+    Ok(Recordings { path, rate_hz, channels, imu, expected, rest, items, notes: Vec::new() })
 }
 
 fn check_fit(info: &SourceInfo, rate_hz: f64, channels: usize, trained_on: &str) -> Result<(), String> {
@@ -218,7 +229,7 @@ fn samples(
     let mut glance = StreamGlance::new(&info, &label);
     out.line(
         &json!({ "event": "open", "source": info.name, "rate_hz": info.rate_hz, "channels": info.channels,
-        "trained_on": label, "zero": stream.zero, "loss_is_counted": info.loss_is_counted }),
+        "imu": info.imu, "trained_on": label, "zero": stream.zero, "loss_is_counted": info.loss_is_counted }),
     )?;
     let mut going = true;
     while going && !stop.load(Ordering::Relaxed) {
@@ -239,8 +250,9 @@ fn samples(
                         "lost_samples": packet.lost_before, "next_sample": next }))?;
                 }
                 for sample in &packet.samples {
-                    glance.sample(sample);
-                    if quality.push(now, sample) {
+                    let electrodes = model.config.electrodes(sample);
+                    glance.sample(&electrodes);
+                    if quality.push(now, &electrodes) {
                         glance.quality.copy_from_slice(quality.channels());
                         glance.stream_quality = *quality.stream();
                         if quality.light() != light {
@@ -391,6 +403,7 @@ mod tests {
             rails: None,
             loss_is_counted: true,
             volts: None,
+            imu: Vec::new(),
         };
         let error = check_fit(&info, 200.0, 8, "recordings/").unwrap_err();
         assert_eq!(

@@ -6,7 +6,11 @@ use super::{page::PageScreen, source_args::SourceArgs, train::PageArgs};
 use crate::{interrupt::interrupt_flag, progress::bar};
 use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
-use proact_app::{CentredStream, answer, source::read_model, write_whole};
+use proact_app::{
+    CentredStream, answer,
+    source::{read_model, takes_imu},
+    write_whole,
+};
 use proact_bridge::{CalibrationView, GestureTest, TestKind};
 use proact_devices::{SourceEvent, SourceRegistry, open_pipeline, stream};
 use proact_emg::{
@@ -131,7 +135,7 @@ pub(super) fn run(sources: &SourceRegistry, args: &TestArgs, json: bool) -> Resu
         }
     }
     let stop = interrupt_flag()?;
-    let source = args.source.open(sources, args.rate)?;
+    let source = args.source.open(sources, args.rate, takes_imu(&args.model)?)?;
     let info = source.info().clone();
     let model = read_model(&args.model, &info)?;
     let pipeline = open_pipeline(&model, args.source.flat_out)?;

@@ -2,21 +2,21 @@
 
 pub use super::train_args::{PageArgs, TrainArgs};
 use super::{
-    band, recorded,
+    band,
+    feed::{Feed, Heard},
+    recorded,
     screen::{Choice, Screen, open_screen, refusal_text, report_text, shortfall, sites_text},
     train_args::{calibration, check_empty},
     trained,
 };
 use crate::interrupt::interrupt_flag;
 use proact_app::{answer, source::read_model, tell, write_whole};
-use proact_devices::{
-    EmgPacket, Recording, RecordingFolder, Recordings, SampleSource, SourceEvent, SourceInfo, SourceRegistry,
-};
+use proact_devices::{EmgPacket, Recording, RecordingFolder, SourceInfo, SourceRegistry, try_process};
 use proact_emg::{
     BandProposal, Calibration, CalibrationConfig, CalibrationEvent, CalibrationReport, EmgConfig, EmgModel,
     Phase, RecordedFault, RotationReport, accuracy_at, check_rotation,
 };
-use proact_types::{EmgSample, Gesture, GestureName, SimTime};
+use proact_types::{EmgSample, Gesture, GestureName};
 use serde_json::{Value, json};
 use std::{
     error::Error,
@@ -112,12 +112,6 @@ struct Training {
     saving: bool,
 }
 
-/// Where the repetitions come from.
-enum Feed {
-    Live { source: Box<dyn SampleSource>, begin: Instant, now: SimTime },
-    Recorded(Recordings),
-}
-
 impl Training {
     fn live(
         sources: &SourceRegistry,
@@ -125,15 +119,22 @@ impl Training {
         json: bool,
         stop: Arc<AtomicBool>,
     ) -> Result<Training, Box<dyn Error>> {
-        let source = args.source.open(sources, args.window.rate)?;
+        let source = args.source.open(sources, args.window.rate, args.window.wants_imu())?;
         let info = source.info().clone();
         let five = Gesture::ALL.map(GestureName::from);
         let rest = args.rest.unwrap_or_default();
         let known = args.window.decoder.gestures(&five, rest);
         let gestures = if args.gestures.is_empty() { &known } else { &args.gestures };
         let config = calibration(args, &info, gestures, rest)?;
+        let asked = EmgConfig { rest, ..args.window.live_config(info.rate_hz, info.channels, &info.imu)? };
+        if asked.classifier.is_process() {
+            tell("trying the program with made-up windows");
+            try_process(&asked, &config.gestures).map_err(|error| {
+                format!("{error}; it was tried before anything was recorded: mend the program, then begin")
+            })?;
+        }
         let screen = open_screen(&args.page, json, &info.name)?;
-        let feed = Feed::Live { source, begin: Instant::now(), now: SimTime(0) };
+        let feed = Feed::live(source);
         Training::new(args, info, config, feed, screen, stop)
     }
 
@@ -161,6 +162,7 @@ impl Training {
             rails: None,
             loss_is_counted: true,
             volts: None,
+            imu: recordings.imu.clone(),
         };
         let config = calibration(args, &info, &recordings.gestures(), rest)?;
         let faults = recorded::faults(&recordings, &config);
@@ -212,6 +214,7 @@ impl Training {
             emg: model.config.clone(),
             gestures: asked.clone(),
             most_rounds: 1,
+            positions: Vec::new(),
             ..self.config.clone()
         };
         self.session = Calibration::new(config)?;
@@ -263,6 +266,7 @@ impl Training {
                     emg: model.config.clone(),
                     gestures: CalibrationConfig::round(known, model.config.rest),
                     most_rounds: 1,
+                    positions: Vec::new(),
                     ..self.config.clone()
                 };
                 self.session = Calibration::new(config)?;
@@ -291,14 +295,17 @@ impl Training {
         let (rate_hz, channels, rest) = (emg.rate_hz, emg.channels, emg.rest);
         let gestures = self.config.gestures.clone();
         if let Some(dir) = &args.resume {
-            let (folder, mut recordings) = RecordingFolder::resume(dir, rate_hz, channels, &gestures, rest)?;
+            let imu = &self.info.imu;
+            let (folder, mut recordings) =
+                RecordingFolder::resume(dir, rate_hz, channels, &gestures, rest, imu)?;
             recorded::in_order_of_prompts(&mut recordings, rest);
             let kept: Vec<_> = recordings.items.iter().map(|r| (r.gesture, r.numbered().collect())).collect();
             self.screen.say(&format!("{} repetitions are in {}: going on", kept.len(), dir.display()));
             self.session.resume(kept)?;
             self.saved = Some(folder);
         } else if args.save.is_some() || matches!(self.feed, Feed::Live { .. }) {
-            self.saved = Some(RecordingFolder::create(&args.folder(), rate_hz, &gestures, rest)?);
+            self.saved =
+                Some(RecordingFolder::create(&args.folder(), rate_hz, &gestures, rest, &self.info.imu)?);
         }
         if let Feed::Recorded(recordings) = &self.feed {
             for recording in &recordings.items {
@@ -337,7 +344,14 @@ impl Training {
         while self.session.phase() != Phase::Reviewing {
             for event in self.advance()? {
                 match event {
-                    CalibrationEvent::Prompted(prompt) => self.prompt(prompt.gesture),
+                    CalibrationEvent::Prompted(prompt) => {
+                        if let Some(text) =
+                            self.feed.prompt_position(&self.config.positions, prompt.repetition)
+                        {
+                            self.screen.say(&text);
+                        }
+                        self.feed.prompt(prompt.gesture);
+                    }
                     CalibrationEvent::Refused(prompt, refusal) => {
                         self.refused += 1;
                         let text = refusal_text(&refusal);
@@ -368,7 +382,7 @@ impl Training {
                 return Err(format!("nothing could be recorded for {:.0} s after {kept} repetitions: {why}; training refuses red channels", progress.elapsed().as_secs_f64()).into());
             }
         }
-        self.prompt(self.config.emg.rest);
+        self.feed.prompt(self.config.emg.rest);
         Ok(())
     }
 
@@ -383,33 +397,16 @@ impl Training {
         }
     }
 
-    fn prompt(&mut self, gesture: GestureName) {
-        if let Feed::Live { source, .. } = &mut self.feed {
-            source.prompt(gesture);
-        }
-    }
-
     /// Takes what the source brings next.
     fn advance(&mut self) -> Result<Vec<CalibrationEvent>, Box<dyn Error>> {
         if self.stop.load(Ordering::Relaxed) {
             return Err("stopped before the end".into());
         }
-        let Feed::Live { source, begin, now } = &mut self.feed else { return Ok(Vec::new()) };
         let mut packet = EmgPacket::default();
-        let event = source.poll(Duration::from_millis(20), &mut packet)?;
-        // The stream's clock must not go back, whichever clock it is read from.
-        *now = (*now).max(SimTime(match event {
-            SourceEvent::Packet => packet.received.as_millis() as u64,
-            _ => begin.elapsed().as_millis() as u64,
-        }));
-        match event {
-            SourceEvent::Ended => return Err("the source ended before the calibration did".into()),
-            SourceEvent::Lost { reason } => self.screen.say(&format!("armband lost: {reason}")),
-            SourceEvent::Restored => self.screen.say("armband found again"),
-            _ => {}
-        }
+        let Some(Heard { now, said }) = self.feed.poll(&mut packet)? else { return Ok(Vec::new()) };
+        said.iter().for_each(|text| self.screen.say(text));
         // Without a packet `samples` is empty.
-        Ok(self.session.step(*now, &packet.samples)?)
+        Ok(self.session.step(now, &packet.samples)?)
     }
 
     /// `error` ended the calibration: where what was recorded is, and how to go on.
@@ -441,7 +438,7 @@ impl Training {
             Ok(model) => model,
             Err(error) => return Err(self.stopped(error.into())),
         };
-        let live = args.window.live_config(self.info.rate_hz, self.info.channels)?;
+        let live = args.window.live_config(self.info.rate_hz, self.info.channels, &self.info.imu)?;
         let asked = EmgConfig { rest: self.config.emg.rest, ..live };
         let (model, judged) = trained::decoded(&asked, model, self.session.repetitions())
             .map_err(|error| self.stopped(error))?;
@@ -487,7 +484,8 @@ impl Training {
         let of = |value: &dyn Fn(&CalibrationReport) -> Value| judged.map_or(Value::Null, value);
         json!({
             "model": args.out.display().to_string(),
-            "accuracy": of(&|r| json!(r.accuracy)), "windows": of(&|r| json!(r.windows)),
+            "accuracy": of(&|r| json!(r.accuracy)), "accuracy_without_imu": of(&|r| json!(r.accuracy_without_imu)),
+            "positions": self.config.positions, "windows": of(&|r| json!(r.windows)),
             "classes": of(&|r| json!(r.classes)), "confusion": of(&|r| json!(r.confusion)),
             "recall": of(&|r| json!(r.recall)), "drives": of(&|r| json!(r.drives)), "sites": model.classifier.sites(), "repetitions": of(&|r| json!(r.repetitions)),
             "good_enough": judged.is_some_and(|r| r.good_enough), "rounds": self.session.rounds(),

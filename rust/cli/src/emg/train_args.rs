@@ -54,6 +54,10 @@ pub struct TrainArgs {
     /// With linear and ridge, in the place of --target: R2 of each degree of freedom, leaving one repetition out.
     #[arg(long, default_value_t = 0.6)]
     pub(super) target_r2: f64,
+    /// Positions of the limb in which rounds are recorded, one after the other, as hanging,forward,overhead. Each is asked for twice
+    /// at least. Default: none is asked for.
+    #[arg(long, value_delimiter = ',', value_name = "NAMES")]
+    pub(super) positions: Vec<String>,
     /// Length of a repetition, seconds.
     #[arg(long, default_value_t = 3.0)]
     pub(super) secs: f64,
@@ -119,12 +123,14 @@ pub(super) fn calibration(
     if !gestures.contains(&rest) {
         return Err(EmgError::NoRest { rest, known: gestures.to_vec() }.into());
     }
-    let emg = EmgConfig { rest, ..args.window.live_config(info.rate_hz, info.channels)? }.stand_in();
+    let emg =
+        EmgConfig { rest, ..args.window.live_config(info.rate_hz, info.channels, &info.imu)? }.stand_in();
     let nominal_zero = args.source.zero.unwrap_or(info.zero);
     let rails = info.rails.map(|(low, high)| [low - nominal_zero, high - nominal_zero]);
     let config = CalibrationConfig {
         emg,
         gestures: CalibrationConfig::round(gestures, rest),
+        positions: args.positions.clone(),
         repetition_secs: args.secs,
         prepare_secs: args.prepare,
         least_rounds: args.least_rounds.into(),

@@ -51,6 +51,7 @@ fn centred(model: &EmgModel, repetitions: &[Repetition]) -> Recordings {
         path: PathBuf::new(),
         rate_hz: model.config.rate_hz,
         channels: model.config.channels,
+        imu: model.config.imu.channels.clone(),
         expected: model.classifier.gestures().to_vec(),
         rest: model.config.rest,
         items,

@@ -60,6 +60,7 @@ const MYO: Profile = Profile {
         (Characteristic::Emg1, myo::EMG_CHARACTERISTICS[1]),
         (Characteristic::Emg2, myo::EMG_CHARACTERISTICS[2]),
         (Characteristic::Emg3, myo::EMG_CHARACTERISTICS[3]),
+        (Characteristic::Imu, myo::IMU_CHARACTERISTIC),
     ],
 };
 

@@ -5,9 +5,11 @@ use super::{
     parser::EmgParser,
     protocol::{
         Characteristic, Command, EmgCapability, EmgSetting, ProtocolError, Reply, ReplyCode, SWITCH_EMG,
+        SWITCH_IMU,
     },
 };
 use crate::{DeviceError, EmgPacket, SampleSource, SourceCounts, SourceEvent, SourceInfo};
+use proact_emg::ImuChannel;
 use proact_types::GestureName;
 use std::time::{Duration, Instant};
 
@@ -56,6 +58,9 @@ pub struct GForceOptions {
     pub bits: u8,
     /// A bit per channel.
     pub channel_mask: u16,
+    /// The inertial measurement unit too. Packets are not numbered then: no source says whether all kinds of data share one
+    /// numbering.
+    pub imu: bool,
     /// Bytes of a packet. Smaller ones wait less and cost more radio: 128 is 16 ms at 1000 Hz, 32 is 4 ms.
     pub packet_bytes: u8,
 }
@@ -63,7 +68,7 @@ pub struct GForceOptions {
 impl Default for GForceOptions {
     fn default() -> Self {
         let EmgSetting { channel_mask, packet_bytes, bits, .. } = EmgSetting::PROACT;
-        GForceOptions { rate_hz: None, bits, channel_mask, packet_bytes }
+        GForceOptions { rate_hz: None, bits, channel_mask, imu: false, packet_bytes }
     }
 }
 
@@ -114,13 +119,15 @@ impl GForce {
             rails: Some((0.0, setting.highest())),
             loss_is_counted: ready.ids,
             volts: Some(setting.volts()),
+            imu: if options.imu { ImuChannel::of_an_armband() } else { Vec::new() },
         };
+        let parser = EmgParser::new(setting, ready.ids)?;
         Ok(GForce {
             link: KeptLink::new(connector, link),
             // After a loss the same stream is asked for again.
             options: GForceOptions { rate_hz: Some(setting.rate_hz), ..options },
             info,
-            parser: EmgParser::new(setting, ready.ids)?,
+            parser: if options.imu { parser.with_imu() } else { parser },
             opened: Instant::now(),
             notification: Vec::with_capacity(1024),
             battery: ready.battery,
@@ -218,8 +225,9 @@ fn set_up(link: &mut dyn GattLink, options: &GForceOptions) -> Result<Ready, GFo
     if got != setting {
         return Err(GForceError::ReadBack { asked: setting, got });
     }
-    let ids = asked(link, Command::PackageId(true))?.is_some();
-    command(link, Command::DataSwitch(SWITCH_EMG), "")?;
+    let ids = asked(link, Command::PackageId(!options.imu))?.is_some() && !options.imu;
+    let kinds = if options.imu { SWITCH_EMG | SWITCH_IMU } else { SWITCH_EMG };
+    command(link, Command::DataSwitch(kinds), "")?;
     Ok(Ready { setting, ids, firmware, battery })
 }
 

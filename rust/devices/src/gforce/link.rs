@@ -20,7 +20,7 @@ pub enum LinkError {
     #[error("the connection failed: {0}")]
     Io(#[from] io::Error),
     /// Bytes on the socket that are no frame.
-    #[error("the other side sends no frames: characteristic {0}, expected 1 to 8; is it a ProACT simulator?")]
+    #[error("the other side sends no frames: characteristic {0}, expected 1 to 9; is it a ProACT simulator?")]
     NotFramed(u8),
     /// No armband is in reach, or no radio, or another trouble with it.
     #[error("{0}")]

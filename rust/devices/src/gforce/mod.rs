@@ -11,6 +11,7 @@
 mod ble;
 mod driver;
 mod fragments;
+pub mod imu;
 mod kept_link;
 mod link;
 mod parser;

@@ -35,11 +35,13 @@ pub enum Characteristic {
     Firmware,
     /// Charge of the battery.
     Battery,
+    /// Inertial measurement unit of a Myo.
+    Imu,
 }
 
 impl Characteristic {
     /// By the number that they have in the simulator's frames, from 1.
-    const NUMBERED: [Characteristic; 8] = [
+    const NUMBERED: [Characteristic; 9] = [
         Characteristic::Command,
         Characteristic::Data,
         Characteristic::Emg0,
@@ -48,6 +50,7 @@ impl Characteristic {
         Characteristic::Emg3,
         Characteristic::Firmware,
         Characteristic::Battery,
+        Characteristic::Imu,
     ];
 
     /// Its number in the simulator's frames.
@@ -219,9 +222,11 @@ pub enum Command {
     DataSwitch(u32),
 }
 
-/// [`Command::DataSwitch`]: raw EMG alone. Orientation beside EMG has broken EMG data on devices (BrainFlow issue
-/// 703), so it is left off.
+/// [`Command::DataSwitch`]: raw EMG. Orientation beside EMG has broken EMG data on devices (BrainFlow issue 703), so it is left
+/// off unless it is asked for.
 pub const SWITCH_EMG: u32 = 0x80;
+/// [`Command::DataSwitch`]: acceleration, angular velocity and orientation.
+pub const SWITCH_IMU: u32 = 0x01 | 0x02 | 0x10;
 
 impl Command {
     /// The first byte.

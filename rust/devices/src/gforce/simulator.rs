@@ -1,10 +1,12 @@
 use super::{
     fragments::cut,
+    imu::imu_messages,
     protocol::{
         Characteristic, Command, EMG_DATA, EmgCapability, EmgSetting, ProtocolError, ReplyCode, SWITCH_EMG,
+        SWITCH_IMU,
     },
 };
-use crate::{DeviceError, gforce::GattDouble, stream};
+use crate::{DeviceError, SimulatedImu, gforce::GattDouble, stream};
 use proact_types::{ChannelValues, GestureName};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -131,6 +133,7 @@ pub struct Simulator {
     rng: ChaCha8Rng,
     setting: EmgSetting,
     ids: bool,
+    imu: Option<SimulatedImu>,
     /// When samples were switched on, and the packets made since then.
     streaming: Option<(Duration, u64)>,
     motor: bool,
@@ -161,6 +164,7 @@ impl Simulator {
             codes,
             setting,
             ids: false,
+            imu: None,
             streaming: None,
             motor: false,
             prompted: Prompted::default(),
@@ -248,6 +252,9 @@ impl Simulator {
             Command::GetEmg => self.setting.to_bytes().to_vec(),
             Command::DataSwitch(flags) => {
                 let on = flags & SWITCH_EMG != 0;
+                let imu = on && flags & SWITCH_IMU == SWITCH_IMU;
+                self.imu =
+                    imu.then(|| self.imu.take().unwrap_or_else(|| SimulatedImu::new(self.options.seed)));
                 // Switching on what is on changes nothing.
                 self.streaming = if on { self.streaming.or(Some((now, 0))) } else { None };
                 Vec::new()
@@ -268,9 +275,14 @@ impl Simulator {
         while let Some(due) = self.next_due().filter(|due| *due <= now) {
             let Some((since, packets)) = self.streaming else { break };
             self.streaming = Some((since, packets + 1));
-            let message = self.packet(packets);
+            let mut messages = vec![self.packet(packets)];
+            // After each packet: 62.5 times a second at the usual settings. The maker names no rate.
+            if let Some(imu) = &mut self.imu {
+                messages.extend(imu_messages(&imu.sample()));
+            }
             let jitter = self.options.jitter.mul_f64(self.rng.random_range(0.0..=1.0));
-            for bytes in cut(&message, self.options.notification_bytes) {
+            let most = self.options.notification_bytes;
+            for bytes in messages.iter().flat_map(|message| cut(message, most)) {
                 self.send(
                     Notification { due: due + jitter, characteristic: Characteristic::Data, bytes },
                     &mut out,

@@ -3,6 +3,8 @@ use crate::{AmplifierLayout, DeviceError, EmgPacket, SourceInfo};
 use lsl::{ChannelFormat, ExPushable, StreamInfo, StreamOutlet};
 use proact_types::GestureName;
 
+/// Type of the channels of an inertial measurement unit.
+const IMU_TYPE: &str = "IMU";
 /// Weight of one packet's arrival in the line from sample counter to stamp.
 const LINE_GAIN: f64 = 0.01;
 /// Most by which that line moves, of the time that passes. No device's clock is further from its nominal rate, and a
@@ -43,7 +45,7 @@ impl LslOutlet {
     ) -> Result<LslOutlet, DeviceError> {
         check_name(name)?;
         let error = |error| failed(name, error);
-        let channels = info.channels as u32;
+        let channels = (info.channels + info.imu.len()) as u32;
         // With the same source a reader finds the stream again when the program is started anew.
         let source = |stream: &str| format!("proact-{stream}");
         let mut about =
@@ -57,6 +59,12 @@ impl LslOutlet {
                 .append_child_value("label", &label)
                 .append_child_value("unit", described.map_or("counts", |known| known.unit))
                 .append_child_value("type", described.map_or(EMG_TYPE, |known| known.kind));
+        }
+        for channel in &info.imu {
+            list.append_child("channel")
+                .append_child_value("label", &channel.name)
+                .append_child_value("unit", &channel.unit)
+                .append_child_value("type", IMU_TYPE);
         }
         about.desc().append_child_value("device", &info.name);
         let samples = StreamOutlet::new(&about, 0, KEPT_SECS).map_err(error)?;

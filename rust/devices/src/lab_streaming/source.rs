@@ -1,9 +1,10 @@
 use super::{EMG_TYPE, OPEN_SECS, failed, find, numbering::Numbering, reader::Reader, subscribe};
 use crate::{
     DeviceError, EmgPacket, SampleSource, SourceClock, SourceCounts, SourceEvent, SourceInfo,
-    amplifier::{is_emg, microvolts_of},
+    amplifier::{is_emg, is_imu, microvolts_of},
 };
 use lsl::{ChannelFormat, StreamInfo, StreamInlet};
+use proact_emg::ImuChannel;
 use proact_types::{EmgSample, MAX_EMG_CHANNELS};
 use std::{
     sync::mpsc::RecvTimeoutError,
@@ -64,13 +65,14 @@ struct ClockStatistics {
 }
 
 impl LslSource {
-    /// Opens the stream called `name`; without a name the only one of type EMG.
+    /// Opens the stream called `name`; without a name the only one of type EMG. Channels of an inertial measurement unit among its
+    /// channels are taken if `imu`.
     ///
     /// # Errors
     /// No such stream, or several; one without a rate, with too many channels or with texts; no connection.
-    pub fn open(name: Option<&str>) -> Result<LslSource, DeviceError> {
-        let (reader, info) = Reader::open(name, EMG_TYPE, WAITING, |property, label| {
-            let (inlet, info, chosen) = connect(property, label)?;
+    pub fn open(name: Option<&str>, imu: bool) -> Result<LslSource, DeviceError> {
+        let (reader, info) = Reader::open(name, EMG_TYPE, WAITING, move |property, label| {
+            let (inlet, info, chosen) = connect(property, label, imu)?;
             Ok((inlet, info, arrivals(chosen)))
         })?;
         let now = Instant::now();
@@ -182,24 +184,38 @@ impl SampleSource for LslSource {
 }
 
 /// Finds the stream and subscribes to it.
-fn connect(property: &str, label: &str) -> Result<(StreamInlet, SourceInfo, Chosen), DeviceError> {
+fn connect(property: &str, label: &str, imu: bool) -> Result<(StreamInlet, SourceInfo, Chosen), DeviceError> {
     let stream = find(property, label)?;
     let info = checked(&stream).map_err(|reason| failed(label, reason))?;
     let inlet = subscribe(&stream, label)?;
-    let chosen = Chosen::of(&described(&inlet, label)?, info.channels);
+    let chosen = Chosen::of(&described(&inlet, label)?, info.channels, imu);
     let volts = chosen.in_microvolts.then_some(1e-6);
-    let info = SourceInfo { channels: chosen.channels.len(), volts, ..info };
+    let info = SourceInfo {
+        channels: chosen.channels.len(),
+        volts,
+        imu: chosen.imu.iter().map(|(_, channel)| channel.clone()).collect(),
+        ..info
+    };
     Ok((inlet, info, chosen))
 }
 
-/// Type and unit of each channel, as far as the stream says them.
-fn described(inlet: &StreamInlet, label: &str) -> Result<Vec<(String, String)>, DeviceError> {
+/// What a stream says of a channel.
+#[derive(Clone, Debug, Default)]
+struct Described {
+    kind: String,
+    unit: String,
+    label: String,
+}
+
+/// What the stream says of each channel, as far as it does.
+fn described(inlet: &StreamInlet, label: &str) -> Result<Vec<Described>, DeviceError> {
     let mut about = inlet.info(OPEN_SECS).map_err(|error| failed(label, error))?;
     let count = about.channel_count().unsigned_abs() as usize;
     let mut channel = about.desc().child("channels").child("channel");
     let mut described = Vec::new();
     while !channel.empty() && described.len() < count {
-        described.push((channel.child_value_named("type"), channel.child_value_named("unit")));
+        let said = |key: &str| channel.child_value_named(key);
+        described.push(Described { kind: said("type"), unit: said("unit"), label: said("label") });
         channel = channel.next_sibling_named("channel");
     }
     Ok(described)
@@ -209,6 +225,8 @@ fn described(inlet: &StreamInlet, label: &str) -> Result<Vec<(String, String)>, 
 #[derive(Clone, Debug, PartialEq)]
 struct Chosen {
     channels: Vec<usize>,
+    /// Those of an inertial measurement unit, where they are asked for.
+    imu: Vec<(usize, ImuChannel)>,
     factor: f64,
     in_microvolts: bool,
 }
@@ -217,14 +235,25 @@ impl Chosen {
     /// Of a stream of `count` channels that says so much of them. Where some are of type EMG or EXG, the others (accelerometers,
     /// triggers, counters) are left out; else all are taken. Voltages become microvolts, since limits of quality are in
     /// converter's counts, and a microvolt is near one.
-    fn of(described: &[(String, String)], count: usize) -> Chosen {
-        let emg = described.iter().enumerate().filter(|(_, (kind, _))| is_emg(kind));
+    fn of(described: &[Described], count: usize, with_imu: bool) -> Chosen {
+        let emg = described.iter().enumerate().filter(|(_, channel)| is_emg(&channel.kind));
         let emg: Vec<usize> = emg.map(|(channel, _)| channel).collect();
         let channels = if emg.is_empty() { (0..count).collect() } else { emg };
-        let unit = |channel: &usize| described.get(*channel).and_then(|(_, unit)| microvolts_of(unit));
+        let named = described.iter().enumerate().filter(|(k, c)| is_imu(&c.kind) && !channels.contains(k));
+        let imu = named.map(|(place, channel)| {
+            let said = |text: &str, otherwise: &str| match text.trim() {
+                "" => otherwise.to_owned(),
+                text => text.to_owned(),
+            };
+            // Without a unit channels of one type are taken for one sensor.
+            let unit = said(&channel.unit, &channel.kind);
+            (place, ImuChannel { name: said(&channel.label, &format!("{}_{place}", channel.kind)), unit })
+        });
+        let imu = if with_imu { imu.collect() } else { Vec::new() };
+        let unit = |channel: &usize| described.get(*channel).and_then(|channel| microvolts_of(&channel.unit));
         let first = channels.first().and_then(unit);
         let one = first.filter(|first| channels.iter().all(|channel| unit(channel) == Some(*first)));
-        Chosen { channels, factor: one.unwrap_or(1.0), in_microvolts: one.is_some() }
+        Chosen { channels, imu, factor: one.unwrap_or(1.0), in_microvolts: one.is_some() }
     }
 }
 
@@ -249,6 +278,7 @@ fn checked(stream: &StreamInfo) -> Result<SourceInfo, String> {
         rails: None,
         loss_is_counted: true,
         volts: None,
+        imu: Vec::new(),
     })
 }
 
@@ -265,7 +295,9 @@ fn arrivals(chosen: Chosen) -> impl FnMut(&StreamInlet, &[f64], f64) -> Arrived 
             (clock, compared) = (offset.or(clock), Some(Instant::now()));
         }
         let value = |channel: &usize| values.get(*channel).map_or(f64::NAN, |value| value * chosen.factor);
-        let sample = EmgSample { counter: 0, channels: chosen.channels.iter().map(value).collect() };
+        let imu = chosen.imu.iter().map(|(place, _)| values.get(*place).copied().unwrap_or(f64::NAN));
+        let sample =
+            EmgSample { counter: 0, channels: chosen.channels.iter().map(value).chain(imu).collect() };
         Arrived { sample, stamp, arrived: lsl::local_clock(), at: Instant::now(), offset: clock }
     }
 }
@@ -275,19 +307,32 @@ mod tests {
     use super::*;
     use crate::{AmplifierLayout, LslOutlet};
 
-    fn described(channels: &[(&str, &str)]) -> Vec<(String, String)> {
-        channels.iter().map(|(kind, unit)| ((*kind).to_owned(), (*unit).to_owned())).collect()
+    fn described(channels: &[(&str, &str)]) -> Vec<Described> {
+        let of = |(kind, unit): &(&str, &str)| Described {
+            kind: (*kind).to_owned(),
+            unit: (*unit).to_owned(),
+            label: String::new(),
+        };
+        channels.iter().map(of).collect()
     }
 
     #[test]
     fn channels_that_are_no_emg_are_left_out_and_voltages_become_microvolts() {
         let mixed = described(&[("EMG", "mV"), ("AUX", "g"), ("emg", "millivolts")]);
-        let chosen = Chosen::of(&mixed, 3);
+        let chosen = Chosen::of(&mixed, 3, true);
+        assert_eq!(chosen.imu, [], "nobody says that it is an inertial measurement unit");
         assert_eq!((&chosen.channels[..], chosen.factor, chosen.in_microvolts), (&[0, 2][..], 1e3, true));
-        let all = Chosen { channels: vec![0, 1], factor: 1.0, in_microvolts: false };
-        assert_eq!(Chosen::of(&[], 2), all, "a stream that says nothing");
-        assert_eq!(Chosen::of(&described(&[("EEG", "counts"), ("", "")]), 2), all);
-        assert_eq!(Chosen::of(&described(&[("EMG", "V"), ("EMG", "mV")]), 2), all, "two units are none");
+        let of = |channels: &[Described]| Chosen::of(channels, 2, false);
+        let all = Chosen { channels: vec![0, 1], imu: Vec::new(), factor: 1.0, in_microvolts: false };
+        assert_eq!(of(&[]), all, "a stream that says nothing");
+        assert_eq!(of(&described(&[("EEG", "counts"), ("", "")])), all);
+        assert_eq!(of(&described(&[("EMG", "V"), ("EMG", "mV")])), all, "two units are none");
+        let mut worn = described(&[("EMG", "mV"), ("ACC", "g"), ("Gyroscope", ""), ("MISC", "counts")]);
+        worn[1].label = "X1".to_owned();
+        let chosen = Chosen::of(&worn, 4, true);
+        let imu = [(1, ImuChannel::new("X1", "g")), (2, ImuChannel::new("Gyroscope_2", "Gyroscope"))];
+        assert_eq!((&chosen.channels[..], &chosen.imu[..]), (&[0][..], &imu[..]));
+        assert_eq!(Chosen::of(&worn, 4, false).imu, []);
     }
 
     /// The double of each amplifier is read as its page says. The grid runs at 4 kHz, its highest rate.
@@ -306,9 +351,10 @@ mod tests {
                 rails: None,
                 loss_is_counted: true,
                 volts: None,
+                imu: Vec::new(),
             };
             let mut outlet = LslOutlet::open(&name, &info, Some(&layout)).unwrap();
-            let mut source = LslSource::open(Some(&name)).unwrap();
+            let mut source = LslSource::open(Some(&name), false).unwrap();
             let got = source.info().clone();
             assert_eq!((got.rate_hz, got.channels, got.volts), (rate_hz, channels, Some(1e-6)), "{key}");
             let mut codes = layout.double(Box::new(|| [10.0; 8].into_iter().collect()), 1);

@@ -12,6 +12,7 @@ pub use person::{KeyboardSource, PersonSource};
 pub use playback::{Pacing, PlaybackSource};
 
 use crate::DeviceError;
+use proact_emg::ImuChannel;
 use proact_types::{EmgSample, GestureName};
 use std::time::Duration;
 
@@ -22,7 +23,7 @@ pub struct SourceInfo {
     pub name: String,
     /// Samples per second by the device's settings.
     pub rate_hz: f64,
-    /// Channels of every sample.
+    /// Electrodes, which come first in every sample.
     pub channels: usize,
     /// Samples of a whole packet; 1 when the source has no packets.
     pub packet_samples: usize,
@@ -35,6 +36,9 @@ pub struct SourceInfo {
     pub loss_is_counted: bool,
     /// Volts of one code by the maker's word, from `zero`. None where nobody says.
     pub volts: Option<f64>,
+    /// Channels of an inertial measurement unit, which follow those of the electrodes in every sample: the newest of a sensor that
+    /// is slower than the electrodes, no number before its first.
+    pub imu: Vec<ImuChannel>,
 }
 
 /// Samples that arrived together.
@@ -93,6 +97,9 @@ pub trait SampleSource: Send {
 
     /// Tells a simulated person what is asked for. Armbands on people, and recordings, take no notice.
     fn prompt(&mut self, _gesture: GestureName) {}
+
+    /// Tells a simulated person into which position the limb is to go: `place` of `count`, from the arm hanging to overhead.
+    fn prompt_position(&mut self, _place: usize, _count: usize) {}
 }
 
 /// A sender's clock beside the host's, and how old samples are when they arrive.

@@ -1,5 +1,6 @@
 use super::{EmgPacket, Pacing, SampleSource, SourceCounts, SourceEvent, SourceInfo};
-use crate::{DeviceError, EmgFeed, EmgOrigin, prepare};
+use crate::{DeviceError, EmgFeed, EmgOrigin, SimulatedImu, prepare};
+use proact_emg::ImuChannel;
 use proact_types::{Gesture, GestureName, SimTime};
 use std::{
     io::Read,
@@ -7,6 +8,8 @@ use std::{
     time::{Duration, Instant},
 };
 
+/// From one value of the inertial measurement unit to the next, ms: 50 a second.
+const IMU_MILLIS: u64 = 20;
 /// Length of a packet, as long as the armband's.
 const PACKET_MILLIS: u64 = 16;
 
@@ -18,6 +21,8 @@ const PACKET_MILLIS: u64 = 16;
 pub struct PersonSource {
     info: SourceInfo,
     feed: EmgFeed,
+    /// With its newest values.
+    imu: Option<(SimulatedImu, [f64; 10])>,
     pacing: Pacing,
     reaction: Duration,
     /// Milliseconds made so far.
@@ -53,11 +58,13 @@ impl PersonSource {
             rails: None,
             loss_is_counted: true,
             volts: None,
+            imu: Vec::new(),
         };
         Ok(PersonSource {
             info,
             intended: setup.feed.gesture_for(Gesture::NoMotion),
             feed: setup.feed,
+            imu: None,
             pacing,
             reaction,
             tick: 0,
@@ -65,6 +72,16 @@ impl PersonSource {
             opened: Instant::now(),
             packets: 0,
         })
+    }
+
+    /// The same person with an inertial measurement unit on the band, whose noise is drawn from `seed`; the position of the limb
+    /// changes what the electrodes hear ([`SimulatedImu`]).
+    pub fn with_imu(mut self, seed: u64) -> PersonSource {
+        let mut imu = SimulatedImu::new(seed);
+        let newest = imu.sample();
+        self.imu = Some((imu, newest));
+        self.info.imu = ImuChannel::of_an_armband();
+        self
     }
 }
 
@@ -87,7 +104,20 @@ impl SampleSource for PersonSource {
             if let Some((_, gesture)) = self.next.take_if(|(at, _)| *at <= tick) {
                 self.intended = gesture;
             }
-            packet.samples.extend(self.feed.sample_at(SimTime(tick), self.intended));
+            let mut samples = self.feed.sample_at(SimTime(tick), self.intended);
+            if let Some((imu, newest)) = &mut self.imu {
+                if tick.is_multiple_of(IMU_MILLIS) {
+                    *newest = imu.sample();
+                }
+                for sample in &mut samples {
+                    let channels = sample.channels.len();
+                    for (c, value) in sample.channels.iter_mut().enumerate() {
+                        *value *= imu.gain(c, channels);
+                    }
+                    sample.channels.extend(*newest);
+                }
+            }
+            packet.samples.extend(samples);
         }
         self.tick += PACKET_MILLIS;
         let Some(last) = packet.samples.last() else { return Ok(SourceEvent::Nothing) };
@@ -108,6 +138,12 @@ impl SampleSource for PersonSource {
     fn prompt(&mut self, gesture: GestureName) {
         let follows = self.tick + self.reaction.as_millis() as u64;
         self.next = Some((follows, gesture));
+    }
+
+    fn prompt_position(&mut self, place: usize, count: usize) {
+        if let Some((imu, _)) = &mut self.imu {
+            imu.turn_to(place, count);
+        }
     }
 }
 

@@ -77,6 +77,7 @@ impl PlaybackSource {
             rails: None,
             loss_is_counted: true,
             volts: None,
+            imu: Vec::new(),
         };
         let opened = Instant::now();
         Ok(PlaybackSource { info, pacing, samples, at: 0, opened, packets: 0, lost_samples: 0 })
@@ -100,7 +101,9 @@ impl PlaybackSource {
         let samples =
             values.into_iter().zip(0..).map(|(channels, counter)| EmgSample { counter, channels }).collect();
         let name = recordings.path.display().to_string();
-        PlaybackSource::new(&name, samples, recordings.rate_hz, packet_samples, pacing)
+        let mut source = PlaybackSource::new(&name, samples, recordings.rate_hz, packet_samples, pacing)?;
+        (source.info.channels, source.info.imu) = (recordings.channels, recordings.imu.clone());
+        Ok(source)
     }
 }
 

@@ -2,13 +2,15 @@ use super::{
     numbering::TurnNumbering,
     protocol::{
         CHANNELS, EMG, MyoCommand, MyoEmgMode, PACKET_BYTES, PACKET_SAMPLES, RATE_HZ, firmware_version,
+        imu_values,
     },
 };
 use crate::{
     DeviceError, EmgPacket, SampleSource, SourceCounts, SourceEvent, SourceInfo,
     gforce::{Characteristic, Connect, GattLink, Heard, KeptLink, LinkError},
 };
-use proact_types::{EmgSample, GestureName};
+use proact_emg::ImuChannel;
+use proact_types::{ChannelValues, EmgSample, GestureName};
 use std::time::{Duration, Instant};
 
 /// How long the armband may take to answer what is read, or to send its first samples.
@@ -21,6 +23,8 @@ const ANSWER: Duration = Duration::from_secs(2);
 pub struct Myo {
     link: KeptLink,
     mode: MyoEmgMode,
+    /// The newest values of the inertial measurement unit; none where it is switched off.
+    imu: Option<[f64; 10]>,
     info: SourceInfo,
     numbering: TurnNumbering,
     counts: SourceCounts,
@@ -30,30 +34,37 @@ pub struct Myo {
 }
 
 impl Myo {
-    /// Connects and switches samples on, filtered by the armband or as converted.
+    /// Connects and switches samples on, filtered by the armband or as converted, with its inertial measurement unit if `imu`.
     ///
     /// # Errors
     /// It cannot be reached, or sends no samples.
-    pub fn open(mut connector: Box<dyn Connect>, mode: MyoEmgMode) -> Result<Myo, LinkError> {
+    pub fn open(mut connector: Box<dyn Connect>, mode: MyoEmgMode, imu: bool) -> Result<Myo, LinkError> {
         let mut link = connector.connect()?;
         // For display only; an armband that does not tell is as good.
         let firmware = link.read(Characteristic::Firmware, ANSWER)?.as_deref().and_then(firmware_version);
         let battery = battery(link.as_mut())?;
-        switch_on(link.as_mut(), mode)?;
+        switch_on(link.as_mut(), mode, imu)?;
         // There are no replies: that samples come is the only answer.
         let mut notification = Vec::with_capacity(PACKET_BYTES);
         let deadline = Instant::now() + ANSWER;
+        let (mut samples, mut newest) = (false, None);
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
             match link.next_notification(left, &mut notification)? {
-                Some(characteristic) if EMG.contains(&characteristic) => break,
+                Some(characteristic) if EMG.contains(&characteristic) => samples = true,
+                Some(Characteristic::Imu) => newest = imu_values(&notification).or(newest),
                 _ if left.is_zero() => {
                     let secs = ANSWER.as_secs();
+                    let what =
+                        if samples { "nothing of its inertial measurement unit" } else { "no samples" };
                     return Err(LinkError::Radio(format!(
-                        "the Myo sent no samples within {secs} s; take it off, put it on its charger and try again"
+                        "the Myo sent {what} within {secs} s; take it off, put it on its charger and try again"
                     )));
                 }
                 _ => {}
+            }
+            if samples && (newest.is_some() || !imu) {
+                break;
             }
         }
         let name = match firmware {
@@ -69,10 +80,12 @@ impl Myo {
             rails: Some((-128.0, 127.0)),
             loss_is_counted: true,
             volts: None,
+            imu: if imu { ImuChannel::of_an_armband() } else { Vec::new() },
         };
         Ok(Myo {
             link: KeptLink::new(connector, link),
             mode,
+            imu: newest.filter(|_| imu),
             info,
             numbering: TurnNumbering::default(),
             counts: SourceCounts::default(),
@@ -90,6 +103,13 @@ impl Myo {
     /// Makes a packet of the newest notification; false if it is none of samples.
     fn fill(&mut self, characteristic: Characteristic, packet: &mut EmgPacket) -> bool {
         let received = self.opened.elapsed();
+        if let (Characteristic::Imu, Some(newest)) = (characteristic, &mut self.imu) {
+            match imu_values(&self.notification) {
+                Some(values) => *newest = values,
+                None => self.counts.malformed += 1,
+            }
+            return false;
+        }
         if EMG.contains(&characteristic) && self.notification.len() != PACKET_BYTES {
             self.counts.malformed += 1;
             return false;
@@ -97,7 +117,9 @@ impl Myo {
         let Some((first, lost)) = self.numbering.number(characteristic, received) else { return false };
         packet.samples.clear();
         for (codes, counter) in self.notification.chunks_exact(CHANNELS).zip(first..) {
-            let channels = codes.iter().map(|code| f64::from(i8::from_le_bytes([*code]))).collect();
+            let mut channels: ChannelValues =
+                codes.iter().map(|code| f64::from(i8::from_le_bytes([*code]))).collect();
+            channels.extend(self.imu.into_iter().flatten());
             packet.samples.push(EmgSample { counter, channels });
         }
         packet.lost_before = lost;
@@ -119,7 +141,7 @@ impl SampleSource for Myo {
         loop {
             let heard = self.link.next(deadline, &mut self.notification, |link| {
                 let battery = battery(link)?;
-                switch_on(link, self.mode)?;
+                switch_on(link, self.mode, self.imu.is_some())?;
                 Ok::<Option<u8>, LinkError>(battery)
             });
             match heard {
@@ -133,6 +155,8 @@ impl SampleSource for Myo {
                 Heard::Lost(reason) => {
                     self.counts.disconnects += 1;
                     self.numbering.restart();
+                    // What it said before says nothing about the limb now.
+                    self.imu = self.imu.map(|_| [f64::NAN; 10]);
                     return Ok(SourceEvent::Lost { reason });
                 }
                 Heard::Restored(battery) => {
@@ -162,7 +186,9 @@ impl Drop for Myo {
     fn drop(&mut self) {
         // It goes on sending, and stays awake, until it is told, and drains its battery.
         if let Some(link) = self.link.link() {
-            for command in [MyoCommand::SetMode(MyoEmgMode::Off), MyoCommand::MaySleep(true)] {
+            for command in
+                [MyoCommand::SetMode { emg: MyoEmgMode::Off, imu: false }, MyoCommand::MaySleep(true)]
+            {
                 let _ = link.write(Characteristic::Command, &command.to_bytes());
             }
         }
@@ -173,8 +199,8 @@ fn battery(link: &mut dyn GattLink) -> Result<Option<u8>, LinkError> {
     Ok(link.read(Characteristic::Battery, ANSWER)?.and_then(|bytes| bytes.first().copied()))
 }
 
-fn switch_on(link: &mut dyn GattLink, mode: MyoEmgMode) -> Result<(), LinkError> {
-    for command in [MyoCommand::MaySleep(false), MyoCommand::SetMode(mode)] {
+fn switch_on(link: &mut dyn GattLink, emg: MyoEmgMode, imu: bool) -> Result<(), LinkError> {
+    for command in [MyoCommand::MaySleep(false), MyoCommand::SetMode { emg, imu }] {
         link.write(Characteristic::Command, &command.to_bytes())?;
     }
     Ok(())

@@ -1,6 +1,8 @@
-use super::protocol::{CHANNELS, EMG, MyoCommand, MyoEmgMode, MyoVibration, PACKET_SAMPLES, RATE_HZ};
+use super::protocol::{
+    CHANNELS, EMG, IMU_RATE_HZ, MyoCommand, MyoEmgMode, MyoVibration, PACKET_SAMPLES, RATE_HZ, imu_bytes,
+};
 use crate::{
-    DeviceError,
+    DeviceError, SimulatedImu,
     gforce::{Characteristic, CodeSource, GattDouble, Notification, PROMPT, Prompted},
     stream,
 };
@@ -27,12 +29,16 @@ impl Default for MyoSimulatorOptions {
     }
 }
 
+/// Notifications of samples for one of the inertial measurement unit.
+const IMU_EVERY: u64 = (RATE_HZ / IMU_RATE_HZ) as u64 / PACKET_SAMPLES as u64;
+
 /// A Myo without radio and without clock, byte for byte that of the published protocol.
 pub struct MyoSimulator {
     options: MyoSimulatorOptions,
     codes: CodeSource,
     rng: ChaCha8Rng,
     mode: MyoEmgMode,
+    imu: Option<SimulatedImu>,
     may_sleep: bool,
     vibration: Option<MyoVibration>,
     /// When samples were switched on, and the notifications made since then.
@@ -52,6 +58,7 @@ impl MyoSimulator {
         }
         Ok(MyoSimulator {
             rng: stream(options.seed, "emg/simulator/myo"),
+            imu: None,
             options,
             codes,
             mode: MyoEmgMode::Off,
@@ -85,8 +92,11 @@ impl MyoSimulator {
 
     fn execute(&mut self, command: MyoCommand, now: Duration) {
         match command {
-            MyoCommand::SetMode(mode) => {
+            MyoCommand::SetMode { emg: mode, imu } => {
                 self.mode = mode;
+                // Of an armband that does not move from where it is; its noise goes on where it was switched off.
+                self.imu =
+                    imu.then(|| self.imu.take().unwrap_or_else(|| SimulatedImu::new(self.options.seed)));
                 // Switching on what is on changes nothing.
                 self.streaming =
                     if mode == MyoEmgMode::Off { None } else { self.streaming.or(Some((now, 0))) };
@@ -147,6 +157,10 @@ impl GattDouble for MyoSimulator {
                 let characteristic = EMG[(sent % EMG.len() as u64) as usize];
                 out.push(Notification { due: due + late, characteristic, bytes });
             }
+            if let Some(imu) = self.imu.as_mut().filter(|_| sent.is_multiple_of(IMU_EVERY)) {
+                let bytes = imu_bytes(&imu.sample()).to_vec();
+                out.push(Notification { due: due + late, characteristic: Characteristic::Imu, bytes });
+            }
         }
         out
     }
@@ -190,6 +204,21 @@ mod tests {
         assert!(sent.iter().all(|n| n.bytes.len() == 16));
         myo.write(Characteristic::Command, &[0x01, 3, 0, 0, 0], Duration::from_millis(70));
         assert!(myo.advance(Duration::from_secs(1)).is_empty());
+    }
+
+    #[test]
+    fn the_inertial_measurement_unit_sends_fifty_times_a_second_once_it_is_switched_on() {
+        let mut myo = simulator(|_| {});
+        myo.write(Characteristic::Command, &[0x01, 3, 2, 1, 0], Duration::ZERO);
+        let imu = |sent: &[Notification]| {
+            let of_unit = sent.iter().filter(|n| n.characteristic == Characteristic::Imu);
+            of_unit.map(|n| n.bytes.len()).collect::<Vec<_>>()
+        };
+        let sent = myo.advance(Duration::from_secs(2));
+        assert_eq!(imu(&sent), [20; 100]);
+        assert_eq!(sent.len(), 300, "samples come as without it");
+        myo.write(Characteristic::Command, &[0x01, 3, 2, 0, 0], Duration::from_secs(2));
+        assert_eq!(imu(&myo.advance(Duration::from_secs(3))), [0; 0]);
     }
 
     #[test]

@@ -19,7 +19,8 @@ pub(super) struct CsvWriter {
 
 impl CsvWriter {
     pub(super) fn begin(mut file: BufWriter<File>, info: &SourceInfo) -> io::Result<CsvWriter> {
-        let channels = (0..info.channels).map(|c| format!("ch{c}"));
+        let electrodes = (0..info.channels).map(|c| format!("ch{c}"));
+        let channels = electrodes.chain(info.imu.iter().map(|channel| channel.name.replace(',', " ")));
         let names: Vec<String> = FIRST_COLUMNS.iter().map(|n| (*n).to_owned()).chain(channels).collect();
         writeln!(file, "{}", names.join(","))?;
         Ok(CsvWriter { file, rate_hz: info.rate_hz, flush_every: info.rate_hz.ceil() as u64, unflushed: 0 })
@@ -52,7 +53,9 @@ pub(super) fn read(bytes: &[u8]) -> Result<RecordedStream, String> {
     let mut lines = text.split_inclusive('\n').zip(1..);
     let head = lines.next().map_or("", |(line, _)| line.trim_end());
     let names: Vec<&str> = head.split(',').collect();
-    let channels = names.len().saturating_sub(FIRST_COLUMNS.len());
+    // What follows the electrodes is an inertial measurement unit, which is left out.
+    let electrodes = names.iter().skip(FIRST_COLUMNS.len()).enumerate();
+    let channels = electrodes.take_while(|(k, name)| **name == format!("ch{k}")).count();
     if !names.starts_with(&FIRST_COLUMNS) || !(1..=MAX_EMG_CHANNELS).contains(&channels) {
         return Err(format!("the first row is {head:?}, expected counter,device_s,received_s,ch0,.."));
     }
@@ -71,7 +74,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<RecordedStream, String> {
         let counter = values[0].parse().map_err(|_| wrong("a counter that is no whole number"))?;
         let number = |text: &str| text.parse::<f64>().ok().filter(|v| v.is_finite());
         times.push(number(values[1]).ok_or_else(|| wrong("a time that is no finite number"))?);
-        let channels = values[FIRST_COLUMNS.len()..].iter().map(|text| number(text)).collect::<Option<_>>();
+        let channels =
+            values[FIRST_COLUMNS.len()..][..channels].iter().map(|text| number(text)).collect::<Option<_>>();
         let channels = channels.ok_or_else(|| wrong("a value that is no finite number"))?;
         samples.push(EmgSample { counter, channels });
     }

@@ -28,6 +28,8 @@ pub(super) struct EdfWriter {
     file: BufWriter<File>,
     rate_hz: f64,
     channels: usize,
+    /// Channels of an inertial measurement unit, which follow.
+    imu: usize,
     record_samples: usize,
     /// `[sample][channel]` of the record under way.
     record: Vec<i16>,
@@ -49,6 +51,7 @@ impl EdfWriter {
             file,
             rate_hz: info.rate_hz,
             channels: info.channels,
+            imu: info.imu.len(),
             record_samples,
             record: Vec::with_capacity(record_samples * info.channels),
             expected: None,
@@ -75,6 +78,9 @@ impl EdfWriter {
     /// The codes of `sample`, if EDF+ can hold them.
     fn codes(&self, sample: &EmgSample) -> io::Result<Vec<i16>> {
         let EmgSample { counter, channels } = sample;
+        // Codes of a converter fit, values of an inertial measurement unit do not: those are left out.
+        let channels =
+            if channels.len() == self.channels + self.imu { &channels[..self.channels] } else { channels };
         if channels.len() != self.channels {
             let (got, expected) = (channels.len(), self.channels);
             return Err(invalid(format!("sample {counter} has {got} channels, expected {expected}")));

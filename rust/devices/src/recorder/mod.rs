@@ -129,6 +129,7 @@ mod tests {
             rails: Some((0.0, 255.0)),
             loss_is_counted: true,
             volts: Some(2.5 / 1200.0 / 127.0),
+            imu: Vec::new(),
         }
     }
 

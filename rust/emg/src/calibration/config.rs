@@ -1,6 +1,7 @@
 use crate::{EmgConfig, EmgError, QualityConfig};
 use proact_types::{Gesture, GestureName, MAX_GESTURES};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 
 /// Where zero is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -21,6 +22,10 @@ pub struct CalibrationConfig {
     pub emg: EmgConfig,
     /// Gestures of a round, in the order of the prompts. Default: all five, rest first.
     pub gestures: Vec<GestureName>,
+    /// Positions of the limb, by names that people understand: each round is recorded in one of them, in turn. Default none: people sit
+    /// as in the trials.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub positions: Vec<String>,
     /// Length of a repetition, seconds. Default 3 (ProACT, arXiv:2407.05025).
     pub repetition_secs: f64,
     /// From the prompt to the start of the recording, seconds: the hand should be in the gesture by then. Default 2
@@ -55,6 +60,7 @@ impl Default for CalibrationConfig {
         CalibrationConfig {
             gestures: CalibrationConfig::round(&five, emg.rest),
             emg,
+            positions: Vec::new(),
             repetition_secs: 3.0,
             prepare_secs: 2.0,
             least_rounds: 2,
@@ -104,6 +110,19 @@ impl CalibrationConfig {
         if self.most_rounds == 0 || self.most_rounds > 100 {
             return refused("most_rounds", self.most_rounds as f64, "1 to 100");
         }
+        let readable = |name: &String| (1..=64).contains(&name.len()) && !name.contains(char::is_control);
+        let distinct: BTreeSet<&String> = self.positions.iter().collect();
+        if distinct.len() < self.positions.len() || !self.positions.iter().all(readable) {
+            return Err(EmgError::Positions { got: self.positions.clone() });
+        }
+        // Each position twice, so that one repetition can be left out and the others know its position.
+        if 2 * self.positions.len() > self.most_rounds {
+            return refused(
+                "most_rounds",
+                self.most_rounds as f64,
+                "two rounds for each position of the limb",
+            );
+        }
         for (name, share) in [
             ("target_accuracy", self.target_accuracy),
             ("target_recall", self.target_recall),
@@ -119,6 +138,17 @@ impl CalibrationConfig {
             return refused("repetition_secs", self.repetition_secs, "at least the length of a window");
         }
         Ok(())
+    }
+
+    /// Rounds before it can be good enough: each position of the limb twice, if there are some.
+    pub fn needed_rounds(&self) -> usize {
+        self.least_rounds.max(2 * self.positions.len())
+    }
+
+    /// The position of the limb of repetition `repetition` of a gesture; none if none are named.
+    pub fn position_of(&self, repetition: usize) -> Option<&str> {
+        let place = repetition.checked_rem(self.positions.len())?;
+        Some(&self.positions[place])
     }
 
     /// Whether `gap` lost samples in a row, of `lost` in all, are few enough for a repetition of `samples`.

@@ -53,6 +53,8 @@ pub enum Refusal {
     },
     /// Samples stopped coming.
     Silence,
+    /// A sensor of the inertial measurement unit that decisions need said nothing, or the same all the time.
+    Imu,
     /// Channels were red.
     Red {
         /// Which, from 0, and why.

@@ -12,8 +12,8 @@ pub use config::{CalibrationConfig, ZeroLevel};
 pub use events::{CalibrationEvent, Phase, Prompt, Refusal, Repetition};
 pub use score::{CalibrationReport, DriveScore, RepetitionScore, cross_validate};
 
-use crate::model::{centred, median};
-use crate::{ChannelQuality, EmgError, EmgModel, Light, QualityMonitor, StreamQuality};
+use crate::model::{centred, check_imu, median};
+use crate::{ChannelQuality, EmgConfig, EmgError, EmgModel, Light, QualityMonitor, StreamQuality};
 use proact_types::{EmgSample, GestureName, SimTime};
 use std::collections::VecDeque;
 
@@ -84,7 +84,7 @@ impl Calibration {
         self.now = now;
         self.advance(&mut events)?;
         for sample in samples {
-            let mut level = sample.clone();
+            let mut level = self.config.emg.electrodes(sample);
             level.channels.iter_mut().for_each(|v| *v -= self.config.nominal_zero);
             self.quality.push(now, &level);
             self.heard = Some(now);
@@ -150,8 +150,7 @@ impl Calibration {
         if sample.counter < expected && expected - sample.counter <= self.config.samples() as u64 {
             return; // Repeated or late: it has been counted already.
         }
-        let usable = sample.channels.len() == self.config.emg.channels
-            && sample.channels.iter().all(|v| v.is_finite());
+        let usable = usable(&self.config.emg, sample);
         let begin = samples.first().map_or(sample.counter, |s| s.counter);
         // Up to this sample; a counter that began anew is before its begin.
         let span = sample.counter.checked_sub(begin);
@@ -172,6 +171,10 @@ impl Calibration {
             self.refuse(red, events);
         } else if over || span.is_some_and(|span| span + 1 == length as u64) {
             let (samples, light) = (std::mem::take(samples), *worst);
+            if check_imu(&self.config.emg, prompt.gesture, &samples).is_err() {
+                self.refuse(Refusal::Imu, events);
+                return;
+            }
             self.kept.push(Repetition { gesture: prompt.gesture, samples, light });
             self.waiting.pop_front();
             self.refusals = 0;
@@ -224,13 +227,18 @@ impl Calibration {
             (r.gesture, samples)
         };
         let repetitions: Vec<(GestureName, Vec<EmgSample>)> = self.kept.iter().map(level).collect();
-        let mut report = cross_validate(&self.config.emg, &repetitions)?;
+        let emg = &self.config.emg;
+        let mut report = cross_validate(emg, &repetitions)?;
+        if !emg.imu.features.is_empty() {
+            let without = EmgConfig { imu: emg.imu.without_features(), ..emg.clone() };
+            report.accuracy_without_imu = Some(cross_validate(&without, &repetitions)?.accuracy);
+        }
         let recognised = report.accuracy >= self.config.target_accuracy
             && report.recall.iter().all(|recall| *recall >= self.config.target_recall);
         // What counts for a regressor is how far it drives, not which gesture is driven most.
         let driven = report.drives.iter().all(|drive| drive.r2 >= self.config.target_r2);
         let reached = if report.drives.is_empty() { recognised } else { driven };
-        report.good_enough = report.rounds >= self.config.least_rounds && reached;
+        report.good_enough = report.rounds >= self.config.needed_rounds() && reached;
         self.report = Some(report);
         Ok(())
     }
@@ -263,12 +271,12 @@ impl Calibration {
         if !self.config.gestures.contains(&gesture) {
             return Err(EmgError::NotTrained(gesture));
         }
-        let channels = self.config.emg.channels;
-        let usable = |s: &EmgSample| s.channels.len() == channels && s.channels.iter().all(|v| v.is_finite());
-        if let Some(bad) = samples.iter().find(|s| !usable(s)) {
-            let (counter, got) = (bad.counter, bad.channels.len());
-            return Err(EmgError::BadSample { counter, channels: got, expected: channels });
+        if let Some(bad) = samples.iter().find(|s| !usable(&self.config.emg, s)) {
+            let (counter, channels) = (bad.counter, bad.channels.len());
+            let expected = self.config.emg.sample_channels();
+            return Err(EmgError::BadSample { counter, channels, expected });
         }
+        check_imu(&self.config.emg, gesture, &samples)?;
         let (mut lost, length) = (0_u64, samples.len());
         for pair in samples.windows(2) {
             let (after, next) = (pair[0].counter, pair[1].counter);
@@ -384,6 +392,17 @@ impl Calibration {
         }
     }
 
+    /// The position of the limb in which the next repetition, or that which is being recorded, is asked for; none if none are
+    /// named, or nothing is asked for.
+    pub fn position(&self) -> Option<&str> {
+        match self.phase() {
+            Phase::Blocked { prompt } | Phase::Preparing { prompt, .. } | Phase::Recording { prompt, .. } => {
+                self.config.position_of(prompt.repetition)
+            }
+            Phase::Reviewing | Phase::Finished => None,
+        }
+    }
+
     /// Complete rounds.
     pub fn rounds(&self) -> usize {
         self.config.gestures.iter().map(|g| self.count(*g)).min().unwrap_or(0)
@@ -418,6 +437,14 @@ impl Calibration {
     pub fn config(&self) -> &CalibrationConfig {
         &self.config
     }
+}
+
+/// Of the stream's length, and what decisions need are numbers.
+fn usable(config: &EmgConfig, sample: &EmgSample) -> bool {
+    let used = config.imu.used();
+    let needed = |k: usize| k < config.channels || used.contains(&(k - config.channels));
+    sample.channels.len() == config.sample_channels()
+        && sample.channels.iter().enumerate().all(|(k, v)| v.is_finite() || !needed(k))
 }
 
 /// Samples from the first to the newest, those that were lost included.

@@ -72,6 +72,10 @@ pub struct CalibrationReport {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[cfg_attr(feature = "ts", ts(optional, as = "Option<Vec<DriveScore>>"))]
     pub drives: Vec<DriveScore>,
+    /// Accuracy without the inertial measurement unit that is used; none where none is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "ts", ts(optional))]
+    pub accuracy_without_imu: Option<f64>,
     /// What was asked for is reached.
     pub good_enough: bool,
 }
@@ -166,6 +170,7 @@ pub fn cross_validate<G: Copy + Into<GestureName>>(
         confusion,
         repetitions: scores,
         drives: driven.iter().zip(&drives).map(|(drive, windows)| DriveScore::of(*drive, windows)).collect(),
+        accuracy_without_imu: None,
         good_enough: false,
     })
 }

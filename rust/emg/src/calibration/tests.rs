@@ -97,9 +97,12 @@ fn two_rounds_are_prompted_recorded_judged_and_make_a_model_that_fits() {
     assert_eq!(session.phase(), Phase::Finished);
     assert!(model.centring.iter().all(|level| (level - ZERO).abs() <= 1.0), "{:?}", model.centring);
     let rest_medians = Some(vec![ZERO; CHANNELS]);
-    model.check_fits(&StreamFormat { rate_hz: RATE, channels: CHANNELS, rest_medians }).expect("it fits");
+    model
+        .check_fits(&StreamFormat { rate_hz: RATE, channels: CHANNELS, rest_medians, imu: Vec::new() })
+        .expect("it fits");
     let rest_medians = Some(vec![0.0; CHANNELS]);
-    let other = model.check_fits(&StreamFormat { rate_hz: RATE, channels: CHANNELS, rest_medians });
+    let other =
+        model.check_fits(&StreamFormat { rate_hz: RATE, channels: CHANNELS, rest_medians, imu: Vec::new() });
     assert!(other.expect_err("centred already").to_string().contains("centring"));
 }
 

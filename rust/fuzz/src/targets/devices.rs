@@ -11,7 +11,7 @@ use proact_devices::{
     motion_capture::{natnet, read_poses, vrpn, write_pose, write_pose_header},
     read_recorded, read_samples,
 };
-use proact_emg::{ClassifierKind, EmgConfig, EmgModel, EmgPipeline, ProcessConfig};
+use proact_emg::{ClassifierKind, EmgConfig, EmgModel, EmgPipeline, ImuChannel, ImuConfig, ProcessConfig};
 use proact_localization::RawBodyPose;
 use proact_types::{EmgSample, Gesture, SimTime};
 use std::{fs, io::Write, os::unix::net::UnixStream, path::Path, time::Duration};
@@ -25,8 +25,12 @@ fn beside_good_recordings(scratch: &Path, name: &'static str) -> Run {
         for repetition in 0..3 {
             let path = folder.join(format!("R_{repetition}_C_{class}.csv"));
             fs::write(path, &rows).expect("the scratch folder takes files");
+            let imu = folder.join(format!("R_{repetition}_C_{class}_IMU.csv"));
+            fs::write(imu, "0.5,1\n0.25,1\n").expect("the scratch folder takes files");
         }
     }
+    let said = r#"{"imu": [{"name": "x", "unit": "g"}, {"name": "z", "unit": "g"}]}"#;
+    fs::write(folder.join("metadata.json"), said).expect("the scratch folder takes files");
     Box::new(move |bytes| {
         let path = folder.join(name);
         fs::write(&path, bytes).expect("the scratch folder takes files");
@@ -34,12 +38,21 @@ fn beside_good_recordings(scratch: &Path, name: &'static str) -> Run {
             let _ = read_samples(&path);
         }
         let _ = Recordings::open(&folder, None);
+        let _ = Recordings::open_with_imu(&folder, None);
         let _ = Recordings::read(&folder, MYO_RATE_HZ);
     })
 }
 
 pub(super) fn csv(scratch: &Path) -> Run {
     beside_good_recordings(scratch, "R_0_C_0.csv")
+}
+
+pub(super) fn imu_csv(scratch: &Path) -> Run {
+    beside_good_recordings(scratch, "R_0_C_0_IMU.csv")
+}
+
+pub(super) fn imu_seeds(_: &Path) -> Vec<Vec<u8>> {
+    vec![b"0.5,1\n0.25,1\n".to_vec()]
 }
 
 pub(super) fn metadata(scratch: &Path) -> Run {
@@ -56,7 +69,7 @@ pub(super) fn model(_: &Path) -> Run {
             "a model that was read can be written"
         );
         // Its settings or its classifier may be refused; one that is taken says something of every window.
-        let channels = model.config.channels;
+        let channels = model.config.sample_channels();
         let Ok(mut pipeline) = EmgPipeline::new(&model.config, model.classifier.clone()) else { return };
         for (tick, sample) in stream(channels, 3).into_iter().take(300).enumerate() {
             let output = pipeline.step(SimTime(5 * tick as u64), &[sample]);
@@ -179,6 +192,7 @@ fn recorded_seed(scratch: &Path, name: &str) -> Vec<Vec<u8>> {
         rails: None,
         loss_is_counted: true,
         volts: None,
+        imu: Vec::new(),
     };
     let path = scratch.join(name);
     let mut recorder = EmgRecorder::create(&path, &info).expect("the scratch folder takes files");
@@ -220,7 +234,14 @@ pub(super) fn model_seeds(_: &Path) -> Vec<Vec<u8>> {
         };
         model.to_json().expect("a model can be written").into_bytes()
     };
-    ClassifierKind::ALL.map(trained).to_vec()
+    let mut models = ClassifierKind::ALL.map(trained).to_vec();
+    // Six electrodes, and two channels of an inertial measurement unit.
+    let imu = ImuConfig::recorded(["x", "z"].map(|name| ImuChannel::new(name, "g")).into());
+    let imu = imu.with_features(&["all"]).expect("both are there");
+    let config = EmgConfig { channels: 6, imu, ..EmgConfig::default() };
+    let model = EmgModel::train(&config, &[0.0; 6], &slices).expect("five gestures that differ");
+    models.push(model.to_json().expect("a model can be written").into_bytes());
+    models
 }
 
 pub(super) fn udp_natnet(_: &Path) -> Run {

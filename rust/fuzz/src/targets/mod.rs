@@ -65,6 +65,8 @@ const ALL: &[Target] = &[
     Target { limit_secs: LONG_SECS, ..Target::new("trial_arm", "arm.urdf of a record, replayed", trials::arm_file) },
     Target { seeds: trials::bag_seeds, ..Target::new("bag", "a bag, as the replay page reads it", trials::bag) },
     Target::new("emg_csv", "a recording in a folder", devices::csv),
+    Target { seeds: devices::imu_seeds,
+        ..Target::new("emg_imu_csv", "an inertial measurement unit in a folder", devices::imu_csv) },
     Target::new("emg_metadata", "metadata.json of a folder of recordings", devices::metadata),
     Target { seeds: devices::model_seeds, ..Target::new("emg_model", "a trained EMG model", devices::model) },
     Target { seeds: devices::stream_csv_seeds,

@@ -96,7 +96,7 @@ impl LiveStudy<'_> {
         let folder = self.state.conductor.study.folder.clone();
         let recordings = folder.join(format!("{MODELS_FOLDER}/{name}.recordings"));
         let kept =
-            RecordingFolder::create(&recordings, config.emg.rate_hz, &config.gestures, config.emg.rest)?;
+            RecordingFolder::create(&recordings, config.emg.rate_hz, &config.gestures, config.emg.rest, &[])?;
         let (begin, mut now) = (Instant::now(), SimTime(0));
         let mut packet = EmgPacket::default();
         let mut said = String::new();

@@ -111,6 +111,8 @@ recall: Array<number>,
 repetitions: Array<RepetitionScore>,
 /** Each degree of freedom of a regressor; none of a classifier. Classes are then what is driven most. */
 drives?: Array<DriveScore>,
+/** Accuracy without the inertial measurement unit that is used; none where none is. */
+accuracy_without_imu?: number,
 /** What was asked for is reached. */
 good_enough: boolean, };
 
@@ -126,6 +128,8 @@ begun: boolean,
 result: Record<string, unknown> | null, } & ({ "type": "calibration",
 /** What the session is doing. */
 phase: Phase,
+/** The position of the limb that is asked for; none if none is. */
+position: string | null,
 /** Complete rounds. */
 rounds: number,
 /** Rounds after which no more are offered. */
@@ -203,6 +207,15 @@ export type ChannelLight = {
 light: Light,
 /** What is wrong, for the person; none if nothing is. */
 fault: string | null, };
+
+/** The power spectrum of the newest second of a channel: Welch's estimate. */
+export type ChannelSpectrum = {
+/** Which, from 0. */
+channel: number,
+/** From line to line, hertz; the first is at zero. */
+step_hz: number,
+/** Power a hertz, the device's unit squared; without the mean, up to 1 kHz. */
+density: Array<number>, };
 
 /** A message of the page on the WebSocket. */
 export type ClientMessage = { "type": "gesture", gesture: Gesture, } | { "type": "gaze", origin: [number, number, number], direction: [number, number, number], measured?: boolean, } | { "type": "trunk", forward: number, lateral: number, axial: number, } | { "type": "head", position: [number, number, number],
@@ -599,6 +612,15 @@ mass: number,
 pose: Pose,
 /** ixx, ixy, ixz, iyy, iyz, izz about the centre of mass, in the inertial frame's axes, kg m^2. */
 inertia: [number, number, number, number, number, number], };
+
+/** The newest value of a channel of an inertial measurement unit. */
+export type InertialValue = {
+/** Such as `acceleration_x`. */
+name: string,
+/** Such as `g`. */
+unit: string,
+/** None before the first, and for what is no number. */
+value: number | null, };
 
 /** What gives gestures or measurements to a trial, and may die while the arm moves. */
 export type InputSource = "armband" | "gesture_topic" | "page" | "eye_tracker" | "shoulder_tracker" | "limb_tracker" | "stage";
@@ -1228,8 +1250,12 @@ time: SimTime,
 emg: Array<Array<number>>,
 /** Rows of `emg` a second, hertz; zero without an armband. */
 emg_row_hz: number,
+/** Spectra of some channels, in turn, of streams whose samples are not sent; each channel's stays until the next. */
+spectra: Array<ChannelSpectrum>,
 /** Nominal sampling rate, hertz; zero without an armband. */
 emg_rate_hz: number,
+/** Newest values of an inertial measurement unit; empty without one. */
+inertial: Array<InertialValue>,
 /** One light a channel: `green`, `amber`, `red`. */
 lights: Array<string>,
 /** What is wrong with a channel, for each, such as `flat` or `mains`; none if nothing is. */

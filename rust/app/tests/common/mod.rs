@@ -1,0 +1,48 @@
+//! What tests of EMG in live trials have in common.
+#![allow(dead_code)] // Each test program uses its part.
+
+use proact_control::{JogProfile, Simultaneous};
+use proact_devices::{SyntheticEmg, SyntheticModel, stream};
+use proact_testbed::{Setup, TrialConfig};
+use proact_types::{DegreeOfFreedom, EmgSample, Gesture, GestureName};
+
+/// Eight channels at 1 kHz.
+pub fn generator(seed: u64) -> SyntheticEmg {
+    SyntheticEmg::new(&SyntheticModel::shipped().unwrap(), 1000.0, 8, 1.0, stream(seed, "test")).unwrap()
+}
+
+/// So many samples of each gesture, to train on.
+pub fn recordings(samples: u64) -> [(GestureName, Vec<EmgSample>); 5] {
+    let mut emg = generator(1);
+    Gesture::ALL.map(|gesture| {
+        let take = (0..samples).map(|counter| EmgSample { counter, channels: emg.next(gesture) });
+        (gesture.into(), take.collect())
+    })
+}
+
+/// The same as a training takes them.
+pub fn slices(recordings: &[(GestureName, Vec<EmgSample>); 5]) -> Vec<(GestureName, &[EmgSample])> {
+    recordings.iter().map(|(gesture, samples)| (*gesture, samples.as_slice())).collect()
+}
+
+/// Method A, in which the wrist's drive moves the elbow, or without such a setting.
+pub fn config(at_once: bool) -> TrialConfig {
+    let mut config = TrialConfig::new("A", 1, Setup::named("still").unwrap());
+    let JogProfile::Time { simultaneous, .. } = &mut config.profile.jog else { panic!("by time") };
+    *simultaneous = at_once.then(|| Simultaneous {
+        hand_at: 0.5,
+        hand_below: 0.3,
+        drives: [
+            (DegreeOfFreedom::wrist(), "elbow".to_owned()),
+            (DegreeOfFreedom::hand(), "hand".to_owned()),
+        ]
+        .into(),
+    });
+    config
+}
+
+/// By how much the joint of the arm moved that moved most between two ticks, rad, of what was asked of the joints after each tick.
+pub fn moved(targets: &[Vec<f64>], from: usize, to: usize) -> f64 {
+    let arm = targets[from].iter().zip(&targets[to]).take(7);
+    arm.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
