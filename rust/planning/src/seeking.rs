@@ -160,7 +160,14 @@ impl Seeking<'_> {
     ) -> Result<Result<Vec<Vec<f64>>, Option<(String, String)>>, Failure> {
         self.context.set_clearance(Clearance::Contact)?;
         self.allow_entry(entry)?;
-        if !self.context.scene.is_free(end)? {
+        if matches!(entry, Entry::Pick(Touch::Loose)) {
+            // To allow all that is near takes longer than to see that something else is touched.
+            let touching = self.context.scene.collisions(end)?;
+            if let Some(pair) = touching.into_iter().find(|pair| !self.is_pushing(pair)) {
+                return Ok(Err(Some(pair)));
+            }
+            self.allow_pushing()?;
+        } else if !self.context.scene.is_free(end)? {
             return Ok(Err(self.hit_at(end, name_it)?));
         }
         // Part of an arm cannot go far straight down.
@@ -200,10 +207,9 @@ impl Seeking<'_> {
         Ok(if name_it { self.context.scene.collisions(q)?.into_iter().next() } else { None })
     }
 
-    /// Contacts that are part of the purpose: at the end of a pick the fingers may touch the block, and in a heap what is
-    /// beside it.
+    /// Contacts that are part of the purpose: at the end of a pick the fingers may touch the block.
     fn allow_entry(&mut self, entry: &Entry) -> Result<(), Failure> {
-        let Entry::Pick(touch @ (Touch::Picked | Touch::Loose)) = entry else { return Ok(()) };
+        let Entry::Pick(Touch::Picked | Touch::Loose) = entry else { return Ok(()) };
         let Some(picked) = self.picked() else { return Ok(()) };
         let model = self.context.model.clone();
         for (k, link) in model.links.iter().enumerate() {
@@ -211,10 +217,14 @@ impl Seeking<'_> {
                 self.context.scene.allow_contact(&link.name, &picked)?;
             }
         }
-        if *touch == Touch::Loose {
-            self.allow_pushing()?;
-        }
         Ok(())
+    }
+
+    /// A finger touches what lies loose near the grip.
+    fn is_pushing(&self, (link, obstacle): &(String, String)) -> bool {
+        let model = &self.context.model;
+        let mut fingers = model.hand.iter().map(|&joint| &model.links[model.joints[joint].child].name);
+        self.problem.loose.contains(obstacle) && fingers.any(|name| name == link)
     }
 
     /// Lets the fingers touch what may be pushed aside.
