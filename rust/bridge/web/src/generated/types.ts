@@ -1172,6 +1172,9 @@ mass: number,
 friction: number,
 /** Friction against fingers. */
 friction_finger: number,
+/** It may be pushed about and dropped, as the cubes of a heap: a plan that finds no grip without a contact may touch it on
+ * the straight way into one and out, and one that cannot put it down may let it fall. */
+loose?: boolean,
 /** `world_from_object` at the start: resting. */
 pose: Pose, };
 
