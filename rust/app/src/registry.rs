@@ -1,6 +1,6 @@
 use crate::ROS_SCHEMES;
 use crate::vmpl::vmpl_method;
-use proact_control::{MethodEntry, MethodRegistry, Synergy};
+use proact_control::{Imitation, MethodEntry, MethodRegistry, Synergy};
 use proact_devices::motion_capture::{CAPTURE_SCHEMES, CaptureScheme};
 use proact_devices::{SINK_SCHEMES, SinkScheme, SourceRegistry};
 
@@ -44,5 +44,5 @@ impl From<MethodRegistry> for Registry {
 /// The methods beside A to D. A program's own of such a name stays.
 fn more(methods: MethodRegistry) -> MethodRegistry {
     let add = |methods: MethodRegistry, entry: MethodEntry| methods.clone().with(entry).unwrap_or(methods);
-    [vmpl_method(), Synergy::entry()].into_iter().fold(methods, add)
+    [vmpl_method(), Synergy::entry(), Imitation::entry()].into_iter().fold(methods, add)
 }

@@ -1,9 +1,10 @@
-//! A person's own limb, from bodies on upper arm and forearm beside that of the brace.
+//! A person's own limb, from bodies on upper arm and forearm, or on the hand, beside that of the brace.
 
 use crate::TrackedBody;
 use nalgebra::UnitQuaternion;
-use proact_arm::{LimbFit, LimbFitError};
+use proact_arm::{HandFit, LimbFit, LimbFitError};
 use proact_testbed::{Session, TestbedError};
+use proact_types::Pose;
 use std::str::FromStr;
 
 /// A body of the limb that is older than this is not followed, s.
@@ -11,17 +12,26 @@ const STALE_SECS: f64 = 0.25;
 
 /// The bodies of a limb.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct LimbBodies {
-    /// On the upper arm.
-    upper: String,
-    /// On the forearm; none where the limb ends above the elbow.
-    forearm: Option<String>,
+pub enum LimbBodies {
+    /// On its segments: how those turn gives the joints.
+    Segments {
+        /// On the upper arm.
+        upper: String,
+        /// On the forearm; none where the limb ends above the elbow.
+        forearm: Option<String>,
+    },
+    /// On the hand: where it goes gives the joints, by inverse kinematics.
+    Hand(String),
 }
 
 impl LimbBodies {
     /// The names.
     pub fn names(&self) -> impl Iterator<Item = &String> {
-        std::iter::once(&self.upper).chain(&self.forearm)
+        let (first, second) = match self {
+            Self::Segments { upper, forearm } => (upper, forearm.as_ref()),
+            Self::Hand(hand) => (hand, None),
+        };
+        std::iter::once(first).chain(second)
     }
 }
 
@@ -39,9 +49,9 @@ impl FromStr for LimbBodies {
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let names: Vec<&str> = text.split(',').map(str::trim).collect();
         match names[..] {
-            [upper] if !upper.is_empty() => Ok(Self { upper: upper.to_owned(), forearm: None }),
+            [upper] if !upper.is_empty() => Ok(Self::Segments { upper: upper.to_owned(), forearm: None }),
             [upper, forearm] if !upper.is_empty() && !forearm.is_empty() && upper != forearm => {
-                Ok(Self { upper: upper.to_owned(), forearm: Some(forearm.to_owned()) })
+                Ok(Self::Segments { upper: upper.to_owned(), forearm: Some(forearm.to_owned()) })
             }
             _ => Err(LimbBodiesError { got: text.to_owned() }),
         }
@@ -63,11 +73,16 @@ pub enum TrackedLimbError {
 /// The limb as the arm was when it was first seen, and as it moved since.
 pub struct TrackedLimb {
     bodies: LimbBodies,
-    /// The fit, and `base_from_body` of both segments, at the first sight of a trial.
-    begun: Option<(LimbFit, [Option<UnitQuaternion<f64>>; 2])>,
+    begun: Option<Begun>,
     /// Stamps of the poses that were taken last, s.
     taken: [f64; 2],
     line: String,
+}
+
+/// What began at the first sight of a trial: the fit, and `base_from_body` of each body then.
+enum Begun {
+    Segments(LimbFit, [Option<UnitQuaternion<f64>>; 2]),
+    Hand(HandFit, Pose),
 }
 
 impl TrackedLimb {
@@ -95,7 +110,7 @@ impl TrackedLimb {
     pub fn drive(
         &mut self,
         session: &mut Session,
-        tracking_from_base: &UnitQuaternion<f64>,
+        tracking_from_base: &Pose,
         tracked: &TrackedBody,
     ) -> Result<bool, TrackedLimbError> {
         let (mut seen, mut newest) = ([None; 2], self.taken);
@@ -104,7 +119,7 @@ impl TrackedLimb {
                 self.line = format!("body {name:?} is not seen");
                 return Ok(false);
             };
-            seen[k] = Some(tracking_from_base.inverse() * last.pose.rotation);
+            seen[k] = Some(tracking_from_base.inv_mul(&last.pose));
             newest[k] = last.stamp_secs;
         }
         // Of several bodies one may come before the other; a body that stays away holds all of them up.
@@ -112,20 +127,47 @@ impl TrackedLimb {
             return Ok(false);
         }
         self.taken = newest;
-        let (fit, start) = match &mut self.begun {
+        let begun = match &mut self.begun {
             Some(begun) => begun,
-            none => {
-                let testbed = session.testbed();
-                let count = testbed.model().arm_count();
-                let fit = LimbFit::new(testbed.model(), &testbed.plant().state().position[..count])?;
-                none.insert((fit, seen))
-            }
+            none => none.insert(Begun::new(session, &self.bodies, seen)?),
         };
-        let turns = [0, 1].map(|k| Some(seen[k]? * start[k]?.inverse()));
-        let angles = fit.follow(turns);
+        let (angles, gap) = begun.follow(seen);
         session.person().track_limb(angles)?;
         let names: Vec<&str> = self.bodies.names().map(String::as_str).collect();
-        self.line = format!("{} followed, within {:.0} deg", names.join(" and "), fit.gap_rad().to_degrees());
+        self.line = format!("{} followed, within {gap}", names.join(" and "));
         Ok(true)
+    }
+}
+
+impl Begun {
+    /// The limb is as the arm is now, its bodies where they were `seen`.
+    fn new(session: &Session, bodies: &LimbBodies, seen: [Option<Pose>; 2]) -> Result<Self, LimbFitError> {
+        let testbed = session.testbed();
+        let model = testbed.model();
+        let angles = &testbed.plant().state().position[..model.arm_count()];
+        Ok(match bodies {
+            LimbBodies::Segments { .. } => {
+                Self::Segments(LimbFit::new(model, angles)?, seen.map(|pose| pose.map(|pose| pose.rotation)))
+            }
+            LimbBodies::Hand(_) => Self::Hand(HandFit::new(model, angles), seen[0].unwrap_or_default()),
+        })
+    }
+
+    /// The angles for bodies that are `seen`, and how far off they stay, in words.
+    fn follow(&mut self, seen: [Option<Pose>; 2]) -> (&[f64], String) {
+        match self {
+            Self::Segments(fit, start) => {
+                let turns = [0, 1].map(|k| Some(seen[k]?.rotation * start[k]?.inverse()));
+                fit.follow(turns);
+                (fit.angles(), format!("{:.0} deg", fit.gap_rad().to_degrees()))
+            }
+            Self::Hand(fit, start) => {
+                let now = seen[0].unwrap_or(*start);
+                let way = now.translation.vector - start.translation.vector;
+                fit.follow(&way, &(now.rotation * start.rotation.inverse()));
+                let gap = format!("{:.0} mm and {:.0} deg", 1e3 * fit.gap_m(), fit.gap_rad().to_degrees());
+                (fit.angles(), gap)
+            }
+        }
     }
 }

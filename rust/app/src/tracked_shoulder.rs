@@ -244,7 +244,7 @@ impl TrackedShoulder {
         }
         let pose = self.body.followed().unwrap_or(sample.pose);
         if let Some(limb) = &mut self.limb {
-            limb.drive(session, &(pose * body_from_shoulder).rotation, &self.body)?;
+            limb.drive(session, &(pose * body_from_shoulder), &self.body)?;
         }
         let world_from_shoulder = world_from_tracking * pose * body_from_shoulder;
         if repeats {

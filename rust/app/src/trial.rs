@@ -15,7 +15,8 @@ use proact_dynamics::{DynamicsOptions, OdePlant};
 use proact_emg::{Classifier, DecoderProcess, EmgError, EmgModel};
 use proact_kinematics::Kinematics;
 use proact_participants::{
-    JoggingParticipant, Participant, ParticipantOptions, SelectingParticipant, SteeringParticipant,
+    ImitatingParticipant, JoggingParticipant, Participant, ParticipantOptions, SelectingParticipant,
+    SteeringParticipant,
 };
 use proact_planning::{ArmPlanner, Person, PlanLog, PlanWorker};
 use proact_testbed::{
@@ -180,9 +181,10 @@ pub fn participant(
 ) -> Result<Box<dyn Participant>, AssemblyError> {
     let task = config.build_task(model)?;
     let (body, scene, briefing, seed) = (config.setup.body, task.scene(), task.briefing(), config.seed);
-    let driven = JointSubset::new(&config.profile, model).map_err(ConfigError::from)?;
+    let style = config.method_entry(methods)?.info().style;
+    let driven = JointSubset::of(style, &config.profile, model).map_err(ConfigError::from)?;
     let own: Vec<usize> = (0..model.arm_count()).filter(|&joint| !driven.contains(joint)).collect();
-    Ok(match config.method_entry(methods)?.info().style {
+    Ok(match style {
         // Nothing to take: the hand, or the joints, to where the display shows.
         MethodStyle::Jogging if scene.objects.is_empty() => {
             Box::new(SteeringParticipant::new(options, body, scene.table_height, model.clone(), &own, seed))
@@ -203,6 +205,9 @@ pub fn participant(
         MethodStyle::Selecting => {
             let person = SelectingParticipant::new(options, body, scene, briefing, seed);
             Box::new(person.with_limb(scene, model.clone(), own))
+        }
+        MethodStyle::Imitating => {
+            Box::new(ImitatingParticipant::new(options, body, scene, briefing, model.clone(), seed))
         }
     })
 }

@@ -126,6 +126,53 @@ fn the_elbow_follows_the_persons_own_and_a_forearm_that_is_not_seen_stops_the_ar
 }
 
 #[test]
+fn the_arm_goes_where_the_persons_own_hand_goes() {
+    let mut server = VrpnServer::bind("127.0.0.1:0", &["pad", "hand"]).unwrap();
+    let name = format!("vrpn:{}/pad", server.address().unwrap()).parse().unwrap();
+    let opened = OpenedCapture::open(&CAPTURE_SCHEMES, &name).unwrap();
+    let mut shoulder = TrackedShoulder::new(opened, MocapAxes::default(), Calibrations::default())
+        .with_limb(Some(LimbBodies::Hand("hand".to_owned())));
+    let config = TrialConfig::new("imitate", 1, Setup::named("still").unwrap());
+    let methods = proact_app::Registry::standard().methods;
+    let arm = proact_app::Arm::of(&config).unwrap();
+    let mut session = trial::live_with(&methods, &arm, config, None).unwrap().session;
+    let tip = |session: &Session| {
+        let testbed = session.testbed();
+        let state = testbed.plant().state();
+        testbed.model().link_poses(&state.position)[testbed.model().tip]
+    };
+    let mut number = 0;
+    let mut send = |way: f64| {
+        number += 1;
+        let t = number as f64 * 0.01;
+        let sway = 1e-4 * (20.0 * t).sin();
+        let (still, turned) = (UnitQuaternion::identity(), UnitQuaternion::from_euler_angles(0.3, 0.0, 0.0));
+        let hand = pose("hand", number, [2.3 + sway, 0.8 + way, 1.2], &turned);
+        server.send(&[pose("pad", number, [2.0, 1.0, 1.4 + 0.002 * t.sin()], &still), hand]);
+        std::thread::sleep(PERIOD);
+    };
+    let begun = Instant::now();
+    while shoulder.report().limb.is_none_or(|line| !line.contains("followed")) {
+        assert!(begun.elapsed() < PATIENCE, "{:?}", shoulder.report());
+        send(0.0);
+        shoulder.drive(&mut session).unwrap();
+    }
+    let start = tip(&session);
+    for tick in 0..3000_u64 {
+        if tick.is_multiple_of(10) {
+            send(0.08 * (tick as f64 / 2000.0).min(1.0));
+            shoulder.drive(&mut session).unwrap();
+        }
+        session.step(false).unwrap();
+    }
+    let (end, line) = (tip(&session), shoulder.report().limb.unwrap());
+    let way = end.translation.vector - start.translation.vector;
+    assert!((way - nalgebra::Vector3::new(0.0, 0.08, 0.0)).norm() < 0.012, "{way}, {line}");
+    assert!(end.rotation.angle_to(&start.rotation) < 0.06, "the hand did not turn");
+    assert!(line.starts_with("hand followed, within "), "{line}");
+}
+
+#[test]
 fn a_limb_that_names_no_bodies_is_refused() {
     for wrong in ["", ",", "upper,", "upper,upper", "a,b,c"] {
         assert!(wrong.parse::<LimbBodies>().unwrap_err().to_string().contains("upper arm"), "{wrong:?}");

@@ -21,6 +21,7 @@ mod chain;
 mod damped;
 pub mod doubles;
 mod hand;
+mod hand_fit;
 mod limb_fit;
 mod model;
 mod pinch;
@@ -30,6 +31,7 @@ mod sized;
 pub use chain::{Chain, ChainPoses, Columns};
 pub use damped::{damped_step, damped_step_within};
 pub use hand::{CLOSED_POSE, Couplings, Grasp, OPEN_POSE, upright_axis};
+pub use hand_fit::HandFit;
 pub use limb_fit::{LimbFit, LimbFitError};
 pub use model::{
     ArmModel, ArmModelError, CollisionShape, Inertial, Joint, JointKind, JointLimits, Link, Mimic, NamedPose,

@@ -99,6 +99,11 @@ impl LimbFit {
         &self.angles
     }
 
+    /// The angles that were found last, base to tip, rad.
+    pub fn angles(&self) -> &[f64] {
+        &self.angles
+    }
+
     /// The largest turn between a segment of the arm and the person's own, rad.
     pub fn gap_rad(&self) -> f64 {
         self.gap_rad

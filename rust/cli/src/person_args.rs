@@ -61,6 +61,9 @@ pub(crate) struct MocapArgs {
     /// Follow the person's own limb by bodies of the same system: on the upper arm, and on the forearm where there is one
     #[arg(long, value_name = "UPPER[,FOREARM]", requires = "mocap")]
     mocap_limb: Option<LimbBodies>,
+    /// Follow the person's own hand by a body of the same system on it, for method imitate: joints by inverse kinematics
+    #[arg(long, value_name = "BODY", requires = "mocap", conflicts_with = "mocap_limb")]
+    mocap_hand: Option<String>,
     /// Keep where the trunk is with each record, for compensation in the analysis: a body of the same system on the breastbone
     #[arg(long, value_name = "BODY", requires = "mocap")]
     mocap_trunk: Option<String>,
@@ -98,7 +101,7 @@ impl MocapArgs {
         };
         let shoulder = shoulder
             .filtered(profile)
-            .with_limb(self.mocap_limb.clone())
+            .with_limb(self.mocap_limb.clone().or(self.mocap_hand.clone().map(LimbBodies::Hand)))
             .with_trunk(self.mocap_trunk.clone());
         Ok(Some(shoulder.recording(self.mocap_record.as_deref())))
     }
@@ -137,7 +140,7 @@ pub(crate) struct PersonArgs {
     #[arg(long, value_name = "NAME")]
     markers_lsl: Option<String>,
     /// Follow a tracked limb that a program sends over UDP as {"angles": [..]}, on port 25041 unless another is given
-    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "25041", conflicts_with = "mocap_limb")]
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "25041", conflicts_with_all = ["mocap_limb", "mocap_hand"])]
     limb_udp: Option<u16>,
     /// Carry the shoulder with the neck of whoever wears the headset, without cameras
     #[arg(long, conflicts_with = "mocap")]
@@ -169,6 +172,11 @@ impl PersonArgs {
         .with_markers(self.markers()?)
         .with_shoulder(self.mocap.open(registry)?, session)
         .with_head_shoulder(self.shoulder_from_head))
+    }
+
+    /// Whether something gives angles for every joint of the arm.
+    pub(crate) fn follows_limb(&self) -> bool {
+        self.limb_udp.is_some() || self.mocap.mocap_hand.is_some()
     }
 
     #[cfg(feature = "lsl")]

@@ -12,7 +12,7 @@ use proact_app::{
 use proact_bridge::{PageContent, PageServer};
 use proact_devices::SourceName;
 use proact_intent::GazeOffset;
-use proact_types::GestureName;
+use proact_types::{GestureName, MethodStyle};
 use std::{error::Error, path::PathBuf, sync::atomic::AtomicBool};
 
 /// Arguments of `proact serve`.
@@ -115,7 +115,10 @@ fn drive(
             None => None,
         };
         // What the page offers must be able to begin.
-        let methods = registry.methods.fitting(&config.profile, arm.model());
+        let mut methods = registry.methods.fitting(&config.profile, arm.model());
+        let led = args.person.follows_limb();
+        methods
+            .retain(|method| led || method.style != MethodStyle::Imitating || method.name == config.method);
         let content = PageContent { methods, ..driven_content(session.testbed(), &arm) };
         let page = match &mut server {
             Some(server) => {

@@ -77,7 +77,7 @@ fn conditions_of_armsym_become_a_plan_and_what_is_none_is_refused_by_its_file() 
     let plan: Value = serde_json::from_str(&answer(dir, &[&words[..], &["--json"]].concat())).unwrap();
     assert_eq!(plan["left_out"], serde_json::json!([]));
     let report: Value = serde_json::from_str(&answer(dir, &["study", "check", "mine", "--json"])).unwrap();
-    assert_eq!(report["conditions"], serde_json::json!(["end_point", "go_to"]));
+    assert_eq!(report["conditions"], serde_json::json!(["imitate", "go_to"]));
     assert_eq!(report["trials"], 6 * 2 * 3);
     let error = refusal(dir, &["study", "new", "other", "--from-armsym", "own.json"]);
     assert!(error.contains("own.json: controlmode is 7, expected 0, 1 or 2"), "{error}");

@@ -105,6 +105,15 @@ fn armsym_scores(folder: &Path) -> Vec<String> {
         assert!(times.len() == messages.len() && times.len() == values.len(), "{text}");
         assert_eq!((&messages[0], &times[0]), (&"TrialStarted".into(), &0.0.into()));
         let total = messages.iter().position(|message| message == "Total_Score").unwrap();
+        let joints = fs::read_to_string(trial.join("Joint_Data.csv")).unwrap();
+        let rows: Vec<Vec<&str>> = joints.lines().map(|row| row.split('\t').collect()).collect();
+        assert_eq!(rows[0][..3], ["Idx", "Time", "th1"]);
+        assert_eq!((rows[0].len(), rows[0][8], rows[0][16]), (17, "th7", "z_baserobot_in_space"));
+        let end = times.last().unwrap().as_f64().unwrap();
+        assert!((rows.len() as f64 - 2.0 - 90.0 * end).abs() <= 1.0, "{} rows in {end} s", rows.len());
+        let numbers = |row: &[&str]| row.iter().map(|cell| cell.parse().unwrap()).collect::<Vec<f64>>();
+        assert!(rows[1..].iter().all(|row| numbers(row).len() == 17));
+        assert!((2..9).any(|joint| rows[1][joint] != rows[rows.len() / 2][joint]), "no joint has moved");
         scores.push(values[total].as_f64().unwrap().to_string());
     }
     scores

@@ -180,7 +180,7 @@ impl MethodEntry {
         process: impl MethodProcess + 'static,
     ) -> Result<Box<dyn ControlMethod>, ControlError> {
         profile.check()?;
-        let subset = JointSubset::new(profile, model)?;
+        let subset = JointSubset::of(self.info.style, profile, model)?;
         self.check_profile(profile, &subset)?;
         if let Some(Err(reason)) = self.fits.map(|fits| fits(model)) {
             return Err(ControlError::Unsupported { method: self.info.name.clone(), reason });

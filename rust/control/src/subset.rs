@@ -3,7 +3,7 @@ use crate::{
     ControlError, ControlInput, ControlMethod, ControlOutput, MotionCommand, MotionState, Profile, STEP_SECS,
 };
 use proact_arm::{ArmModel, JointLimits, is_named};
-use proact_types::{SimTime, Trajectory};
+use proact_types::{MethodStyle, SimTime, Trajectory};
 use std::collections::BTreeSet;
 
 /// A joint this near its goal has reached it, rad.
@@ -46,6 +46,24 @@ impl JointSubset {
         driven.sort_unstable();
         driven.dedup();
         Ok(Self { driven, count })
+    }
+
+    /// The same for a method that is driven by `style`: none where the arm imitates the person's own limb.
+    ///
+    /// # Errors
+    /// As [`JointSubset::new`]; [`ControlError::Unsupported`] for a level of limb loss where the whole arm imitates.
+    pub fn of(style: MethodStyle, profile: &Profile, model: &ArmModel) -> Result<Self, ControlError> {
+        let subset = Self::new(profile, model)?;
+        if style != MethodStyle::Imitating {
+            return Ok(subset);
+        }
+        if !subset.is_whole() {
+            return Err(ControlError::Unsupported {
+                method: "by which the arm imitates the person's own limb".to_owned(),
+                reason: "leads every joint of the arm by the limb: leave profile.level out",
+            });
+        }
+        Ok(Self { driven: Vec::new(), count: subset.count })
     }
 
     /// Positions of the driven joints among the arm joints, ascending.

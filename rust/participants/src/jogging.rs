@@ -7,7 +7,7 @@ mod pulse;
 mod situation;
 
 use crate::{Body, Participant, ParticipantOptions, choice::Choice, habits::Habits, reach::ArmSense};
-use attitude::Attitude;
+pub(crate) use attitude::Attitude;
 use limb::Limb;
 pub(crate) use modes::ModeCycle;
 use movement::Movements;
@@ -16,7 +16,8 @@ use proact_types::{
     Briefing, DisplayFrame, Gesture, HandState, Intention, ModeView, Moves, ObjectId, Point, Scene, SimTime,
 };
 use pulse::Pulse;
-use situation::{Aim, Situation};
+use situation::Aim;
+pub(crate) use situation::Situation;
 use std::sync::Arc;
 
 /// Modes are thought of as numbers: joints of the arm from 0, axes of the hand from here, three to go along and three to
@@ -84,7 +85,7 @@ pub(crate) fn number_of(mode: &ModeView) -> u8 {
 
 /// The way of one block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Stage {
+pub(crate) enum Stage {
     /// High, over the block.
     Above,
     /// Close over the block.

@@ -14,6 +14,7 @@ mod choice;
 #[cfg(test)]
 mod doubles;
 mod habits;
+mod imitating;
 mod jogging;
 mod person;
 mod reach;
@@ -24,6 +25,7 @@ use proact_types::{DisplayFrame, Intention};
 
 pub use body::{Body, OutOfRange, Trunk};
 pub use habits::ParticipantOptions;
+pub use imitating::ImitatingParticipant;
 pub use jogging::JoggingParticipant;
 pub use person::{Learning, PersonTraits, Population, Practice, Trait};
 pub use selecting::SelectingParticipant;

@@ -71,7 +71,7 @@ impl ArmSymCondition {
     fn method(&self) -> Result<(&'static str, &'static str), PlanError> {
         match self.controlmode {
             0 => Ok(("joints", "A")),
-            1 => Ok(("end_point", "B")),
+            1 => Ok(("imitate", "imitate")),
             2 => Ok(("go_to", "C")),
             _ => Err(PlanError::value(
                 "controlmode",

@@ -53,6 +53,8 @@ pub enum MethodStyle {
     Jogging,
     /// By looking at what is meant: WE goes there, WF locks, HC closes the hand, HO opens it.
     Selecting,
+    /// By moving the own limb, which the whole arm follows: HC closes the hand, HO opens it.
+    Imitating,
 }
 
 /// What the page says of a method. Empty texts leave the page's own.

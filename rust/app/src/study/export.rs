@@ -7,6 +7,7 @@ use super::{
 };
 use crate::{claim_folder, write_whole};
 use proact_analysis::table::{Cell, Table};
+use proact_control::MethodRegistry;
 use proact_recording::{
     MANIFEST_FILE,
     journal::{Journal, JournalError},
@@ -38,8 +39,9 @@ pub struct ExportOptions {
     pub raw: bool,
     /// The pseudonyms of the journal stay. Without it participants are called by their places in the plan.
     pub keep_ids: bool,
-    /// The events of each trial as ArmSym writes them too, in the folder `armsym`.
-    pub armsym: bool,
+    /// The events and joints of each trial as ArmSym writes them too, in the folder `armsym`: with these methods trials are
+    /// recomputed for it.
+    pub armsym: Option<MethodRegistry>,
 }
 
 /// What was written.
@@ -74,12 +76,13 @@ pub fn export(study: &Study, options: &ExportOptions) -> Result<Exported, Box<dy
     for (name, text) in texts {
         write_whole(&folder.join(name), &text)?;
     }
-    if options.armsym {
-        for (subject, trial, data) in armsym_files(study, &look)? {
-            let own = folder.join(ARMSYM_FOLDER).join(subject).join(format!("trial_{trial}"));
+    if let Some(methods) = &options.armsym {
+        armsym_files(study, &look, methods, |files| {
+            let own = folder.join(ARMSYM_FOLDER).join(&files.subject).join(format!("trial_{}", files.trial));
             fs::create_dir_all(&own).map_err(|error| format!("{}: {error}", own.display()))?;
-            write_whole(&own.join("trialdata.json"), &serde_json::to_string(&data)?)?;
-        }
+            write_whole(&own.join("trialdata.json"), &serde_json::to_string(&files.events)?)?;
+            Ok(write_whole(&own.join("Joint_Data.csv"), &files.joints)?)
+        })?;
     }
     let (tables_file, partial) = (folder.join("tables.sqlite"), folder.join("tables.sqlite.partial"));
     remove(&partial)?;

@@ -2,10 +2,12 @@
 
 mod armsym;
 pub(crate) mod columns;
+mod joint_data;
 pub(crate) mod trials;
 
 use super::{Study, conductor::Look};
 use proact_analysis::table::{Cell, Table};
+use proact_control::MethodRegistry;
 use proact_recording::journal::Entry;
 use proact_study::{Deviation, FormItem, Happening, PlannedTrial, Spot, StepOutcome, StudyEvent};
 use std::{
@@ -22,12 +24,17 @@ pub fn tables(study: &Study, look: &Look, raw: bool) -> Result<Vec<Table>, Box<d
     all_tables(&Told { study, look, times: times(&look.entries) }, raw, None)
 }
 
-/// The events of each trial that counts, as ArmSym writes them.
+/// Hands the events and joints of each trial that counts, as ArmSym writes them, to `write`.
 ///
 /// # Errors
-/// A record that cannot be read, by its name.
-pub(super) fn armsym_files(study: &Study, look: &Look) -> Result<Vec<armsym::TrialFile>, Box<dyn Error>> {
-    armsym::trial_files(&Told { study, look, times: times(&look.entries) })
+/// A record that cannot be read or recomputed, by its name; what `write` refuses.
+pub(super) fn armsym_files(
+    study: &Study,
+    look: &Look,
+    methods: &MethodRegistry,
+    write: impl FnMut(armsym::TrialFiles) -> Result<(), Box<dyn Error>>,
+) -> Result<(), Box<dyn Error>> {
+    armsym::trial_files(&Told { study, look, times: times(&look.entries) }, methods, write)
 }
 
 /// The same without those records that cannot be read, and what is wrong with these.

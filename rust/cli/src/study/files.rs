@@ -25,7 +25,7 @@ pub struct ExportArgs {
     /// Keep the pseudonyms under which people were enrolled
     #[arg(long)]
     keep_ids: bool,
-    /// Write the events of each trial as another system does too, into a folder of its name
+    /// Write the events and joints of each trial as another system does too, into a folder of its name
     #[arg(long, value_name = "SYSTEM", value_parser = ["armsym"])]
     like: Option<String>,
 }
@@ -47,7 +47,7 @@ pub(super) fn export(methods: &MethodRegistry, args: &ExportArgs, json: bool) ->
         out: args.out.clone(),
         raw: args.raw,
         keep_ids: args.keep_ids,
-        armsym: args.like.is_some(),
+        armsym: args.like.is_some().then(|| methods.clone()),
     };
     let bar = bar(!json, 1, "reading the records {elapsed}");
     bar.enable_steady_tick(std::time::Duration::from_millis(500));

@@ -7,7 +7,7 @@ use super::{
 };
 use crate::reach::HandGoal;
 use nalgebra::UnitQuaternion;
-use proact_types::{Pose, Vector};
+use proact_types::{JointVector, Pose, Vector};
 
 /// The hand may lean toward the shoulder by these angles, rad: the arm reaches further then.
 const LEANS: [f64; 5] = [0.0, 0.2, 0.35, 0.5, -0.2];
@@ -22,11 +22,13 @@ const ELBOW: usize = 3;
 const YAW_NEAR: f64 = 0.06;
 
 /// The attitude of the hand, thought of once for each way to a block and to its target.
-pub(super) struct Attitude {
+pub(crate) struct Attitude {
     /// The hand leans toward the shoulder, rad.
     lean: f64,
     /// `base_from_tip`'s rotation with which method B takes the block, or puts it down; none if its yaw is free.
     wanted: Option<UnitQuaternion<f64>>,
+    /// The same, also where the yaw is free, and the arm's angles there, rad.
+    thought_of: Option<(UnitQuaternion<f64>, JointVector)>,
     /// The hand has come near enough to its place to turn to that attitude.
     near: bool,
     /// A stage began for which the attitude has to be thought of.
@@ -34,23 +36,29 @@ pub(super) struct Attitude {
 }
 
 impl Attitude {
-    pub(super) fn new() -> Self {
-        Self { lean: 0.0, wanted: None, near: false, due: true }
+    pub(crate) fn new() -> Self {
+        Self { lean: 0.0, wanted: None, thought_of: None, near: false, due: true }
     }
 
     /// Another stage begins.
-    pub(super) fn begin(&mut self, stage: Stage) {
+    pub(crate) fn begin(&mut self, stage: Stage) {
         self.due = matches!(stage, Stage::Above | Stage::Carry);
     }
 
     /// How far the hand leans toward the shoulder, rad.
-    pub(super) fn lean(&self) -> f64 {
+    pub(crate) fn lean(&self) -> f64 {
         self.lean
+    }
+
+    /// How the hand stands at the object or at its target in the way that was thought of last: `base_from_tip`'s rotation, its yaw
+    /// included, and the arm's angles, rad.
+    pub(crate) fn thought_of(&self) -> Option<&(UnitQuaternion<f64>, JointVector)> {
+        self.thought_of.as_ref()
     }
 
     /// If it is time to: thinks of the ways in which the hand could stand at the block, or at its target, and takes the
     /// best one; after the arm got `stuck` so often, one that is that much worse.
-    pub(super) fn choose(&mut self, situation: &Situation, stuck: usize) {
+    pub(crate) fn choose(&mut self, situation: &Situation, stuck: usize) {
         if !std::mem::take(&mut self.due) {
             return;
         }
@@ -75,12 +83,13 @@ impl Attitude {
                 // Metres that fingers are in something or short of it, a stretched arm, and turns: in that order.
                 let depth = obstacles.depth(&seen.world_from_base, &sense.stance(&q));
                 let cost = 100.0 * (depth + far) + 2.0 * stretched + 0.3 * lean.abs() + 3.0 * yaw.abs();
-                ways.push((cost, lean, (yaw != 0.0).then_some(wanted)));
+                ways.push((cost, lean, yaw != 0.0, (wanted, q)));
             }
         }
         ways.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let chosen = ways[stuck % MOST_WAYS];
-        (self.lean, self.wanted, self.near) = (chosen.1, chosen.2, false);
+        let (_, lean, turns, thought_of) = ways.swap_remove(stuck % MOST_WAYS);
+        (self.lean, self.wanted, self.near) = (lean, turns.then_some(thought_of.0), false);
+        self.thought_of = Some(thought_of);
     }
 
     /// What is left to turn along the axes of the base, rad, for a hand that leans off upright by `tilt`, rad, and

@@ -26,13 +26,13 @@ const TRUNK_REACH: f64 = 0.15;
 const CLEAR: f64 = 0.003;
 
 /// What is seen, what is known of the arm and of the scene, and the block that all is about.
-pub(super) struct Situation<'a> {
-    pub(super) sense: &'a ArmSense,
-    pub(super) scene: &'a Scene,
-    pub(super) seen: &'a DisplayFrame,
-    pub(super) block: ObjectId,
+pub(crate) struct Situation<'a> {
+    pub(crate) sense: &'a ArmSense,
+    pub(crate) scene: &'a Scene,
+    pub(crate) seen: &'a DisplayFrame,
+    pub(crate) block: ObjectId,
     /// Where it goes, on the table top.
-    pub(super) target: Point,
+    pub(crate) target: Point,
 }
 
 /// Where the hand should go now.
@@ -62,7 +62,7 @@ impl Aim {
 
 impl<'a> Situation<'a> {
     /// Angles of the arm, rad; none if the display does not show that many.
-    pub(super) fn arm_angles(&self) -> Option<&'a [f64]> {
+    pub(crate) fn arm_angles(&self) -> Option<&'a [f64]> {
         self.seen.joints.get(..self.sense.joints())
     }
 
@@ -72,7 +72,7 @@ impl<'a> Situation<'a> {
     }
 
     /// Where the hand is.
-    pub(super) fn base_from_tip(&self) -> Pose {
+    pub(crate) fn base_from_tip(&self) -> Pose {
         self.seen.world_from_base.inv_mul(&self.seen.world_from_tip)
     }
 
@@ -107,12 +107,13 @@ impl<'a> Situation<'a> {
     }
 
     /// Where the hand should be at `stage`, leaning toward the shoulder by `lean`, rad.
-    pub(super) fn goal_of(&self, stage: Stage, lean: f64) -> HandGoal {
+    pub(crate) fn goal_of(&self, stage: Stage, lean: f64) -> HandGoal {
         let Self { sense, scene, seen, block, target } = self;
         let half = scene.objects[block.index()].shape.half_height();
         let grasp_centre = sense.grasp_centre(self.width());
         let at = |pose: &Pose| Point::from(pose.translation.vector);
-        let by_axis = seen.mode.as_ref().is_some_and(|mode| !matches!(mode.moves, Moves::Joint(_)));
+        // Not joint by joint: along axes, or by the own limb.
+        let by_axis = seen.mode.as_ref().is_none_or(|mode| !matches!(mode.moves, Moves::Joint(_)));
         let standing = at(&seen.objects[block.index()]);
         let high = |point: &Point, height: f64| Point::new(point.x, point.y, scene.table_height + height);
         let over = |point: &Point, height: f64| Point::new(point.x, point.y, point.z + height);

@@ -122,7 +122,7 @@ impl MethodStage {
     ) -> Result<Self, TestbedError> {
         let recorder_tap = RecorderTap::new(process);
         let built = method.build(&config.profile, &model, recorder_tap.clone())?;
-        let driven = JointSubset::new(&config.profile, &model)?;
+        let driven = JointSubset::of(method.info().style, &config.profile, &model)?;
         let held = (0..model.arm_count()).filter(|joint| !driven.contains(*joint)).collect();
         Ok(Self {
             digit_of: model.digit_places(),

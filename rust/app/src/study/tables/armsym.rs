@@ -1,7 +1,8 @@
 //! A trial's events under the names of ArmSym, in the layout of its file `trialdata.json` (MPI-IS/ArmSym, tutorial 4): three arrays of
-//! the same length, the time of a message, the message, and a number that belongs to it or 0.
+//! the same length, the time of a message, the message, and a number that belongs to it or 0. Its joints are in `joint_data.rs`.
 
-use super::Told;
+use super::{Told, joint_data::joint_data};
+use proact_control::MethodRegistry;
 use proact_recording::{Trial, read_result};
 use proact_study::{Answer, FormItem, Happening, Spot, StepOutcome};
 use proact_testbed::TrialResult;
@@ -63,23 +64,36 @@ impl TrialData {
     }
 }
 
-/// Whose trial it is in ArmSym's folders, where a subject has one condition; its number; and what is in its file.
-pub(crate) type TrialFile = (String, usize, TrialData);
+/// A trial in ArmSym's folders.
+pub(crate) struct TrialFiles {
+    /// Whose it is: there a subject has one condition.
+    pub(crate) subject: String,
+    /// Its number.
+    pub(crate) trial: usize,
+    /// What is in `trialdata.json`.
+    pub(crate) events: TrialData,
+    /// What is in `Joint_Data.csv`.
+    pub(crate) joints: String,
+}
 
-/// The files of the trials that count.
+/// Hands the files of each trial that counts to `write`; trials are recomputed with `methods`.
 ///
 /// # Errors
-/// A record that cannot be read, by its name.
-pub(super) fn trial_files(told: &Told<'_>) -> Result<Vec<TrialFile>, Box<dyn Error>> {
-    let mut files = Vec::new();
+/// A record that cannot be read or recomputed, by its name; what `write` refuses.
+pub(super) fn trial_files(
+    told: &Told<'_>,
+    methods: &MethodRegistry,
+    mut write: impl FnMut(TrialFiles) -> Result<(), Box<dyn Error>>,
+) -> Result<(), Box<dyn Error>> {
     for counted in told.counted() {
         let dir = told.study.folder.join(&counted.record);
-        let read = || -> Result<TrialData, Box<dyn Error>> {
+        let read = || -> Result<(TrialData, String), Box<dyn Error>> {
             let record = Trial::open(&dir)?;
             let result: TrialResult = read_result(&dir)?;
-            Ok(TrialData::of_events(&record.events()?, result.score, record.end()))
+            let events = TrialData::of_events(&record.events()?, result.score, record.end());
+            Ok((events, joint_data(methods, &dir)?))
         };
-        let mut data = read().map_err(|error| format!("{}: {error}", dir.display()))?;
+        let (mut data, joints) = read().map_err(|error| format!("{}: {error}", dir.display()))?;
         let end = SimTime::from_secs(data.times.last().copied().unwrap_or_default());
         for (question, answer) in told.questions_after(&counted.spot) {
             data.push(end, question, answer);
@@ -87,9 +101,10 @@ pub(super) fn trial_files(told: &Told<'_>) -> Result<Vec<TrialFile>, Box<dyn Err
         let planned = counted.planned;
         let who = told.look.progress.people().get(&planned.participant).cloned();
         let who = who.unwrap_or_else(|| planned.participant.to_string());
-        files.push((format!("{who}_{}", planned.condition), planned.trial, data));
+        let subject = format!("{who}_{}", planned.condition);
+        write(TrialFiles { subject, trial: planned.trial, events: data, joints })?;
     }
-    Ok(files)
+    Ok(())
 }
 
 impl Told<'_> {

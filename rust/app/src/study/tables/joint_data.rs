@@ -1,0 +1,89 @@
+//! A trial's joints in the layout of ArmSym's file `Joint_Data.csv`: 90 rows a second, with tabs between the columns.
+
+use crate::{replay::ReplayOptions, retrace};
+use proact_control::MethodRegistry;
+use proact_testbed::Testbed;
+use proact_types::{Gesture, Point, Pose};
+use std::{error::Error, fmt::Write, path::Path};
+
+/// Rows a second.
+const RATE_HZ: u64 = 90;
+/// The columns after those of the joints, in ArmSym's order.
+const PLACES: [&str; 8] = [
+    "x_controller_in_space",
+    "y_controller_in_space",
+    "z_controller_in_space",
+    "x_trackpad",
+    "y_trackpad",
+    "x_baserobot_in_space",
+    "y_baserobot_in_space",
+    "z_baserobot_in_space",
+];
+
+/// The rows of the trial in `dir`, which is recomputed with `methods`.
+///
+/// Of joints that an arm has, `th1` and on: degrees from 0 to 360. Places are in metres in the axes that ArmSym's program has, x to
+/// the right, y up, z ahead. In the place of its controller stands the arm's hand, in that of its trackpad 0 and the movement gesture:
+/// 1 for WE, -1 for WF.
+///
+/// # Errors
+/// As [`retrace`]; a trial that is not the recorded one any more.
+pub(super) fn joint_data(methods: &MethodRegistry, dir: &Path) -> Result<String, Box<dyn Error>> {
+    let options =
+        ReplayOptions { other_versions: true, methods: methods.clone(), ..ReplayOptions::default() };
+    let mut text = String::new();
+    let mut row = 0;
+    let retraced = retrace(dir, &options, |testbed, _| {
+        if row == 0 {
+            heading(&mut text, testbed.model().arm_count());
+        }
+        if testbed.now().0 * RATE_HZ >= row * 1000 {
+            write_row(&mut text, row, testbed);
+            row += 1;
+        }
+    })?;
+    match retraced.divergence {
+        Some(_) => {
+            Err("recomputed for its joints, the trial is another one (proact replay says where)".into())
+        }
+        None => Ok(text),
+    }
+}
+
+fn heading(text: &mut String, joints: usize) {
+    text.push_str("Idx\tTime");
+    (1..=joints).for_each(|joint| told(text, format_args!("\tth{joint}")));
+    PLACES.iter().for_each(|name| told(text, format_args!("\t{name}")));
+    text.push('\n');
+}
+
+fn write_row(text: &mut String, row: u64, testbed: &Testbed) {
+    let model = testbed.model();
+    let state = testbed.plant().state();
+    told(text, format_args!("{row}\t{:.3}", testbed.now().as_secs()));
+    for angle in &state.position[..model.arm_count()] {
+        told(text, format_args!("\t{:.4}", angle.to_degrees().rem_euclid(360.0)));
+    }
+    let base: Pose = state.world_from_base;
+    let hand = base * model.link_poses(&state.position)[model.tip];
+    place(text, &hand);
+    let along = match testbed.gesture() {
+        Gesture::WristExtension => 1,
+        Gesture::WristFlexion => -1,
+        _ => 0,
+    };
+    told(text, format_args!("\t0\t{along}"));
+    place(text, &base);
+    text.push('\n');
+}
+
+/// A place in ArmSym's axes.
+fn place(text: &mut String, pose: &Pose) {
+    let at = Point::from(pose.translation.vector);
+    told(text, format_args!("\t{:.5}\t{:.5}\t{:.5}", -at.y, at.z, at.x));
+}
+
+fn told(text: &mut String, words: std::fmt::Arguments<'_>) {
+    // Memory takes all.
+    let _ = text.write_fmt(words);
+}
