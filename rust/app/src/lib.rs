@@ -28,6 +28,7 @@ pub mod fit;
 mod head_shoulder;
 mod heap;
 pub mod intent_scores;
+mod intent_view;
 pub mod lab_streaming;
 pub mod libraries;
 mod limb;
@@ -94,7 +95,7 @@ pub use record::{Recorder, RecorderError, default_dir};
 pub use recorded_bodies::{RecordedBodies, RecordedBodyError, timed as recorded_poses};
 pub use registry::Registry;
 pub use replay::{OtherVersions, Replanned, ReplayOptions, Replayed, replay_trial};
-pub use result_card::{ResultCards, WristPath};
+pub use result_card::{CardTally, ResultCards};
 pub use retrace::{Retraced, retrace};
 pub use ros_capture::ROS_SCHEMES;
 #[cfg(feature = "ros")]

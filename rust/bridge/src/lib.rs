@@ -65,7 +65,8 @@ pub use input::{AfterTrial, ClientInput, ControllerPose, StudyAction};
 pub use meshes::MeshFile;
 pub use server::{PageContent, PageOptions, PageServer};
 pub use signals::{
-    ChannelSpectrum, InertialValue, Recognition, ResultCard, ResultLine, Signals, TrialStatus,
+    ChannelSpectrum, InertialValue, Intent, IntentOver, Recognition, ResultCard, ResultLine, Signals,
+    TrialStatus,
 };
 pub use study::{
     ExperimenterScreen, FormPair, FormScreen, GivenAnswer, NextSession, NowScreen, NowWhat, ParticipantLine,

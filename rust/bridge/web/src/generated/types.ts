@@ -220,7 +220,7 @@ density: Array<number>, };
 /** A message of the page on the WebSocket. */
 export type ClientMessage = { "type": "gesture", gesture: Gesture, } | { "type": "gaze", origin: [number, number, number], direction: [number, number, number], measured?: boolean, } | { "type": "trunk", forward: number, lateral: number, axial: number, } | { "type": "head", position: [number, number, number],
 /** x, y, z, w. */
-quaternion: [number, number, number, number], } | { "type": "controller" } & ControllerPose | { "type": "restart", method?: string, again?: boolean, } | { "type": "study", action: StudyAction, } | { "type": "gaze_check" } & GazeCheck | { "type": "join", name: string, } | { "type": "take_over", } | { "type": "drawn", } | { "type": "hold", on: boolean, } | { "type": "after", ask: AfterTrial, } | { "type": "conduct" } & StudyRequest | { "type": "answer" } & GivenAnswer | { "type": "submit", step: number, } | { "type": "alive", } | { "type": "ping", id: number, };
+quaternion: [number, number, number, number], } | { "type": "controller" } & ControllerPose | { "type": "restart", method?: string, again?: boolean, } | { "type": "study", action: StudyAction, } | { "type": "gaze_check" } & GazeCheck | { "type": "join", name: string, } | { "type": "take_over", } | { "type": "drawn", } | { "type": "hold", on: boolean, } | { "type": "watch", signals: boolean, } | { "type": "after", ask: AfterTrial, } | { "type": "conduct" } & StudyRequest | { "type": "answer" } & GivenAnswer | { "type": "submit", step: number, } | { "type": "alive", } | { "type": "ping", id: number, };
 
 /** A collision shape of a link. */
 export type CollisionShape = {
@@ -624,6 +624,21 @@ value: number | null, };
 
 /** What gives gestures or measurements to a trial, and may die while the arm moves. */
 export type InputSource = "armband" | "gesture_topic" | "page" | "eye_tracker" | "shoulder_tracker" | "limb_tracker" | "stage";
+
+/** What gaze and task say of what is meant, each for itself and both together. Lists have the order of the scene and sum to
+ * one, rounded. */
+export type Intent = {
+/** Of what. */
+over: IntentOver,
+/** By the gaze alone, without task context: what method C goes by. */
+likelihood: Array<number>,
+/** By the task alone. */
+prior: Array<number>,
+/** By both: what method D goes by. */
+posterior: Array<number>, };
+
+/** What an [`Intent`] is spread over. */
+export type IntentOver = "objects" | "places";
 
 /** A joint. */
 export type Joint = {
@@ -1109,6 +1124,8 @@ score_name: string,
 seconds: number,
 /** Length of the wrist's path, metres. */
 path_m: number,
+/** How often the hand closed to take something. */
+attempts: number,
 /** What became of each object, for tasks that tell. */
 objects: Array<ResultLine>,
 /** What people with two sound hands reach, a line each, where that is known. */
@@ -1267,6 +1284,8 @@ faults: Array<string | null>,
 emg_lost_share: number,
 /** What the muscles say; none without an armband. */
 recognition: Recognition | null,
+/** What gaze and task say; none for methods that do not go by the gaze, and while there is nothing to mean. */
+intent: Intent | null,
 /** Milliseconds since the last valid gaze; none if there was none yet. */
 gaze_age_ms: number | null,
 /** Gaze samples a second. */
@@ -1595,7 +1614,9 @@ gaze_source: string | null,
 /** How often the experimenter has asked for a gaze check. With each, the participant's page begins one. */
 gaze_checks: number,
 /** The same for a calibration of the gaze. */
-gaze_calibrations: number, };
+gaze_calibrations: number,
+/** Why what was chosen on the page did not begin, as a sentence; none if it did. */
+refused: string | null, };
 
 /** What the list says of a trial. */
 export type TrialSummary = {
