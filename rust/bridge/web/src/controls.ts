@@ -28,8 +28,15 @@ const LEANS: { command: LeanKey; axis: Axis; sign: 1 | -1; name: string }[] = [
 const ACTIONS: { command: ActionKey; name: string }[] = [
   { command: "upright", name: "sit up" },
   { command: "camera", name: "camera" },
+  { command: "signals", name: "signals" },
+  { command: "views", name: "views" },
+  { command: "scores", name: "scores" },
   { command: "restart", name: "restart" },
 ];
+/** They stay pressed as long as what they open is open. */
+const OPENS = new Set<Command>(["signals", "views", "scores"]);
+/** A participant neither compares trials nor watches signals. */
+const NOT_IN_STUDY = new Set<ActionKey>(["signals", "scores"]);
 /** The trunk's limits and speed, as in the seated set-up: degrees, degrees per second. */
 const LEAN_MAX = { forward: 35, lateral: 25, axial: 40 };
 const LEAN_SPEED = 30;
@@ -46,6 +53,13 @@ export interface ControlHandlers {
   trunk(posture: { forward: number; lateral: number; axial: number }): void;
   restart(): void;
   camera(): void;
+  signals(): void;
+  /** Small pictures of the hand's and the eyes' view. */
+  views(): void;
+  /** Results side by side. */
+  scores(): void;
+  /** Shift and an arrow key; true if the view took it. */
+  turn(code: string): boolean;
   /** An arrow key; true if the gaze took it. */
   arrow(code: string): boolean;
 }
@@ -159,6 +173,17 @@ export class Controls {
     this.hold(source, gesture, down, true);
   }
 
+  /** Whether what an action opens is open, for screen readers. */
+  setOpen(action: ActionKey, open: boolean): void {
+    this.buttons.get(action)?.setAttribute("aria-expanded", String(open));
+    setClass(this.buttons.get(action) ?? this.root, "down", open);
+  }
+
+  /** To give the focus back to. */
+  focus(action: ActionKey): void {
+    this.buttons.get(action)?.focus();
+  }
+
   showGamepad(): void {
     this.padHelp.hidden = false;
   }
@@ -201,7 +226,7 @@ export class Controls {
     }
     const actions = element("div", "actions");
     for (const { command, name } of ACTIONS) {
-      const button = element("button", `action ${command}`, element("kbd"), element("span", "", name));
+      const button = element("button", `action ${command}${NOT_IN_STUDY.has(command) ? " not-in-study" : ""}`, element("kbd"), element("span", "", name));
       button.type = "button";
       button.addEventListener("click", (event) => {
         this.act(command);
@@ -243,6 +268,10 @@ export class Controls {
   private key(event: KeyboardEvent, down: boolean): void {
     // Ctrl+R and its like belong to the browser.
     if (down && (this.suspended || event.ctrlKey || event.metaKey || event.altKey)) return;
+    if (event.shiftKey && down && this.handlers.turn(event.code)) {
+      event.preventDefault();
+      return;
+    }
     // Arrows move the gaze where that is in the focus.
     if (event.code.startsWith("Arrow") && this.interactive && down && this.handlers.arrow(event.code)) {
       event.preventDefault();
@@ -255,7 +284,7 @@ export class Controls {
     if (gesture || lean) event.preventDefault();
     if (event.repeat) return;
     const shown = lean?.command ?? action;
-    if (shown && !gesture) setClass(this.buttons.get(shown) ?? this.root, "down", down);
+    if (shown && !gesture && !OPENS.has(shown)) setClass(this.buttons.get(shown) ?? this.root, "down", down);
     if (gesture) this.hold(event.code, gesture, down);
     if (lean && this.interactive) {
       if (down) this.leaning.set(event.code, lean);
@@ -273,6 +302,7 @@ export class Controls {
 
   private act(action: ActionKey): void {
     if (action === "camera") this.handlers.camera();
+    if (action === "signals" || action === "views" || action === "scores") this.handlers[action]();
     if (!this.interactive) return;
     if (action === "restart") this.handlers.restart();
     if (action === "upright") {

@@ -459,6 +459,8 @@ export function eventText(event: TrialEvent): string {
       return `Goal ${event.number}: time is up`;
     case "practice_finished":
       return "Practice is over: from now on it counts";
+    case "emg_gap":
+      return "Gap in the EMG";
     case "stopped":
       return `Stopped: ${event.reason}`;
     case "rearmed":

@@ -16,6 +16,9 @@ const NAMES: Record<string, string> = {
   right: "Lean right",
   upright: "Sit up",
   camera: "Next camera",
+  signals: "Signals",
+  views: "Hand and eye views",
+  scores: "Scores",
   restart: "New trial",
 };
 
@@ -69,6 +72,7 @@ export class Panel {
             this.change({ palette: palette as Settings["palette"] }),
           ),
           this.choice("Cues", ["chimes", "speech", "off"], settings.cues, (cues) => this.change({ cues: cues as Settings["cues"] })),
+          this.choice("Captions of sounds", ["off", "on"], settings.captions ? "on" : "off", (on) => this.change({ captions: on === "on" })),
           this.choice("Arm", ["right", "left (mirrored)"], settings.leftArm ? "left (mirrored)" : "right", (side) =>
             this.change({ leftArm: side !== "right" }),
           ),
