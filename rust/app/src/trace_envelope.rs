@@ -110,12 +110,12 @@ mod tests {
 
         let mut grid = TraceEnvelope::new(4000.0, 64);
         let mut rows = Vec::new();
-        for k in 0..4000_i32 {
+        for k in 0..6400_i32 {
             // A peak of one sample stays.
             grid.push(&[if k == 1234 { 99.0 } else { f64::from(k % 7) }; 64], &mut rows);
         }
-        assert_eq!((rows.len() as f64, rows[0].len()), (grid.row_hz(4000.0), 64));
-        assert!(rows.len() * 64 <= MOST_PER_SEC as usize);
+        assert_eq!((rows.len() as f64, rows[0].len()), (1.6 * grid.row_hz(4000.0), 64));
+        assert!((rows.len() * 64) as f64 <= 1.6 * MOST_PER_SEC);
         assert_eq!((&rows[0], &rows[1]), (&vec![0.0; 64], &vec![6.0; 64]));
         assert_eq!(rows.iter().filter(|row| row[63] == 99.0).count(), 1);
     }

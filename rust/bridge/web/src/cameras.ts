@@ -5,14 +5,11 @@ import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { LARGE_ONLY } from "./insets";
 import type { Drawn } from "./motion";
 import type { Room } from "./room";
+import { strings } from "./strings";
 
 export const CAMERA_KINDS = ["shoulder", "eyes", "free"] as const;
 export type CameraKind = (typeof CAMERA_KINDS)[number];
-export const CAMERA_NAMES: Record<CameraKind, string> = {
-  shoulder: "Over the shoulder",
-  eyes: "First person",
-  free: "Free",
-};
+export const CAMERA_NAMES: Record<CameraKind, string> = strings.views.cameras;
 
 const UP = new Vector3(0, 0, 1);
 /** Opening of the cameras that look from outside, degrees: the box and a raised hand, and not the table's feet. */

@@ -57,11 +57,10 @@ export class LineChart {
     });
   }
 
-  /** What stands beside the names. */
+  /** What stands beside the names; nothing where there are no values. */
   tell(values: string[]): void {
-    values.forEach((value, k) => {
-      const node = this.list.children[k]?.lastElementChild;
-      if (node) setText(node, value);
+    [...this.list.children].forEach((item, k) => {
+      if (item.lastElementChild) setText(item.lastElementChild, values[k] ?? "");
     });
   }
 

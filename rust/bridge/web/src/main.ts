@@ -11,6 +11,7 @@ import "./scoreboard.css";
 import { Vector2, Vector3 } from "three";
 import { CAMERA_NAMES, type CameraKind } from "./cameras";
 import { Controls } from "./controls";
+import type { Debug } from "./debug";
 import { element } from "./dom";
 import { FrameCount, ScriptTime } from "./framecount";
 import { GamepadInput } from "./gamepad";
@@ -29,8 +30,7 @@ import { Motion } from "./motion";
 import { Panel } from "./panel";
 import { ParticipantView } from "./participantview";
 import { Pointing } from "./pointing";
-import type { ObjectId, DisplayFrame, GhostArm, MethodInfo, PageContent, TrialStatus } from "./generated/types";
-import type { Triple } from "./protocol";
+import type { ObjectId, DisplayFrame, MethodInfo, PageContent, TrialStatus } from "./generated/types";
 import { keyName, load, store, type Settings } from "./settings";
 import { choosePalette } from "./objects";
 import { mirrorText } from "./shapes";
@@ -41,6 +41,7 @@ import { SignalsDrawer } from "./signalsdrawer";
 import { Sounds } from "./sounds";
 import { Stage, whyNotDrawn } from "./stage";
 import { STOPPED } from "./stopbanner";
+import { strings } from "./strings";
 import { Tutorial } from "./tutorial";
 import { ownName, Wheel, type Driver } from "./wheel";
 
@@ -51,38 +52,6 @@ const PICTURE_MS = 1000 / (Number(parameters.get("pictures")) || Infinity);
 const RELOAD_MS = 3000;
 const canvas = document.getElementById("scene") as HTMLCanvasElement;
 const overlay = document.getElementById("overlay") as HTMLElement;
-
-/** What tests and the curious can look at from the browser's console. */
-interface Debug {
-  frame: DisplayFrame | null;
-  framesReceived: number;
-  framesDrawn: number;
-  framesDropped: number;
-  cues: number;
-  worn: boolean;
-  ghost: GhostArm | null;
-  connected: boolean;
-  /** What the page's script takes for a picture, ms: without and with the drawing of the scene. */
-  script: ScriptTime;
-  whole: ScriptTime;
-  /** Of the last picture. */
-  drawCalls: number;
-  triangles: number;
-  /** Parts of the arm that are seen through. */
-  faded: number;
-  signals: SignalsDrawer;
-  content: PageContent | null;
-  camera: CameraKind;
-  chooseCamera(kind: CameraKind): void;
-  /** Where an object or its target is on the screen, CSS pixels from the window's left top. */
-  project(what: "object" | "target", id: ObjectId): { x: number; y: number } | null;
-  /** Where the point of the gaze check is on the screen. */
-  gazePoint(): { x: number; y: number } | null;
-  /** What can be chosen on the headset's board, and where it is as the headset counts, metres. */
-  boardCells(): { label: string; chosen: boolean; at: Triple }[];
-  /** Middle of the table top in `world`, metres. */
-  tableMiddle(): Triple | null;
-}
 
 function start(): void {
   let settings = load();
@@ -167,7 +136,7 @@ function start(): void {
         live.send({ type: "gesture", gesture });
       },
       alive: () => live.send({ type: "alive" }),
-      unread: () => hud.say("The controller was not read for a moment: let go, then press again"),
+      unread: () => hud.say(strings.controls.unread),
       trunk: (posture) => live.send({ type: "trunk", ...posture }),
       restart: () => restart(),
       camera: () => !study.covers && chooseCamera(cameras.next()),
@@ -211,9 +180,9 @@ function start(): void {
     camera: () => !study.covers && chooseCamera(cameras.next()),
     found(name) {
       controls.showGamepad();
-      hud.say(`Gamepad: ${name}`);
+      hud.say(strings.controls.found(name));
     },
-    lost: () => hud.say("The gamepad is disconnected"),
+    lost: () => hud.say(strings.controls.gone),
   });
   const live = new Live({
     reset() {
@@ -263,7 +232,7 @@ function start(): void {
       const before = driver;
       driver = next;
       wheel.show(next);
-      if (before?.you && !next.you && next.name !== null) hud.say(`${next.name} has taken over`);
+      if (before?.you && !next.you && next.name !== null) hud.say(strings.wheel.taken(next.name));
       if (!next.you) check.stop();
       // Another driver's dialogs let time go; a new name alone does not.
       if (before?.you !== next.you) held = false;
@@ -456,7 +425,7 @@ function start(): void {
   function chooseCamera(kind: CameraKind): void {
     cameras.choose(kind, stage.room);
     debug.camera = kind;
-    hud.say(`Camera: ${CAMERA_NAMES[kind]}${kind === "free" ? " — drag to turn, wheel to zoom" : ""}`);
+    hud.say(strings.views.camera(CAMERA_NAMES[kind], kind !== "shoulder"));
   }
 
   function show(content: PageContent, rebuild = false): void {
@@ -605,8 +574,8 @@ function start(): void {
   /** The line above the hint on the headset's board. */
   function boardTitle(frame: DisplayFrame): string {
     const score = scoreText(frame.score, stage.content?.briefing);
-    const left = `${Math.max(Math.round(frame.time_left_secs), 0)} s left`;
-    const first = study.active ? study.sceneTitle : `Method ${frame.method}`;
+    const left = strings.hud.left(Math.max(Math.round(frame.time_left_secs), 0));
+    const first = study.active ? study.sceneTitle : strings.hud.byMethod(frame.method);
     return [first, score, study.timed ? left : ""].filter(Boolean).join(" · ");
   }
 

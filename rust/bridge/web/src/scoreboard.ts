@@ -112,7 +112,12 @@ function table(
     }),
   );
   const columns = [words.method, words.who, words.trials, ...MEASURES.map(name)].map((text) => head(text, "col"));
-  return element("div", "tablebox", element("table", "figures-table", element("thead", "", element("tr", "", ...columns)), element("tbody", "", ...rows)));
+  const box = element("div", "tablebox", element("table", "figures-table", element("thead", "", element("tr", "", ...columns)), element("tbody", "", ...rows)));
+  // In a narrow window it scrolls, also by keys.
+  box.tabIndex = 0;
+  box.setAttribute("role", "group");
+  box.setAttribute("aria-label", words.table);
+  return box;
 }
 
 function cellText(interval: Interval | null): string {

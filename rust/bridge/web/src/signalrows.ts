@@ -24,8 +24,8 @@ const MOST_TRACES = 16;
 /** As on the page of EMG. */
 const LEAST_RANGE = 4;
 const RASTER_SHARE = 0.5;
-/** Series of a frame before the joints. */
-const [GESTURE, MEANT, GAZE_X, GAZE_Y, FIRST_JOINT] = [0, 1, 2, 3, 4];
+/** Series of a frame; the gaze has two, and joints follow. */
+const [GESTURE, MEANT, GAZE, FIRST_JOINT] = [0, 1, 2, 4];
 const DEGREES = 180 / Math.PI;
 
 interface JointRange {
@@ -109,7 +109,7 @@ export class SignalRows {
     let gesture = this.gestures.indexOf(frame.recognised);
     if (gesture < 0) gesture = this.gestures.push(frame.recognised) - 1;
     const meant = hand.holds === null ? (target.object === null ? 0 : target.object + 1) : target.place ? -1 : 0;
-    const looked = this.onTable(frame) ?? this.frames.at(Infinity).slice(GAZE_X, FIRST_JOINT);
+    const looked = this.onTable(frame) ?? this.frames.at(Infinity).slice(GAZE, FIRST_JOINT);
     const joints = this.ranges.map(({ limits }, k) => shareOf(frame.joints[k] ?? 0, limits));
     // A lock is a half: names stay whole numbers.
     this.frames.push(frame.time / 1000, [gesture, meant === 0 ? 0 : meant + (target.locked ? 0.5 : 0), looked[0] ?? 0, looked[1] ?? 0, ...joints]);
@@ -136,16 +136,16 @@ export class SignalRows {
     const stretch = this.frames.between(from, to);
     drawBand(this.gestureCanvas, stretch, GESTURE, { ...axis, look: (value) => this.gestureLook(value) });
     drawBand(this.meantCanvas, stretch, MEANT, { ...axis, look: meantLook });
-    this.gaze.draw({ times: stretch.times, series: stretch.series.slice(GAZE_X, FIRST_JOINT) }, [words.gazeAhead, words.gazeSide], axis);
+    this.gaze.draw({ times: stretch.times, series: stretch.series.slice(GAZE, FIRST_JOINT) }, [words.gazeAhead, words.gazeSide], axis);
     this.joints.draw({ times: stretch.times, series: stretch.series.slice(FIRST_JOINT) }, this.ranges.map(({ name }) => name), axis);
   }
 
   /** Writes the values of one instant beside the names. */
   tell(time: number): void {
     const values = this.frames.at(time);
-    const centimetres = (metres: number | undefined) => `${(100 * (metres ?? 0)).toFixed(0)} cm`;
-    this.gaze.tell([centimetres(values[GAZE_X]), centimetres(values[GAZE_Y])]);
-    this.joints.tell(this.ranges.map(({ limits }, k) => angleText(values[FIRST_JOINT + k] ?? 0, limits)));
+    const centimetres = (metres: number) => `${Math.round(100 * metres) || 0} cm`;
+    this.gaze.tell(values.slice(GAZE, FIRST_JOINT).map(centimetres));
+    this.joints.tell(values.slice(FIRST_JOINT).map((share, k) => angleText(share, this.ranges[k]?.limits ?? null)));
     this.classes.tell(this.recognised.at(time).map(percent));
   }
 
