@@ -30,7 +30,8 @@ import { Motion } from "./motion";
 import { Panel } from "./panel";
 import { ParticipantView } from "./participantview";
 import { Pointing } from "./pointing";
-import type { ObjectId, DisplayFrame, MethodInfo, PageContent, TrialStatus } from "./generated/types";
+import type { ObjectId, DisplayFrame, PageContent, TrialStatus } from "./generated/types";
+import { methodOf } from "./protocol";
 import { keyName, load, store, type Settings } from "./settings";
 import { choosePalette } from "./objects";
 import { mirrorText } from "./shapes";
@@ -594,9 +595,4 @@ try {
   start();
 } catch (error) {
   overlay.append(element("div", "banner", whyNotDrawn(error)));
-}
-
-/** What is told of the method by which the frame was made. */
-function methodOf(content: PageContent | null, frame: DisplayFrame): MethodInfo | undefined {
-  return content ? [content.method, ...content.methods].find(({ name }) => name === frame.method) : undefined;
 }

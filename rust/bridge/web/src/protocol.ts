@@ -1,6 +1,6 @@
 // What the page says of the types that the server gives it.
 
-import type { Gesture, Stop } from "./generated/types";
+import type { DisplayFrame, Gesture, MethodInfo, PageContent, Stop } from "./generated/types";
 
 /** x, y, z. */
 export type Triple = [number, number, number];
@@ -28,4 +28,9 @@ export function stopText({ reason }: Pick<Stop, "reason">): string {
 
 export function capitalised(text: string): string {
   return `${text.slice(0, 1).toUpperCase()}${text.slice(1)}`;
+}
+
+/** What is told of the method by which the frame was made. */
+export function methodOf(content: PageContent | null, frame: DisplayFrame): MethodInfo | undefined {
+  return content ? [content.method, ...content.methods].find(({ name }) => name === frame.method) : undefined;
 }

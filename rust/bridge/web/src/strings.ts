@@ -309,7 +309,7 @@ const signals = {
   slider: "Seconds before now",
   pause: "Pause",
   live: "Live",
-  close: "Close",
+  close: "Hide",
   isLive: "live",
   isBack: (seconds: string) => `${seconds} s back`,
   noEmg: "Gestures come from keys: this trial has no EMG.",
@@ -369,7 +369,7 @@ const captions = {
 };
 
 const refused = {
-  close: "Close",
+  close: "OK",
 };
 
 const intent = {
