@@ -23,6 +23,8 @@ const KEPT_SECS = BACK_SECS + WINDOW_SECS + 2;
 const MOST_TRACES = 16;
 /** As on the page of EMG. */
 const LEAST_RANGE = 4;
+/** Fewer missing samples are the jitter of messages, seconds. */
+const GAP_SECS = 0.02;
 const RASTER_SHARE = 0.5;
 /** Series of a frame; the gaze has two, and joints follow. */
 const [GESTURE, MEANT, GAZE, FIRST_JOINT] = [0, 1, 2, 4];
@@ -59,6 +61,7 @@ export class SignalRows {
   private ranges: JointRange[] = [];
   private tableHeight = 0;
   private emgUntil = 0;
+  private lastRow: number[] | undefined;
   private shown: Shown | null = null;
   private readonly dark = window.matchMedia("(prefers-color-scheme: dark)");
 
@@ -93,6 +96,7 @@ export class SignalRows {
     this.frames.clear();
     this.recognised.clear();
     this.emgUntil = 0;
+    this.lastRow = undefined;
     this.shown = null;
   }
 
@@ -116,10 +120,10 @@ export class SignalRows {
   }
 
   signals(signals: Signals): void {
-    const { emg, recognition } = signals;
+    const { recognition } = signals;
     this.none.hidden = signals.emg_rate_hz > 0;
     this.emgRow.hidden = this.classes.root.hidden = !this.none.hidden;
-    this.emg.take(emg, signals.emg_row_hz);
+    this.emg.take(this.padded(signals), signals.emg_row_hz);
     this.emgUntil = signals.time / 1000;
     if (recognition) {
       this.classNames = recognition.gestures.map(gestureText);
@@ -167,6 +171,16 @@ export class SignalRows {
     const edge = emg.begun + (to - this.emgUntil) * (emg.count / WINDOW_SECS);
     if (emg.channels > MOST_TRACES) this.raster.draw(this.emgCanvas, { ...shown, edge, range: RASTER_SHARE * shown.range }, inks);
     else drawTraces(this.emgCanvas, { ...shown, edge }, [...Array(emg.channels).keys()], inks);
+  }
+
+  /** The rows of a message, after those that are missing before them: columns are counted, and keep step with time. A gap is a flat line. */
+  private padded({ emg, emg_row_hz, time }: Signals): number[][] {
+    const due = Math.min(time / 1000 - this.emgUntil, KEPT_SECS) * emg_row_hz;
+    const missing = Math.floor(due - emg.length);
+    const still = this.lastRow ?? emg[0];
+    this.lastRow = emg[emg.length - 1] ?? still;
+    if (this.emgUntil === 0 || !still || missing < GAP_SECS * emg_row_hz) return emg;
+    return [...Array<number[]>(missing).fill(still), ...emg];
   }
 
   /** Levels and a common scale; a bad channel does not make the others flat. */
