@@ -28,6 +28,7 @@ export async function signals(page, tools) {
   await captions(page, check);
   await sizes(page, tools);
   await page.keyboard.press("KeyG");
+  await watched(await tools.tab({ viewport: { width: 1280, height: 720 } }), tools);
   await scores(page, tools);
   await refused(page, tools);
   await views(page, tools);
@@ -226,6 +227,20 @@ async function sizes(page, tools) {
   }
   await page.emulateMedia({ colorScheme: "light" });
   await page.setViewportSize({ width: 1280, height: 720 });
+}
+
+/** Who may only watch has the same drawer. */
+async function watched(tab, { url, check, screenshotOf }) {
+  await tab.goto(new URL("/spectator?quality=3", url).href);
+  await tab.waitForFunction(() => window.__proact?.framesDrawn > 1);
+  await tab.keyboard.press("KeyG");
+  await tab.locator(".signalrow.emg .lanes li").nth(7).waitFor();
+  await tab.locator(".signalrow.joints .values li").nth(6).waitFor();
+  check(true, "a spectator has the drawer, too");
+  await screenshotOf(tab, "signals-spectator");
+  await tab.locator('.drawerhead button:text-is("Hide")').click();
+  check(await tab.locator(".drawer").isHidden(), "and hides it");
+  await tab.close();
 }
 
 /** A trial that the experimenter ends stands on the scoreboard, and in its file. */

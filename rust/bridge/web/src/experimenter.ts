@@ -5,6 +5,7 @@ import "./theme.css";
 import "./desk.css";
 import "./dialogs.css";
 import "./form.css";
+import "./signals.css";
 import { CAMERA_KINDS, CAMERA_NAMES } from "./cameras";
 import { Conduct } from "./conduct";
 import { button, element, setClass, setText } from "./dom";
@@ -15,9 +16,11 @@ import { objectName } from "./objects";
 import { Live } from "./live";
 import { Motion } from "./motion";
 import type { DisplayFrame, PageContent, Signals, Stop, TrialEvent, TrialStatus } from "./generated/types";
-import { GESTURE_NAMES } from "./protocol";
+import { GESTURE_NAMES, methodOf } from "./protocol";
+import { SignalsDrawer } from "./signalsdrawer";
 import { Stage, whyNotDrawn } from "./stage";
 import { StopBanner } from "./stopbanner";
+import { strings } from "./strings";
 import { Traces } from "./traces";
 
 /** Lines of the log that are kept on the page. */
@@ -84,6 +87,17 @@ function start(): void {
   buttons.calibrate.title = "The same five points; the error that they agree on is taken off the gaze from then on";
   const conduct = new Conduct((message) => live.send(message));
   const methods = element("div", "methodrow");
+  const drawer = new SignalsDrawer((open, escaped) => {
+    drawerButton.setAttribute("aria-expanded", String(open));
+    if (escaped) drawerButton.focus();
+  });
+  drawer.root.classList.add("floating");
+  const drawerButton = button(strings.signals.overTime, () => drawer.toggle());
+  drawerButton.setAttribute("aria-expanded", "false");
+  // Where nothing has the focus.
+  document.addEventListener("keydown", ({ target, code, ctrlKey, metaKey, altKey }) => {
+    if (target === document.body && code === "KeyG" && !ctrlKey && !metaKey && !altKey) drawer.toggle();
+  });
   const cameraBar = element("div", "camerabar", ...CAMERA_KINDS.map((kind) => button(CAMERA_NAMES[kind], () => chooseCamera(kind))));
   const pane = (title: string, classes: string, ...children: HTMLElement[]) =>
     element("section", `pane ${classes}`, element("h2", "", title), ...children);
@@ -99,12 +113,14 @@ function start(): void {
     seed,
     record,
     element("span", "push"),
+    drawerButton,
     link,
   );
   desk.append(
     bar,
     element("div", "experiment", element("section", "pane view", canvas, overview, state, stop.root, cameraBar), side),
     element("div", "signals", pane("EMG, last 5 s", "traces", traceCanvas, noArmband), logPane),
+    drawer.root,
   );
   const stage = new Stage(canvas);
   chooseCamera("shoulder");
@@ -115,6 +131,7 @@ function start(): void {
         motion.clear();
         count.restart();
         clearTrial();
+        drawer.clear();
         stage.showGhost(null);
       },
       ghost: (arm) => stage.showGhost(arm),
@@ -165,6 +182,7 @@ function start(): void {
 
   function show(content: PageContent): void {
     stage.show(content);
+    drawer.show(content);
     interactive = content.interactive;
     setText(setup, `Set-up: ${content.setup}`);
     methods.replaceChildren(
@@ -191,6 +209,7 @@ function start(): void {
     lastTime = next.time;
     motion.push(next, performance.now());
     count.take(next.time);
+    drawer.frame(next, methodOf(stage.content, next));
     addEvents(next.events);
     showStop(next.stop);
     setText(method, `Method ${next.method}`);
@@ -236,6 +255,7 @@ function start(): void {
 
   function signals(next: Signals): void {
     traces.take(next);
+    drawer.take(next);
     noArmband.hidden = next.emg_rate_hz > 0;
     const age = next.gaze_age_ms;
     rates.set("Tick, mean / longest", `${next.tick_mean_us.toFixed(0)} / ${next.tick_max_us.toFixed(0)} µs`, next.tick_mean_us > SLOW_TICK_US);
@@ -273,6 +293,7 @@ function start(): void {
     before = wall;
     stage.draw(motion.at(wall), motion.latest, seconds, wall);
     traces.draw();
+    drawer.draw();
     if (wall - shown.since > 1000) {
       const span = (wall - shown.since) / 1000;
       rates.set("Frames", `${Math.round((count.received - shown.received) / span)} Hz, ${count.dropped} dropped`);

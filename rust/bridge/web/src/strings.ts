@@ -305,6 +305,7 @@ const tutorial = {
 
 const signals = {
   title: "Signals",
+  overTime: "Signals over time",
   rows: "Signals over time: drag, or use the arrow keys, to look back",
   slider: "Seconds before now",
   pause: "Pause",
