@@ -61,6 +61,9 @@ export class SignalRows {
   private ranges: JointRange[] = [];
   private tableHeight = 0;
   private emgUntil = 0;
+  /** When the rows began, seconds, and how many were taken. */
+  private emgBegan: number | undefined;
+  private emgRows = 0;
   private lastRow: number[] | undefined;
   private shown: Shown | null = null;
   private readonly dark = window.matchMedia("(prefers-color-scheme: dark)");
@@ -95,8 +98,8 @@ export class SignalRows {
     this.emg.clear();
     this.frames.clear();
     this.recognised.clear();
-    this.emgUntil = 0;
-    this.lastRow = undefined;
+    this.emgUntil = this.emgRows = 0;
+    this.emgBegan = this.lastRow = undefined;
     this.shown = null;
   }
 
@@ -123,7 +126,7 @@ export class SignalRows {
     const { recognition } = signals;
     this.none.hidden = signals.emg_rate_hz > 0;
     this.emgRow.hidden = this.classes.root.hidden = !this.none.hidden;
-    this.emg.take(this.padded(signals), signals.emg_row_hz);
+    this.emg.take(this.inStep(signals), signals.emg_row_hz);
     this.emgUntil = signals.time / 1000;
     if (recognition) {
       this.classNames = recognition.gestures.map(gestureText);
@@ -173,14 +176,19 @@ export class SignalRows {
     else drawTraces(this.emgCanvas, { ...shown, edge }, [...Array(emg.channels).keys()], inks);
   }
 
-  /** The rows of a message, after those that are missing before them: columns are counted, and keep step with time. A gap is a flat line. */
-  private padded({ emg, emg_row_hz, time }: Signals): number[][] {
-    const due = Math.min(time / 1000 - this.emgUntil, KEPT_SECS) * emg_row_hz;
-    const missing = Math.floor(due - emg.length);
+  /** The rows of a message so that columns, which are counted, keep step with time: a gap is a flat line, and of what came too quickly,
+   * since the trial cannot keep up with the armband, the oldest is left out. */
+  private inStep({ emg, emg_row_hz, time }: Signals): number[][] {
     const still = this.lastRow ?? emg[0];
+    if (!still) return emg;
     this.lastRow = emg[emg.length - 1] ?? still;
-    if (this.emgUntil === 0 || !still || missing < GAP_SECS * emg_row_hz) return emg;
-    return [...Array<number[]>(missing).fill(still), ...emg];
+    this.emgBegan ??= time / 1000 - emg.length / emg_row_hz;
+    const missing = Math.round((time / 1000 - this.emgBegan) * emg_row_hz) - this.emgRows - emg.length;
+    let rows = emg;
+    if (missing > GAP_SECS * emg_row_hz) rows = [...Array<number[]>(Math.min(missing, KEPT_SECS * emg_row_hz)).fill(still), ...emg];
+    else if (-missing > GAP_SECS * emg_row_hz) rows = emg.slice(-missing);
+    this.emgRows += rows.length;
+    return rows;
   }
 
   /** Levels and a common scale; a bad channel does not make the others flat. */
