@@ -299,7 +299,7 @@ async function refused(page, { check, screenshot }) {
   const taken = createSocket("udp4");
   await new Promise((resolve) => taken.bind(VMPL_PORT, resolve));
   await page.click('.methodbutton:text-is("vmpl")');
-  const card = page.locator(".refusal");
+  const card = page.locator(".not-begun");
   await card.waitFor();
   const said = await card.locator("p").textContent();
   check(/^This trial cannot begin: .*25000/.test(said), `a method that is refused says why: ${said}`);

@@ -14,6 +14,11 @@ export const GESTURE_NAMES: Record<Gesture, { short: string; name: string }> = {
   no_motion: { short: "NM", name: "No motion" },
 };
 
+/** A gesture as a person reads it at the beginning of a line; models have names of their own. */
+export function gestureTitle(name: string): string {
+  return GESTURE_NAMES[name as Gesture]?.name ?? capitalised(name.replaceAll("_", " "));
+}
+
 export function gestureOfCode(code: string): Exclude<Gesture, "no_motion"> | null {
   for (const gesture of ["wrist_extension", "wrist_flexion", "hand_close", "hand_open"] as const) {
     if (GESTURE_NAMES[gesture].short === code) return gesture;

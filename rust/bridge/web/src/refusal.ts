@@ -5,7 +5,7 @@ import { capitalised } from "./protocol";
 import { strings } from "./strings";
 
 export class Refusal {
-  readonly root = element("div", "card refusal");
+  readonly root = element("div", "card not-begun");
   private readonly text = element("p");
   private reason: string | null = null;
 

@@ -4,11 +4,11 @@ import { drawBand, type BandLook } from "./bands";
 import { element, setClass, setText } from "./dom";
 import { EmgColumns } from "./emgcolumns";
 import { Raster, drawTraces, inksOf, type Shown } from "./emgpictures";
-import { gestureText } from "./emgview";
 import type { DisplayFrame, PageContent, Signals } from "./generated/types";
 import { percent } from "./intentview";
 import { LEFT_PX, LineChart, RIGHT_PX } from "./linechart";
 import { objectName } from "./objects";
+import { gestureTitle } from "./protocol";
 import { shownName } from "./jointnames";
 import { SignalHistory } from "./signalhistory";
 import { strings } from "./strings";
@@ -129,7 +129,7 @@ export class SignalRows {
     this.emg.take(this.inStep(signals), signals.emg_row_hz);
     this.emgUntil = signals.time / 1000;
     if (recognition) {
-      this.classNames = recognition.gestures.map(gestureText);
+      this.classNames = recognition.gestures.map(gestureTitle);
       if (recognition.posterior.length > 0) this.recognised.push(this.emgUntil, recognition.posterior);
     }
     if (this.emg.channels > 0) this.measure(signals.lights);
@@ -164,7 +164,7 @@ export class SignalRows {
 
   private gestureLook(value: number): BandLook {
     const name = this.gestures[value] ?? "no_motion";
-    return { text: gestureText(name), strong: name !== "no_motion" };
+    return { text: gestureTitle(name), strong: name !== "no_motion" };
   }
 
   private drawEmg(to: number, inks: ReturnType<typeof inksOf>): void {
