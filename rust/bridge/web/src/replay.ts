@@ -8,7 +8,7 @@ import { CAMERA_KINDS, CAMERA_NAMES, type CameraKind } from "./cameras";
 import { button, element, setClass, setText } from "./dom";
 import { Recorder, saveAs } from "./export";
 import type { TrialEvent, TrialSummary } from "./generated/types";
-import { EventList, kindText, timeOf } from "./replayevents";
+import { EventList, timeOf } from "./replayevents";
 import { momentOf, queryOf, type ReplayMoment } from "./replaylink";
 import { CanvasPen, SvgPen, drawPicture, sizeOf } from "./replaypicture";
 import { ReplayView } from "./replayview";
@@ -98,7 +98,7 @@ class Replay {
     desk.append(
       element(
         "header",
-        "deskbar",
+        "deskbar replaybar",
         element("div", "logo", element("strong", "", "ProACT"), element("span", "title", words.title)),
         ...this.cameras,
         element("span", "push"),
@@ -118,16 +118,16 @@ class Replay {
         "pane scrub",
         this.play,
         speed,
-        zoom("⏮", words.previousEvent, () => this.toEvent(-1)),
-        zoom("⏭", words.nextEvent, () => this.toEvent(1)),
+        zoom("|◂", words.previousEvent, () => this.toEvent(-1)),
+        zoom("▸|", words.nextEvent, () => this.toEvent(1)),
         range,
         zoom("−", words.zoomOut, () => this.zoom(ZOOM)),
         zoom("+", words.zoomIn, () => this.zoom(1 / ZOOM)),
         zoom("⤢", words.whole, () => this.show(null)),
         this.now,
       ),
-      element("p", "small keys", words.keys),
     );
+    this.events.root.append(element("p", "small keys", words.keys));
     window.addEventListener("keydown", (event) => this.key(event));
   }
 
@@ -207,7 +207,7 @@ class Replay {
     const kinds = new Set(this.timelines.flatMap(({ events }) => events.map(({ event }) => event)));
     if (this.state.align) kinds.add(this.state.align.event);
     const option = (value: string, text: string) => Object.assign(element("option", "", text), { value });
-    this.align.replaceChildren(option("", words.alignStart), ...[...kinds].sort().map((kind) => option(kind, kindText(kind))));
+    this.align.replaceChildren(option("", words.alignStart), ...[...kinds].sort().map((kind) => option(kind, words.kinds[kind])));
     this.align.value = this.state.align?.event ?? "";
     this.alignNumber.hidden = this.state.align === null;
   }
@@ -332,7 +332,7 @@ class Replay {
 
   private get axis(): string {
     const { align } = this.state;
-    return align ? words.axisFrom(`${kindText(align.event)} ${align.number}`) : words.axis;
+    return align ? words.axisFrom(`${words.kinds[align.event]} ${align.number}`) : words.axis;
   }
 
   private fileName(ending: string): string {

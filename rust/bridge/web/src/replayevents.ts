@@ -3,6 +3,7 @@
 import { element, setClass, setText } from "./dom";
 import type { TrialEvent } from "./generated/types";
 import { eventText } from "./hud";
+import { capitalised } from "./protocol";
 import { gestureText } from "./replaysignals";
 import { STRINGS } from "./strings";
 
@@ -48,12 +49,7 @@ export function groupOf(event: TrialEvent): EventGroup {
 }
 
 export function replayEventText(event: TrialEvent): string {
-  return event.event === "gesture_changed" ? words.gesture(gestureText(event.gesture)) : eventText(event);
-}
-
-/** A kind of event as read by a person, such as `grasp made`. */
-export function kindText(kind: TrialEvent["event"]): string {
-  return kind.replaceAll("_", " ");
+  return event.event === "gesture_changed" ? words.gesture(gestureText(event.gesture)) : capitalised(eventText(event));
 }
 
 /** When the event of that kind and number, from 1, was; none if there are fewer. Milliseconds. */

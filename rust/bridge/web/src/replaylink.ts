@@ -3,6 +3,7 @@
 import { CAMERA_KINDS, type CameraKind } from "./cameras";
 import { EVENT_GROUPS, type EventGroup } from "./replayevents";
 import { LANES, type LaneName } from "./replaysignals";
+import { STRINGS } from "./strings";
 import type { TrialEvent } from "./generated/types";
 
 /** Trials are laid over each other at this event: its kind, and which of them, from 1. */
@@ -91,7 +92,7 @@ export function momentOf(query: URLSearchParams, count: number, speeds: readonly
   moment.hidden = listed("hide", EVENT_GROUPS);
   moment.folded = listed("fold", LANES);
   const [event, number] = (query.get("align") ?? "").split(",");
-  if (event && Number.isInteger(Number(number)) && Number(number) > 0) {
+  if (event && event in STRINGS.replay.kinds && Number.isInteger(Number(number)) && Number(number) > 0) {
     moment.align = { event: event as TrialEvent["event"], number: Number(number) };
   }
   const window = numbers("window", 2);

@@ -1,6 +1,6 @@
 // Scene and plots of a replay as one labelled picture: pixels or vectors, drawn by the same code.
 
-import { MARGIN, SPAN_ALPHA, numberText, placed, rowText, valueAt, type SignalData, type SignalLine } from "./signaldata";
+import { MARGIN, SPAN_ALPHA, levelsOf, numberText, placed, spanKinds, valueAt, type SignalData, type SignalLine } from "./signaldata";
 
 interface TextStyle {
   size: number;
@@ -49,9 +49,11 @@ const GAP = 24;
 const CAPTION = 34;
 const TITLE = 20;
 const LEGEND = 16;
-const LEGEND_ENTRY = 118;
+/** A letter of 10 px, about, and the swatch beside it. */
+const LETTER = 5.8;
+const SWATCH = 30;
 const AXIS = 20;
-const LEFT = 110;
+const LEFT = 56;
 /** A line of more points than this on a pixel has only the lowest and the highest of them. */
 const POINTS_PER_PIXEL = 2;
 
@@ -85,13 +87,40 @@ export function marksOf(from: number, to: number, most: number): number[] {
   return marks;
 }
 
-function entriesPerLine(): number {
-  return Math.floor((COLUMN - LEFT) / LEGEND_ENTRY);
+/** An entry of a plot's legend, placed from the legend's left top. */
+interface Entry {
+  text: string;
+  colour: string;
+  line: SignalLine | null;
+  x: number;
+  row: number;
 }
 
-function plotHeight({ data }: PicturedPlot): number {
-  const legend = Math.ceil(data.lines.length / entriesPerLine()) * LEGEND;
-  return TITLE + legend + data.rows.length * data.rowHeight + AXIS + 10;
+function legendOf({ data, shows }: PicturedPlot, time: number): Entry[] {
+  const lines = data.lines.flatMap((line, k): Omit<Entry, "x" | "row">[] => {
+    if (line.beside || !shows(k)) return [];
+    const value = valueAt(data.times, line.values, time);
+    const text = value === null ? "" : ` ${value.toFixed(line.digits).replace("-", "−")}${line.unit}`;
+    return [{ text: line.label + text, colour: line.colour, line }];
+  });
+  const spans = data.lines.length > 0 ? [] : spanKinds(data).map(({ label, colour }) => ({ text: label, colour, line: null }));
+  // Channels of a grid are named beside their rows.
+  const entries = data.rows.length > 1 && !data.rows[0]?.edges ? [] : [...lines, ...spans];
+  let [x, row] = [0, 0];
+  return entries.map((entry) => {
+    const width = SWATCH + LETTER * entry.text.length;
+    if (x > 0 && x + width > COLUMN - LEFT) [x, row] = [0, row + 1];
+    x += width;
+    return { ...entry, x: x - width, row };
+  });
+}
+
+function legendHeight(entries: Entry[]): number {
+  return entries.length > 0 ? ((entries[entries.length - 1]?.row ?? 0) + 1) * LEGEND : 0;
+}
+
+function plotHeight(plot: PicturedPlot, time: number): number {
+  return TITLE + legendHeight(legendOf(plot, time)) + plot.data.rows.length * plot.data.rowHeight + AXIS + 10;
 }
 
 function sceneHeight({ scene }: PicturedTrial): number {
@@ -100,7 +129,7 @@ function sceneHeight({ scene }: PicturedTrial): number {
 
 export function sizeOf(trials: PicturedTrial[]): { width: number; height: number } {
   const heights = trials.map((trial) => {
-    return CAPTION + sceneHeight(trial) + trial.plots.reduce((sum, plot) => sum + plotHeight(plot), 0);
+    return CAPTION + sceneHeight(trial) + trial.plots.reduce((sum, plot) => sum + plotHeight(plot, trial.time), 0);
   });
   return { width: trials.length * (COLUMN + GAP) + GAP, height: Math.ceil(Math.max(0, ...heights) + 2 * GAP) };
 }
@@ -122,19 +151,23 @@ export function drawPicture(pen: Pen, trials: PicturedTrial[], axis: string): vo
     top += high;
     for (const plot of trial.plots) {
       drawPlot(pen, trial, plot, left, top, axis);
-      top += plotHeight(plot);
+      top += plotHeight(plot, trial.time);
     }
   });
 }
 
-function drawPlot(pen: Pen, trial: PicturedTrial, { title, data, shows }: PicturedPlot, left: number, top: number, axis: string): void {
+function drawPlot(pen: Pen, trial: PicturedTrial, plot: PicturedPlot, left: number, top: number, axis: string): void {
+  const { title, data, shows } = plot;
   pen.text(left, top + TITLE / 2 + 2, title, { size: 13, bold: true });
   let y = top + TITLE;
-  data.lines.forEach((line, k) => {
-    const [column, row] = [k % entriesPerLine(), Math.floor(k / entriesPerLine())];
-    if (shows(k)) drawLegend(pen, data, line, trial.time, left + LEFT + column * LEGEND_ENTRY, y + row * LEGEND + LEGEND / 2);
-  });
-  y += Math.ceil(data.lines.length / entriesPerLine()) * LEGEND;
+  const legend = legendOf(plot, trial.time);
+  for (const { text, colour, line, x, row } of legend) {
+    const [across, middle] = [left + LEFT + x, y + row * LEGEND + LEGEND / 2];
+    if (line) pen.line([[across, middle], [across + 14, middle]], colour, 2.5, line.dashed ?? false);
+    else pen.rect(across, middle - 5, 14, 10, colour, 0.6);
+    pen.text(across + 18, middle, text, { size: 10 });
+  }
+  y += legendHeight(legend);
   const [wide, high, count] = [COLUMN - LEFT, data.rows.length * data.rowHeight, data.rows.length];
   const [from, to] = trial.window;
   const x0 = left + LEFT;
@@ -144,7 +177,7 @@ function drawPlot(pen: Pen, trial: PicturedTrial, { title, data, shows }: Pictur
     for (const span of data.spans.filter((each) => each.to > from && each.from < to)) {
       const [begin, end] = [Math.max(across(span.from), x0), Math.min(across(span.to), x0 + wide)];
       pen.rect(begin, y, Math.max(end - begin, 0.5), high, span.colour, SPAN_ALPHA);
-      if (span.label && end - begin > 6 * span.label.length) pen.text(begin + 3, y + 8, span.label, { size: 9 });
+      if (span.label && end - begin > 6 * span.label.length) pen.text(begin + 3, y + high / 2, span.label, { size: 9 });
     }
     for (const mark of marksOf(from - trial.zero, to - trial.zero, 8)) {
       const x = across(mark + trial.zero);
@@ -161,28 +194,14 @@ function drawPlot(pen: Pen, trial: PicturedTrial, { title, data, shows }: Pictur
     pen.line([[across(trial.time), y], [across(trial.time), y + high]], INK, 1.5);
   });
   pen.line([[x0, y], [x0 + wide, y], [x0 + wide, y + high], [x0, y + high], [x0, y]], SOFT, 0.6);
-  data.rows.forEach((row, k) => {
-    const middle = down(count - 0.5 - k);
-    if (row.label === "" && row.high > row.low) {
-      for (const share of [0, 0.5, 1]) {
-        const place = down(count - 1 - k + MARGIN + (1 - 2 * MARGIN) * share);
-        pen.text(x0 - 6, place, numberText(row.low + share * (row.high - row.low)), { size: 10, colour: SOFT, anchor: "end" });
-      }
-      return;
-    }
-    const texts = rowText(row).split("\n");
-    texts.forEach((text, n) => pen.text(x0 - 6, middle + 12 * (n - (texts.length - 1) / 2), text, { size: 10, colour: SOFT, anchor: "end" }));
+  for (const { place, text } of levelsOf(data)) pen.text(x0 - 6, down(place), text, { size: 10, colour: SOFT, anchor: "end" });
+  data.rows.forEach(({ label, edges }, k) => {
+    if (edges) pen.text(x0 + 4, down(count - k - MARGIN) + 8, label, { size: 10 });
   });
   for (const mark of marksOf(from - trial.zero, to - trial.zero, 8)) {
     pen.text(across(mark + trial.zero), y + high + 10, numberText(Math.round(mark * 1000) / 1000), { size: 10, colour: SOFT, anchor: "middle" });
   }
-  pen.text(left, y + high + 10, `${axis} (s)`, { size: 10, colour: SOFT });
-}
-
-function drawLegend(pen: Pen, data: SignalData, line: SignalLine, time: number, x: number, y: number): void {
-  const value = valueAt(data.times, line.values, time);
-  pen.line([[x, y], [x + 12, y]], line.colour, 2.5, line.dashed ?? false);
-  pen.text(x + 16, y, `${line.label}${value === null ? "" : ` ${value.toFixed(line.digits).replace("-", "−")}${line.unit}`}`, { size: 10 });
+  pen.text(x0 + wide, top + TITLE / 2 + 2, `${axis} (s)`, { size: 10, colour: SOFT, anchor: "end" });
 }
 
 /** A line without its gaps, as points of the picture; one point beyond either end of what is on display. */

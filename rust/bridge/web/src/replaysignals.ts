@@ -34,7 +34,7 @@ const TALL = 110;
 /** A channel's row is lower the more there are, CSS pixels. */
 const CHANNEL_ROW = 24;
 const CHANNELS_HEIGHT = 320;
-const JOINT_ROW = 40;
+const JOINT_ROW = 44;
 /** Gaze further off than this from the table's middle is drawn at the edge, metres. */
 const TABLE_REACH = 0.7;
 const DEG = 180 / Math.PI;
@@ -208,7 +208,7 @@ function joints(record: RecordedTrial, times: number[]): SignalData {
     const line = { unit: "°", digits: 1, colour: colourOf(row), row };
     lines.push({ ...line, label, values });
     const goals = frames.map(({ goal }) => (goal ? (goal[row] ?? 0) * DEG : null));
-    if (goals.some((goal) => goal !== null)) lines.push({ ...line, label: words.lines.goal(label), values: goals, dashed: true });
+    if (goals.some((goal) => goal !== null)) lines.push({ ...line, label: words.lines.goal(label), values: goals, dashed: true, beside: true });
     const [lower, upper] = [joint.limits.lower * DEG, joint.limits.upper * DEG];
     if (joint.kind === "revolute") return [{ label, low: lower, high: upper, edges: true }];
     const [least, most] = values.reduce(([low, high], value) => [Math.min(low, value), Math.max(high, value)], [0, 0]);

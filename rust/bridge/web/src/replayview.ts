@@ -70,8 +70,7 @@ export class ReplayView {
     const scene = element(
       "div",
       "scene",
-      element("div", "pane head", this.select, this.verdict),
-      element("div", "pane view", this.canvas),
+      element("div", "pane view", this.canvas, element("div", "head", this.select, this.verdict)),
       element("div", "pane state", this.facts, this.now, this.marks),
     );
     this.root = element("section", "trial", scene, this.plots);

@@ -6,7 +6,8 @@ export interface SignalRow {
   /** Values at its lower and upper edge. */
   low: number;
   high: number;
-  /** The edges mean something, such as the limits of a joint: they are drawn and named. */
+  /** The edges mean something, such as the limits of a joint: they are drawn and their values stand at the left; the label is
+   * in the row. */
   edges?: boolean;
 }
 
@@ -22,6 +23,8 @@ export interface SignalLine {
   dashed?: boolean;
   /** A value holds until the next one. */
   stepped?: boolean;
+  /** It belongs to the line before it in the same row, and has no entry of its own among the names. */
+  beside?: boolean;
 }
 
 /** A state that held for a while, from the bottom to the top of the plot. */
@@ -54,9 +57,24 @@ export function placed({ rows }: SignalData, { row }: SignalLine, value: number)
   return rows.length - 1 - row + MARGIN + (1 - 2 * MARGIN) * share;
 }
 
-/** What stands beside a row. */
-export function rowText({ label, low, high, edges }: SignalRow): string {
-  return edges ? `${label}\n${numberText(low)} … ${numberText(high)}` : label;
+/** What stands at the left of the plot, each at its height in rows from the bottom. */
+export function levelsOf({ rows }: SignalData): { place: number; text: string }[] {
+  return rows.flatMap(({ label, low, high, edges }, k) => {
+    const bottom = rows.length - 1 - k;
+    if (label !== "" && !edges) return [{ place: bottom + 0.5, text: label }];
+    if (high <= low) return [];
+    return (edges ? [0, 1] : [0, 0.5, 1]).map((share) => {
+      // Those of two rows that meet do not cover each other.
+      const at = edges ? 0.16 + 0.68 * share : share;
+      return { place: bottom + MARGIN + (1 - 2 * MARGIN) * at, text: numberText(low + share * (high - low)) };
+    });
+  });
+}
+
+/** The kinds of spans that have a name. */
+export function spanKinds({ spans }: SignalData): { label: string; colour: string }[] {
+  const kinds = new Map(spans.filter(({ label }) => label).map(({ label, colour }) => [label, colour]));
+  return [...kinds].map(([label, colour]) => ({ label, colour }));
 }
 
 export function numberText(value: number): string {

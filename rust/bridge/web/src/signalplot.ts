@@ -5,13 +5,10 @@ import "uplot/dist/uPlot.min.css";
 import "./signalplot.css";
 import uPlot from "uplot";
 import { element, setClass, setText } from "./dom";
-import { MARGIN, SPAN_ALPHA, numberText, placed, rowText, valueAt, type SignalData, type SignalLine } from "./signaldata";
+import { MARGIN, SPAN_ALPHA, levelsOf, numberText, placed, spanKinds, valueAt, type SignalData, type SignalLine } from "./signaldata";
 
 /** Room for what stands at the left, CSS pixels: the same for all plots, so that they lie on one time axis. */
-const LEFT = 96;
-const LEFT_NARROW = 58;
-/** Plots that are narrower than this, CSS pixels, are narrow ones. */
-const NARROW = 420;
+const LEFT = 48;
 const RIGHT = 12;
 const AXIS_HEIGHT = 22;
 const FONT = "11px system-ui, sans-serif";
@@ -22,7 +19,8 @@ export class SignalPlot {
   readonly legend = element("div", "signallegend");
   private readonly plot: uPlot;
   private readonly playhead = element("i", "playhead");
-  private readonly figures: HTMLElement[] = [];
+  /** Of each line what its value is written to; none for lines without a name. */
+  private readonly figures: (HTMLElement | null)[] = [];
   private readonly resized = new ResizeObserver(() => this.fit());
   private readonly dark = window.matchMedia("(prefers-color-scheme: dark)");
   private readonly recolour = () => this.plot.redraw(false);
@@ -42,7 +40,11 @@ export class SignalPlot {
     this.root.setAttribute("aria-label", label);
     this.plot.over.append(this.playhead);
     this.listen(this.plot.over);
-    this.legend.append(...data.lines.map((line, k) => this.entry(line, k)));
+    this.legend.append(...data.lines.flatMap((line, k) => this.entry(line, k)));
+    // Where there are lines, spans have their names in the plot.
+    if (data.lines.length === 0) {
+      this.legend.append(...spanKinds(data).map(({ label, colour }) => element("span", "entry", swatch(colour, "block"), label)));
+    }
     this.resized.observe(this.root);
     this.dark.addEventListener("change", this.recolour);
   }
@@ -94,20 +96,20 @@ export class SignalPlot {
     return rows.length * rowHeight + AXIS_HEIGHT + 4;
   }
 
-  private entry(line: SignalLine, k: number): HTMLElement {
-    const swatch = element("i", line.dashed ? "swatch dashed" : "swatch");
-    swatch.style.color = line.colour;
-    const figure = element("span", "value");
-    const node = element("button", "", swatch, element("span", "", line.label), figure);
-    this.figures.push(figure);
+  private entry(line: SignalLine, k: number): HTMLElement[] {
+    this.figures.push(line.beside ? null : element("span", "value"));
+    if (line.beside) return [];
+    const node = element("button", "entry", swatch(line.colour, line.dashed ? "dashed" : ""), element("span", "", line.label), this.figures[k]);
     node.type = "button";
     node.setAttribute("aria-pressed", "true");
     node.addEventListener("click", () => {
       const show = !this.shows(k);
-      this.plot.setSeries(k + 1, { show });
+      this.data.lines.forEach((other, n) => {
+        if (n === k || (other.beside && other.row === line.row)) this.plot.setSeries(n + 1, { show });
+      });
       node.setAttribute("aria-pressed", String(show));
     });
-    return node;
+    return [node];
   }
 
   /** The pointer takes the cursor along for as long as it is pressed. */
@@ -130,9 +132,7 @@ export class SignalPlot {
   private options(): uPlot.Options {
     const { rows, lines } = this.data;
     const colour = (name: string) => () => getComputedStyle(this.root).getPropertyValue(name);
-    const ticks = rows.length === 1 && !rows[0]?.edges && (rows[0]?.high ?? 0) > (rows[0]?.low ?? 0) && rows[0]?.label === "";
-    const levels = [0, 0.5, 1].map((share) => MARGIN + (1 - 2 * MARGIN) * share);
-    const left = () => (this.root.clientWidth < NARROW ? LEFT_NARROW : LEFT);
+    const levels = levelsOf(this.data);
     return {
       width: 600,
       height: this.height(),
@@ -158,15 +158,12 @@ export class SignalPlot {
         {
           stroke: colour("--soft"),
           font: FONT,
-          size: left,
+          size: LEFT,
           gap: 4,
           grid: { show: false },
           ticks: { show: false },
-          splits: () => (ticks ? levels : rows.map((_, row) => rows.length - row - 0.5)),
-          values: (_, splits) =>
-            ticks
-              ? levels.map((__, k) => numberText((rows[0]?.low ?? 0) + (k / 2) * ((rows[0]?.high ?? 1) - (rows[0]?.low ?? 0))))
-              : splits.map((___, k) => rowText(rows[k] ?? { label: "", low: 0, high: 0 })),
+          splits: () => levels.map(({ place }) => place),
+          values: () => levels.map(({ text }) => text),
         },
       ],
       series: [
@@ -179,7 +176,7 @@ export class SignalPlot {
           ...(line.stepped && uPlot.paths.stepped ? { paths: uPlot.paths.stepped({ align: 1 }) } : {}),
         })),
       ],
-      hooks: { drawClear: [(plot) => this.paintBehind(plot)], draw: [(plot) => this.nameSpans(plot)] },
+      hooks: { drawClear: [(plot) => this.paintBehind(plot)], draw: [(plot) => this.name(plot)] },
     };
   }
 
@@ -212,19 +209,30 @@ export class SignalPlot {
     ctx.restore();
   }
 
-  /** The names of spans that have room for them. */
-  private nameSpans(plot: uPlot): void {
+  /** The names of rows, and of spans that have room for theirs. */
+  private name(plot: uPlot): void {
     const { ctx, bbox } = plot;
     ctx.save();
     ctx.font = `${10 * uPlot.pxRatio}px system-ui, sans-serif`;
     ctx.fillStyle = getComputedStyle(this.root).getPropertyValue("--ink");
     ctx.textBaseline = "top";
     ctx.textAlign = "left";
+    this.data.rows.forEach(({ label, edges }, k) => {
+      const top = plot.valToPos(this.data.rows.length - k - MARGIN, "y", true);
+      if (edges) ctx.fillText(label, bbox.left + 3 * uPlot.pxRatio, top + 2 * uPlot.pxRatio);
+    });
+    ctx.textBaseline = "middle";
     for (const { from, to, label } of this.data.spans) {
       const left = Math.max(plot.valToPos(from, "x", true), bbox.left) + 3 * uPlot.pxRatio;
       const right = Math.min(plot.valToPos(to, "x", true), bbox.left + bbox.width);
-      if (label && ctx.measureText(label).width < right - left) ctx.fillText(label, left, bbox.top + 3 * uPlot.pxRatio);
+      if (label && ctx.measureText(label).width < right - left) ctx.fillText(label, left, bbox.top + bbox.height / 2);
     }
     ctx.restore();
   }
+}
+
+function swatch(colour: string, kind: string): HTMLElement {
+  const node = element("i", `swatch ${kind}`);
+  node.style.color = colour;
+  return node;
 }

@@ -1,6 +1,8 @@
 // What the pages say, in one place, so that a lab can say it in another language. A text with gaps is a function of what fills
 // them.
 
+import type { TrialEvent } from "./generated/types";
+
 export const STRINGS = {
   replay: {
     title: "Replay",
@@ -52,12 +54,42 @@ export const STRINGS = {
     gesture: (name: string) => `Gesture: ${name}`,
     groups: {
       gesture: "Gestures",
-      gaze: "Gaze and lock",
-      plan: "Plans and motion",
-      grasp: "Hand and grasp",
-      task: "Blocks and score",
-      stop: "Stops and faults",
+      gaze: "Gaze, lock",
+      plan: "Plans",
+      grasp: "Grasps",
+      task: "Score",
+      stop: "Stops",
     },
+    kinds: {
+      gesture_changed: "gesture",
+      gaze_unusable: "gaze unusable",
+      locked: "locked",
+      unlocked: "lock off",
+      plan_requested: "plan asked for",
+      plan_finished: "plan answered",
+      method_note: "note of the method",
+      motion_stopped: "motion stopped",
+      motion_finished: "motion finished",
+      grasp_made: "grasp made",
+      grasp_ended: "grasp ended",
+      grasp_failed: "grasp failed",
+      object_attached: "contact made",
+      object_released: "contact lost",
+      object_on_target: "on target",
+      object_off_target: "off target",
+      object_crossed: "crossed",
+      objects_refilled: "objects refilled",
+      goal_reached: "goal reached",
+      goal_missed: "goal missed",
+      practice_finished: "practice over",
+      trial_finished: "trial over",
+      emg_gap: "gap in the EMG",
+      stopped: "stopped",
+      rearmed: "relaxed again",
+      base_held: "shoulder jumped",
+      base_follows: "shoulder followed again",
+      contacts_unsolved: "physics inexact",
+    } satisfies Record<TrialEvent["event"], string>,
     keys: "Keys: Space plays, arrows go 0.1 s, Shift with arrows goes from event to event, + and − zoom.",
     lanes: {
       emg: "EMG",
