@@ -54,16 +54,14 @@ const LETTER = 5.8;
 const SWATCH = 30;
 const AXIS = 20;
 const LEFT = 56;
-/** A line of more points than this on a pixel has only the lowest and the highest of them. */
-const POINTS_PER_PIXEL = 2;
 
-/** Points of a line without those that would not be seen: of each half pixel the lowest and the highest. */
+/** Points of a line without those that would not be seen: of each pixel the first, the lowest, the highest and the last. */
 export function thinned(points: [number, number][]): [number, number][] {
   const kept: [number, number][] = [];
   for (let k = 0; k < points.length; ) {
-    const slot = Math.floor((points[k]?.[0] ?? 0) * POINTS_PER_PIXEL);
+    const slot = Math.floor(points[k]?.[0] ?? 0);
     let [low, high, end] = [k, k, k];
-    for (; end < points.length && Math.floor((points[end]?.[0] ?? 0) * POINTS_PER_PIXEL) === slot; end++) {
+    for (; end < points.length && Math.floor(points[end]?.[0] ?? 0) === slot; end++) {
       const y = points[end]?.[1] ?? 0;
       if (y < (points[low]?.[1] ?? 0)) low = end;
       if (y > (points[high]?.[1] ?? 0)) high = end;

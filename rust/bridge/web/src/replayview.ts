@@ -54,6 +54,12 @@ export class ReplayView {
   /** On display of the common axis, ms. */
   private window: [number, number] = [0, 1];
   private time = 0;
+  /** The scene stays in sight while plots are scrolled: what is scrolled to has to stop below it. */
+  private readonly resized = new ResizeObserver(([entry]) => {
+    const height = entry?.target.clientHeight ?? 0;
+    this.root.parentElement?.style.setProperty("--scene-height", `${height}px`);
+    this.stage.resize();
+  });
 
   constructor(
     trials: TrialSummary[],
@@ -76,6 +82,7 @@ export class ReplayView {
     this.root = element("section", "trial", scene, this.plots);
     this.marks.append(this.here);
     this.stage = new Stage(this.canvas, true);
+    this.resized.observe(scene);
   }
 
   async load(number: number): Promise<void> {
@@ -170,6 +177,7 @@ export class ReplayView {
   }
 
   dispose(): void {
+    this.resized.disconnect();
     for (const { plot } of this.lanes) plot?.destroy();
     this.stage.renderer.dispose();
     this.root.remove();
