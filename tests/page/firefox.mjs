@@ -258,9 +258,9 @@ async function replay() {
   await page.evaluate(() => document.activeElement.blur());
   await page.keyboard.press("ArrowRight");
   await page.waitForFunction(() => window.__proact.state.time === 100);
-  await page.keyboard.press("Space");
+  await page.keyboard.press(" ");
   await page.waitForFunction(() => window.__proact.state.time > 300);
-  await page.keyboard.press("Space");
+  await page.keyboard.press(" ");
   await page.waitForFunction(() => !window.__proact.state.playing);
   check(true, "replay: arrows step, Space plays and pauses");
   const plot = await page.waitForSelector(".lane.emg .u-over");

@@ -20,7 +20,7 @@ const SIZES = [
 const QUALITY = 72;
 /** All pictures together, bytes. */
 const MOST_BYTES = 1_800_000;
-const DRAWING = "?quality=1&tutorial=0&pictures=8";
+const DRAWING = "?quality=2&tutorial=0&pictures=4";
 const PLAN = `
 name = "gallery"
 title = "Two ways of reaching"
@@ -75,17 +75,21 @@ export async function gallery(page, { program, out, tab, check }) {
   };
   const drawn = () => window.__proact?.framesDrawn > 3;
   try {
-    const demo = await serving(start(program, ["demo"], 0, ["--no-record", "--method", "D", "--seed", "1"], {}));
-    const at = (path) => new URL(`${path}${DRAWING}`, demo.url).href;
-    await take("participant", "The participant's page during a trial with method D", "./proact demo", at(""), () => window.__proact?.frame?.time > 4_000);
-    await take("experimenter", "The experimenter's page beside it", "./proact demo, then /experimenter", at("experimenter"), () => window.__proact?.channels === 8);
-    await take("spectator", "The same to watch only", "./proact demo, then /spectator", at("spectator"), () => window.__proact?.channels === 8);
-    await take("emg", "The page of EMG", "./proact demo, then /emg", at("emg"), () => document.querySelector("canvas")?.checkVisibility());
-    await demo.stop();
+    for (const [name, title, path, ready] of [
+      ["participant", "The participant's page during a trial with method D", "", () => window.__proact?.frame?.time > 4_000],
+      ["experimenter", "The experimenter's page beside it", "experimenter", () => window.__proact?.channels === 8],
+      ["spectator", "The same to watch only", "spectator", () => window.__proact?.channels === 8],
+      ["emg", "The page of EMG", "emg", () => document.querySelector("canvas")?.checkVisibility()],
+    ]) {
+      // One for each, or the trial is over before the last picture.
+      const demo = await serving(start(program, ["demo"], 0, ["--no-record", "--method", "D", "--seed", "1"], {}));
+      await take(name, title, `./proact demo${path && `, then /${path}`}`, new URL(`${path}${DRAWING}`, demo.url).href, ready);
+      await demo.stop();
+    }
 
     const serve = await serving(startServe(program, 0, ["--no-record", "--method", "A"]));
     await take("driving", "Driving joint by joint, method A", "./proact serve --method A", new URL(DRAWING, serve.url).href, drawn);
-    await take("greeting", "The first visit", "./proact serve", new URL("?quality=1", serve.url).href, () => document.querySelector(".welcome, dialog[open]") !== null);
+    await take("greeting", "The first visit", "./proact serve", new URL("?quality=2&pictures=4", serve.url).href, () => document.querySelector(".welcome, dialog[open]") !== null);
     await take("reference-board", "The board to print for a headset", "/reference-board", new URL("reference-board", serve.url).href, () => document.body.innerText.length > 20);
     await serve.stop();
 
@@ -98,7 +102,7 @@ export async function gallery(page, { program, out, tab, check }) {
     await writeFile(`${work}/study/plan.toml`, PLAN);
     const study = await serving(startStudy(program, `${work}/study`));
     const desk = new URL(`experimenter${DRAWING}`, study.url).href;
-    await take("conducting", "A study: whose turn it is", "./proact study run NAME, then /experimenter", desk, drawn);
+    await take("conducting", "A study: whose turn it is", "./proact study run NAME, then /experimenter", desk, () => [...document.querySelectorAll("button")].some((node) => node.textContent === "Begin session"));
     const conductor = await tab({});
     await conductor.goto(desk);
     await conductor.getByRole("button", { name: "Begin session", exact: true }).click();
@@ -129,8 +133,8 @@ export async function gallery(page, { program, out, tab, check }) {
     }
     const replay = await serving(start(program, ["replay", "--page"], 0, trials.slice(0, 2), {}));
     const loaded = () => window.__proact?.views?.length > 0 && window.__proact.views.every((view) => view.timeline && view.stage.drawn > 3);
-    await take("replay", "The replay of a trial with its signals", "./proact replay DIR --page", new URL("replay?quality=1&trial=0&t=20.5", replay.url).href, loaded);
-    const aligned = "replay?quality=1&trial=0&trial=1&t=0&align=object_attached,1&window=-8,12&fold=decoder&hide=gesture";
+    await take("replay", "The replay of a trial with its signals", "./proact replay DIR --page", new URL("replay?quality=2&trial=0&t=20.5", replay.url).href, loaded);
+    const aligned = "replay?quality=2&trial=0&trial=1&t=0&align=object_attached,1&window=-8,12&fold=decoder&hide=gesture";
     await take("replay-two", "Two trials aligned by their first contact", "./proact replay DIR DIR --page", new URL(aligned, replay.url).href, loaded);
     await replay.stop();
     const report = await serving(start(program, ["analyze", `${work}/trials`, "--page"], 0, [], {}));
