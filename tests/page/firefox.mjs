@@ -208,10 +208,12 @@ async function study() {
   const server = await serving(startStudy(program, folder));
   const seat = await open(new URL(CHEAP, server.url).href);
   const desk = await open(new URL(`experimenter${CHEAP}`, server.url).href);
-  await desk.waitForFunction(() => [...document.querySelectorAll("button")].some((node) => node.textContent.startsWith("Begin session") && !node.disabled));
-  await desk.evaluate(() => [...document.querySelectorAll("button")].find((node) => node.textContent.startsWith("Begin session")).focus());
   await desk.bringToFront();
+  const begin = await desk.waitForSelector("::-p-xpath(//button[normalize-space()='Begin session'])");
+  await desk.waitForFunction((node) => !node.disabled && node.getAttribute("aria-disabled") !== "true", {}, begin);
+  await begin.focus();
   await desk.keyboard.press("Enter");
+  await desk.waitForFunction((node) => !node.checkVisibility(), {}, begin);
   await seat.bringToFront();
   await seat.waitForSelector(".questionnaire h2");
   await seat.waitForSelector(".questionnaire input");

@@ -21,8 +21,12 @@ impl<'a> FilmOfEmg<'a> {
     /// Of a trial of the length `end`, whose model tells `gestures` apart.
     pub(crate) fn new(config: &'a EmgConfig, gestures: &[GestureName], end: SimTime) -> Self {
         let step_ms = (end.0 * 2 * config.channels as u64).div_ceil(MOST_VALUES).max(SHORTEST_STEP_MS);
-        let film =
-            RecordedEmg { rate_hz: config.rate_hz, step_ms, gestures: gestures.to_vec(), ..Default::default() };
+        let film = RecordedEmg {
+            rate_hz: config.rate_hz,
+            step_ms,
+            gestures: gestures.to_vec(),
+            ..Default::default()
+        };
         Self { config, film }
     }
 
@@ -103,7 +107,8 @@ mod tests {
 
     #[test]
     fn values_keep_four_digits() {
-        for (value, kept) in [(0.0, 0.0), (-1_234.56, -1_235.0), (0.000_123_456, 0.000_123_5), (1e-320, 0.0)] {
+        for (value, kept) in [(0.0, 0.0), (-1_234.56, -1_235.0), (0.000_123_456, 0.000_123_5), (1e-320, 0.0)]
+        {
             assert_eq!(short(value), kept);
         }
     }
