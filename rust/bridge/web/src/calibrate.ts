@@ -11,7 +11,6 @@ import { STRINGS } from "./strings";
 
 const words = STRINGS.calibration;
 
-
 /** What there is to show, of one kind. */
 type Screen<Kind extends CalibrationScreen["type"]> = Extract<CalibrationScreen, { type: Kind }>;
 

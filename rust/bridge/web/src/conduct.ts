@@ -17,7 +17,6 @@ import { STRINGS } from "./strings";
 
 const texts = STRINGS.study;
 
-
 /** Countdowns and ages are written again so often, ms. */
 const TICK_MS = 250;
 /** Where the browser keeps whether single keys act. */

@@ -7,7 +7,6 @@ import { STRINGS } from "./strings";
 
 const texts = STRINGS.study;
 
-
 /** After a press of the first button, and after it has come to mean something else, it takes no other press for so long, ms:
  * a double click ends one step and does not begin the next, and nobody presses what another side has changed just now. */
 const SETTLING_MS = 600;

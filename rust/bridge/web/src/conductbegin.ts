@@ -7,7 +7,6 @@ import { STRINGS } from "./strings";
 
 const texts = STRINGS.study;
 
-
 /** Longest pseudonym, characters, and those that it may have; the server checks it again. */
 const MOST_ID = 32;
 const PLAIN = "[A-Za-z0-9_\\-]+";

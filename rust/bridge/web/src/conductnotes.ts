@@ -6,7 +6,6 @@ import { STRINGS } from "./strings";
 
 const texts = STRINGS.study;
 
-
 /** Longest note, characters. */
 const MOST_WORDS = 2000;
 

@@ -10,7 +10,6 @@ import { STRINGS } from "./strings";
 
 const texts = STRINGS.study;
 
-
 /** Mean error up to which neighbouring blocks can be told apart, degrees; as in the gaze check. */
 const GOOD_DEG = 2;
 

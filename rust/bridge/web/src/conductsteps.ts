@@ -8,7 +8,6 @@ import { STRINGS } from "./strings";
 
 const texts = STRINGS.study;
 
-
 export class StepList {
   readonly root = element("ol", "steplist");
   private shown: string[] = [];

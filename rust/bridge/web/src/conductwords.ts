@@ -7,7 +7,6 @@ import { STRINGS } from "./strings";
 
 const texts = STRINGS.study;
 
-
 /** The button `next` while a step has not begun. */
 const BEGINS: Record<NowWhat["is"], string> = texts.begins;
 /** The button `next` while a step goes on. */

@@ -9,7 +9,6 @@ import { STRINGS } from "./strings";
 
 const words = STRINGS.emg;
 
-
 /** Without signals for so long something is the matter, ms. */
 const SILENT_MS = 2000;
 

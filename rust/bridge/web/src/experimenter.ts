@@ -23,7 +23,6 @@ import { STRINGS } from "./strings";
 
 const texts = STRINGS.experimenter;
 
-
 /** Lines of the log that are kept on the page. */
 const LOG_LINES = 400;
 /** Whoever watches has no keys, and nothing to aim at. */

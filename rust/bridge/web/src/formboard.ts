@@ -25,7 +25,6 @@ import { STRINGS } from "./strings";
 
 const texts = STRINGS.forms;
 
-
 /** Size in the world, distance behind the box, and height of the lower edge above the table, metres. */
 const SIZE = { x: 0.9, y: (0.9 * BOARD_HEIGHT) / BOARD_WIDTH };
 const BEHIND = 0.25;

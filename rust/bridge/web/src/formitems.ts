@@ -22,7 +22,6 @@ import { STRINGS } from "./strings";
 
 const texts = STRINGS.forms;
 
-
 /** More steps than these have no room for a line each. */
 const MOST_TICKS = 50;
 

@@ -21,7 +21,6 @@ import { STRINGS } from "./strings";
 
 const texts = STRINGS.forms;
 
-
 export const [BOARD_WIDTH, BOARD_HEIGHT] = [1024, 768];
 /** A ray that rests on a cell for so long chooses it, ms. */
 export const DWELL_MS = 1000;

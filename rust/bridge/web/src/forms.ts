@@ -5,7 +5,6 @@ import { STRINGS } from "./strings";
 
 const texts = STRINGS.forms;
 
-
 /** A text by language, such as `en`. */
 export type Texts = { [key in string]: string };
 /** The place of each condition, from 1. Several may share one, and places may be left out. */

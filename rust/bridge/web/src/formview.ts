@@ -10,7 +10,6 @@ import { STRINGS } from "./strings";
 
 const texts = STRINGS.forms;
 
-
 /** Who types is done after so long without a key, ms. */
 const TYPED_MS = 400;
 /** A second click on "Done" must not end the next questionnaire, ms. */

@@ -6,7 +6,6 @@ import { STRINGS } from "./strings";
 
 const texts = STRINGS.forms;
 
-
 /** The end of a break is put off only by messages that differ from the clock here by more than this, ms: they take time too. */
 const SAME_MS = 1000;
 

@@ -11,7 +11,6 @@ import { STRINGS } from "./strings";
 
 const texts = STRINGS.forms;
 
-
 /** A program that conducts a study says so within this time of a connection, ms. */
 const SAYS_SO_MS = 3000;
 

@@ -26,7 +26,6 @@ import { STRINGS } from "./strings";
 
 const words = STRINGS.tracking;
 
-
 /** From report to report, ms. */
 const EVERY_MS = 100;
 const UNKNOWN = "not known yet";
