@@ -24,6 +24,7 @@ pub mod doctor;
 mod experimenter;
 pub mod film;
 pub mod film_of_bag;
+mod film_of_emg;
 pub mod fit;
 mod head_shoulder;
 mod heap;

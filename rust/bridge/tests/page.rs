@@ -356,6 +356,7 @@ fn recorded(name: &str) -> RecordedTrial {
         agrees: Some(true),
         finished: true,
         frames: vec![frame(16), frame(50)],
+        emg: None,
     }
 }
 

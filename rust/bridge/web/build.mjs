@@ -72,6 +72,8 @@ const pages = ["index.html", "calibrate.html", "emg.html", "experimenter.html", 
 async function copyPages({ metafile }) {
   const built = Object.keys(metafile.outputs).map((path) => path.replace(/^dist\//, ""));
   await writeFile(`${root}dist/icon.svg`, await readFile(`${root}src/icon.svg`));
+  // Its notice has to go with the script and is in no comment that the bundler keeps.
+  await writeFile(`${root}dist/uplot.LEGAL.txt`, await readFile(`${root}node_modules/uplot/LICENSE`));
   for (const page of pages) {
     const text = await readFile(`${root}src/${page}`, "utf8");
     const named = text.replace(/"\/([a-z-]+)\.(js|css)"/g, (_, name, ending) => {

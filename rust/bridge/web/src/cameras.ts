@@ -97,6 +97,19 @@ export class Cameras {
     this.camera.position.copy(this.orbit.target).add(from);
   }
 
+  /** Where the free camera is and what it looks at, metres; none while another one is chosen. */
+  get place(): { eye: number[]; at: number[] } | null {
+    if (this.chosen !== "free") return null;
+    return { eye: this.camera.position.toArray(), at: this.orbit.target.toArray() };
+  }
+
+  /** Puts the free camera there. */
+  put(eye: readonly number[], at: readonly number[]): void {
+    this.camera.position.fromArray([...eye]);
+    this.orbit.target.fromArray([...at]);
+    this.orbit.update();
+  }
+
   next(): CameraKind {
     return CAMERA_KINDS[(CAMERA_KINDS.indexOf(this.chosen) + 1) % CAMERA_KINDS.length] ?? "shoulder";
   }

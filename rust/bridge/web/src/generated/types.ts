@@ -1061,6 +1061,21 @@ armed: boolean,
 /** Why the stream is dead, as a sentence; none while it lives. */
 fault: string | null, };
 
+/** EMG of a recorded trial, thinned for a picture, and what the EMG model made of it. */
+export type RecordedEmg = {
+/** Nominal sampling rate, hertz. */
+rate_hz: number,
+/** Length of a step of `lowest` and `highest`, milliseconds; the first begins at zero. */
+step_ms: number,
+/** Lowest value of each channel in each step, `[n_steps][n_channels]`, in the device's unit; a step without samples is empty. */
+lowest: Array<Array<number>>,
+/** The highest ones. */
+highest: Array<Array<number>>,
+/** The gestures that the model tells apart. */
+gestures: Array<GestureName>,
+/** What it made of each window, times ascending. */
+windows: Array<RecordedWindow>, };
+
 /** A recorded trial with everything that its replay shows. */
 export type RecordedTrial = {
 /** Name of its directory. */
@@ -1082,7 +1097,20 @@ agrees: boolean | null,
 /** The record has a result; a trial that crashed has none. */
 finished: boolean,
 /** What was displayed, times ascending. */
-frames: Array<DisplayFrame>, };
+frames: Array<DisplayFrame>,
+/** The muscles; none without an armband, and for a bag. */
+emg: RecordedEmg | null, };
+
+/** What the EMG model made of a window. */
+export type RecordedWindow = {
+/** When the window ended. */
+time: SimTime,
+/** Probability of each gesture, in the order of [`RecordedEmg::gestures`]; zeros while the stream is dead. */
+posterior: Array<number>,
+/** The gesture in force then, by the decision rule. */
+in_force: GestureName,
+/** How hard it is made, 0 to 1. */
+effort: number, };
 
 /** An answer that cannot be. */
 export type RefusedAnswer = {
