@@ -28,7 +28,9 @@ packages_of() {
         echo cmake libdbus-1-dev
         packages_of lint
         ;;
-    page | pages | soak_serve) echo chromium ;;
+    page | soak_serve) echo chromium ;;
+    # Firefox draws with Mesa on a virtual screen.
+    pages) echo chromium firefox-esr libgl1-mesa-dri libegl1 xvfb xauth ;;
     kill | kill_long | study_long) echo python3 ;;
     study) echo python3 faketime ;;
     statistics) echo python3-scipy python3-statsmodels r-cran-lme4 r-cran-ordinal ;;

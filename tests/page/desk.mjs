@@ -1,4 +1,4 @@
-// The pages at a desk: experimenter, spectator, replay.
+// The pages at a desk: experimenter, spectator, the replay of a bag.
 
 /** Pauses, resumes and ends a trial, and sees the signals; a spectator has no buttons and is refused. */
 export async function experimenter(page, { url, check, screenshot, limitMs }) {
@@ -43,44 +43,11 @@ export async function bag(page, { url, check, screenshot }) {
   await page.goto(new URL("replay?quality=3", url).href);
   await page.waitForFunction(() => window.__proact?.views.length === 1 && window.__proact.views[0].timeline);
   check((await page.textContent(".trial .chip")) === "From a bag", "it is said to be a bag");
-  const facts = await page.textContent(".trial .pane:last-child");
+  const facts = await page.textContent(".trial .state");
   check(facts.includes("4 of 4"), "its blocks end on their targets");
   const length = await page.evaluate(() => window.__proact.state.length);
   await page.locator('input[type="range"]').fill(String(Math.round(length / 20) * 10));
   await page.waitForFunction(() => window.__proact.state.time > 1000);
   await page.waitForTimeout(700);
   await screenshot("bag");
-}
-
-/** Two recorded trials side by side: scrubbed, and saved as a picture and as a video. */
-export async function replay(page, { url, check, screenshot, keep }) {
-  await page.goto(new URL("replay?quality=3", url).href);
-  await page.waitForFunction(() => window.__proact?.views.length === 2 && window.__proact.views.every((view) => view.timeline));
-  check(true, "two trials are side by side");
-  const verdicts = await page.locator(".trial .chip").allTextContents();
-  check(verdicts.every((text) => text === "Digest agrees"), "both are the recorded trials, by their digests");
-  const middle = await page.evaluate(() => Math.round(window.__proact.state.length / 2));
-  await page.locator('input[type="range"]').fill(String(middle - (middle % 10)));
-  await page.waitForFunction((time) => Math.abs(window.__proact.state.time - time) < 20, middle);
-  const joints = () => page.evaluate(() => window.__proact.views.map((view) => view.timeline.at(window.__proact.state.time).frame.joints[0]));
-  const first = await joints();
-  await page.waitForTimeout(700);
-  await screenshot("replay");
-  await page.click('button:text-is("Play")');
-  await page.waitForFunction((time) => window.__proact.state.time > time + 600, middle);
-  await page.click('button:text-is("Pause")');
-  check((await joints()).some((angle, k) => angle !== first[k]), "it plays");
-
-  const picture = await download(page, () => page.click('button:text-is("Save picture")'));
-  const png = await keep(picture, "replay-export.png");
-  check(png.subarray(1, 4).toString() === "PNG" && png.length > 10_000, `a picture is saved: ${png.length} bytes`);
-  await page.click('button:text-is("Record video")');
-  await page.waitForTimeout(1_500);
-  const video = await keep(await download(page, () => page.click('button:text-is("Stop and save")')), "replay-export.webm");
-  check(video.readUInt32BE(0) === 0x1a45dfa3 && video.length > 1_000, `a video is saved: ${video.length} bytes`);
-}
-
-async function download(page, act) {
-  const [file] = await Promise.all([page.waitForEvent("download"), act()]);
-  return file;
 }

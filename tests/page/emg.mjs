@@ -7,7 +7,7 @@ const SIZES = [[1280, 720], [820, 1180], [390, 844]];
 /** Channels of the grid that the page is shown in the place of the armband's. */
 const GRID = 64;
 /** Samples of which the program sends the lowest and the highest value, at so many channels and 1 kHz. */
-const BLOCK = 8;
+const BLOCK = 16;
 
 export async function emg(page, tools) {
   const { url, check, tab } = tools;

@@ -21,10 +21,11 @@ export function startEmgTest(program, words) {
   return start(program, ["emg", "--json", "test", "--page"], 0, words, {});
 }
 
-async function start(program, command, port, words, variables) {
+/** Starts a command in the same way. */
+export async function start(program, command, port, words, variables) {
   const chosen = port || (await freePort());
-  // The page of `emg` has no port but the one that it is told.
-  const exact = command[0] === "emg" ? [] : ["--exact-port"];
+  // The others have no port but the one that they are told, or take the next one if that is taken meanwhile.
+  const exact = ["serve", "study"].includes(command[0]) ? ["--exact-port"] : [];
   // In a session of its own, as from another terminal: the system shares its processors between sessions, and Chromium
   // takes all that it can get to draw.
   const child = spawn(

@@ -13,8 +13,9 @@
 // and what follows, beside a short demo. experimenter: beside a demo. conduct: a study on the experimenter's page, beside
 // serve. study_forms: the same on the participant's page. study: starts `study run` itself, with both pages; --hands
 // keys,mouse,finger: by each of these instead of by keys alone. replay: beside a replay of two trials. bag: beside a replay of a
-// bag. emg: the view of EMG, beside serve --emg-source synthetic. limb: starts `emg test` itself, with the motion test and
-// target achievement control. ghost: starts `serve --method-command proact:vmpl` itself, and is its decoder. report: beside a report on trials. access: starts `serve --bind` itself; who gets in. restart: starts `serve` itself, kills it, starts it again, and the
+// bag. emg: the view of EMG, beside serve --emg-source synthetic. signals: drawer of signals,
+// intent, scores and views, beside the same. limb: starts `emg test` itself, with the motion test and
+// target achievement control. ghost: starts `serve --method-command proact:vmpl` itself, and is its decoder. report: beside a report on trials. gallery: starts what it needs itself, takes pictures of every page and writes docs/gallery.md. access: starts `serve --bind` itself; who gets in. restart: starts `serve` itself, kills it, starts it again, and the
 // open page has to come back.
 // soak: starts `serve` itself, and drives trial after trial.
 // Screenshots go to the output folder. Exits 0 only if everything was seen.
@@ -28,9 +29,10 @@ import { accessibility } from "./accessibility.mjs";
 import { afterwards } from "./afterwards.mjs";
 import { conduct } from "./conduct.mjs";
 import { driveBlocks } from "./drive.mjs";
-import { bag, experimenter, replay } from "./desk.mjs";
+import { bag, experimenter } from "./desk.mjs";
 import { emg } from "./emg.mjs";
 import { brace } from "./brace.mjs";
+import { gallery } from "./gallery.mjs";
 import { ghost } from "./ghost.mjs";
 import { jogBlock } from "./jog.mjs";
 import { layout } from "./layout.mjs";
@@ -38,8 +40,10 @@ import { limb } from "./limb.mjs";
 import { load } from "./load.mjs";
 import { headset, newcomer } from "./person.mjs";
 import { startServe } from "./program.mjs";
+import { replay } from "./replay.mjs";
 import { report } from "./report.mjs";
 import { safety } from "./safety.mjs";
+import { signals } from "./signals.mjs";
 import { soak } from "./soak.mjs";
 import { byStrip } from "./strip.mjs";
 import { study } from "./study.mjs";
@@ -108,7 +112,7 @@ let page;
 try {
   const context = await browser.newContext({ viewport: { width: 1280, height: 720 }, ignoreHTTPSErrors: true });
   page = await pageOf(context);
-  const modes = { watch, interactive: interact, methods, restart, access, newcomer, headset, safety, experimenter, replay, bag, report, afterwards, wheel, load, layout, conduct, study_forms: studyForms, study, accessibility, strip, tracking, emg, limb, ghost, brace, soak: (page, tools) => soak(page, { ...tools, ...soakOptions() }) };
+  const modes = { watch, interactive: interact, methods, restart, access, newcomer, headset, safety, experimenter, replay, bag, report, afterwards, wheel, load, layout, conduct, study_forms: studyForms, study, accessibility, strip, tracking, emg, signals, limb, gallery, ghost, brace, soak: (page, tools) => soak(page, { ...tools, ...soakOptions() }) };
   const mode = modes[options.mode];
   if (!mode) throw new Error(`mode ${options.mode} is unknown; expected ${Object.keys(modes).join(", ")}`);
   await mode(page, {

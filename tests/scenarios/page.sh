@@ -36,6 +36,11 @@ start serve --no-record --setup still --seed 1 --limit 1800 --emg-source synthet
 node "$here/../page/run.mjs" --url "$address" --out "$output/emg" --mode emg
 stop
 
+# Signals, intent, scores and views of the participant's page, beside the same.
+start serve --method D --no-record --setup still --seed 1 --limit 1800 --emg-source synthetic --emg-model "$output/model.json"
+node "$here/../page/run.mjs" --url "$address" --out "$output/signals" --mode signals
+stop
+
 # What was recorded, as a report in which each trial leads to its replay.
 rm -rf "$output/trials"
 for method in A D; do

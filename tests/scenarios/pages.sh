@@ -1,6 +1,7 @@
 #!/bin/sh
 # The pages beside the participant's trial with method D: a page that dies while it holds a gesture, methods A to D by keys and mouse, a newcomer's first visit,
-# an emulated headset, the page of tracking, the experimenter and a spectator, a study with both of its pages, the replay of two trials. Lane `pages`.
+# an emulated headset, the page of tracking, the experimenter and a spectator, a study with both of its pages, the replay of two trials,
+# and each page in Debian's Firefox. Lane `pages`.
 #
 #   tests/scenarios/pages.sh PATH_OF_PROACT OUTPUT_FOLDER
 set -eu
@@ -84,3 +85,6 @@ node "$here/../page/run.mjs" --mode limb --program "$proact" --out "$output/limb
 start serve --method D --seed 1 --setup still --no-record --emg-source synthetic --emg-model "$output/calibrate/model.json"
 node "$here/../page/run.mjs" --url "$address" --out "$output/armband" --mode interactive
 stop
+
+# Each page in Debian's own Firefox, on a virtual screen.
+xvfb-run -a -s "-screen 0 1400x1000x24" node "$here/../page/firefox.mjs" --program "$proact" --out "$output/firefox"

@@ -1,6 +1,12 @@
 //! What the experimenter's page gets from a trial that runs in real time, and what its buttons do.
 
-use crate::{dense_spectra::DenseSpectra, live::TrialInputs, pace::Pace, trace_envelope::TraceEnvelope};
+use crate::{
+    dense_spectra::DenseSpectra,
+    intent_view::IntentView,
+    live::TrialInputs,
+    pace::Pace,
+    trace_envelope::{self, TraceEnvelope},
+};
 use proact_bridge::{
     ClientInput, GazeCheck, InertialValue, PageServer, Recognition, Signals, StudyAction, TrialStatus,
 };
@@ -36,6 +42,7 @@ pub struct Experimenter<'a> {
     envelope: Option<TraceEnvelope>,
     /// Of a stream whose samples the page does not get.
     spectra: Option<DenseSpectra>,
+    intent: Option<IntentView>,
     sent: Instant,
     sent_time: SimTime,
     ticks: u32,
@@ -93,6 +100,7 @@ impl<'a> Experimenter<'a> {
             envelope,
             spectra,
             quality: emg.map(monitor),
+            intent: IntentView::of(testbed),
             sent: Instant::now(),
             sent_time: SimTime(0),
             ticks: 0,
@@ -214,6 +222,9 @@ impl<'a> Experimenter<'a> {
                 self.seen_gaze = Some(step.time);
             }
         }
+        if let Some((intent, gaze)) = self.intent.as_mut().zip(step.input.gaze) {
+            intent.look(gaze);
+        }
         self.counted.tracking += u32::from(step.input.shoulder.is_some());
         let now = Instant::now();
         if now.duration_since(self.sent) >= SIGNAL_PERIOD {
@@ -222,6 +233,7 @@ impl<'a> Experimenter<'a> {
                 (recognition.in_force, recognition.armed) = (muscles.recognised, muscles.armed);
                 recognition.fault = muscles.fault.as_ref().map(|(_, sentence)| sentence.clone());
             }
+            self.signals.intent = self.intent.as_mut().and_then(|intent| intent.told(step.time, testbed));
             self.tell(now, step.time);
         }
     }
@@ -259,6 +271,7 @@ impl<'a> Experimenter<'a> {
             signals.faults = quality.channels().iter().map(|channel| channel.fault.and_then(fault)).collect();
             signals.emg_lost_share = quality.stream().lost_share;
         }
+        trace_envelope::round(&mut signals.emg);
         self.page.publish_signals(signals);
         signals.emg.clear();
         (self.sent, self.sent_time) = (now, time);

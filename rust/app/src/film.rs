@@ -1,6 +1,7 @@
 //! A recorded trial as it was displayed, to be scrubbed and compared on a page.
 
 use crate::{
+    film_of_emg::FilmOfEmg,
     page_content,
     replay::{Opened, ReplayOptions, never_begun, open_trial},
 };
@@ -32,6 +33,7 @@ pub fn recompute(methods: &MethodRegistry, dir: &Path) -> Result<RecordedTrial, 
     let shoulder_from_head = body.shoulder_pose(&upright).inv_mul(&body.head_pose(&upright));
     let mut inputs = record.inputs()?;
     let mut next = inputs.next().transpose()?;
+    let mut muscles = config.emg.as_ref().map(|emg| FilmOfEmg::new(emg, testbed.emg_gestures(), last));
     let mut film = Film { frames: Vec::new(), events: Vec::new(), count: 0 };
     let mut spans: Vec<SpanDigest> = Vec::new();
     for tick in 1..=last.0 {
@@ -41,6 +43,9 @@ pub fn recompute(methods: &MethodRegistry, dir: &Path) -> Result<RecordedTrial, 
             next = inputs.next().transpose()?;
         }
         let output = testbed.tick(&input, tick == last.0)?;
+        if let Some(muscles) = &mut muscles {
+            muscles.take(SimTime(tick), &input.emg, output.emg.as_ref());
+        }
         spans.extend(output.span);
         if testbed.frame_is_due() || tick == last.0 {
             film.take(&mut testbed, &shoulder_from_head, tick == last.0)?;
@@ -57,6 +62,7 @@ pub fn recompute(methods: &MethodRegistry, dir: &Path) -> Result<RecordedTrial, 
         agrees: Some(first_divergence(&recorded, &spans).is_none()),
         finished: result.is_some(),
         frames: film.frames,
+        emg: muscles.map(FilmOfEmg::finish),
     })
 }
 

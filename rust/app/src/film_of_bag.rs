@@ -64,6 +64,7 @@ pub fn read(path: &Path, arm: &Arm) -> Result<RecordedTrial, Box<dyn Error>> {
         agrees: None,
         finished: end == BagEnd::Whole,
         frames,
+        emg: None,
     })
 }
 

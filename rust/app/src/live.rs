@@ -1,7 +1,7 @@
 //! A trial that a person drives in real time.
 
 use crate::{
-    Experimenter, LivePerson, Pace, Recorder, ResultCards, WristPath, experimenter::store_gaze_check,
+    CardTally, Experimenter, LivePerson, Pace, Recorder, ResultCards, experimenter::store_gaze_check,
     person::drive_by_page, run::finish,
 };
 use crate::{vmpl::is_by_decoder, vmpl_ghost::GhostReceiver};
@@ -87,8 +87,8 @@ impl LiveTrial<'_> {
         if let (Some(dir), Some(calibrations)) = (&self.dir, self.person.calibrations()) {
             calibrations.keep(dir)?;
         }
-        let mut path = WristPath::default();
-        let ended = self.drive(&mut path)?;
+        let mut tally = CardTally::default();
+        let ended = self.drive(&mut tally)?;
         self.person.end_trial();
         let end = match &ended {
             Ended::Finished => TrialEnd::Task,
@@ -103,14 +103,14 @@ impl LiveTrial<'_> {
         self.inputs.ended(&result);
         let most = self.session.testbed().task().briefing().most;
         if let Some(results) = &mut self.results {
-            results.show(self.page, most, &result, "You", path, &[]);
+            results.show(self.page, most, &result, "You", tally, &[]);
         }
         Ok((ended, result))
     }
 
     /// Ticks in real time on what the page and the person's devices send. Where the page alone drives, time waits at the first
     /// instant that is displayed until the person acts.
-    fn drive(&mut self, path: &mut WristPath) -> Result<Ended, Box<dyn Error>> {
+    fn drive(&mut self, tally: &mut CardTally) -> Result<Ended, Box<dyn Error>> {
         let mut pace = Pace::new();
         let mut experimenter = Experimenter::new(
             self.page,
@@ -173,7 +173,7 @@ impl LiveTrial<'_> {
                     self.page.publish_ghost(ghost.latest().as_ref());
                 }
                 self.inputs.shown(frame);
-                path.add(frame);
+                tally.add(frame);
                 // Shown again while time stands still; what happened in it happened once.
                 shown = Some(DisplayFrame { events: vec![], feedback: vec![], ..frame.clone() });
             }

@@ -3,28 +3,29 @@
 use proact_bridge::{AfterTrial, PageServer, ResultCard, ResultLine, TrialStatus};
 use proact_tasks::Norm;
 use proact_testbed::{TrialEnd, TrialResult};
-use proact_types::{DisplayFrame, Point};
+use proact_types::{DisplayFrame, EventKind, Point};
 
-/// Results that a page compares: this trial and the ones before it.
-const MOST_CARDS: usize = 4;
+/// Results that a page keeps, the latest: more than a visit has.
+const MOST_CARDS: usize = 200;
 
-/// The way that the wrist went, from the instants that are displayed.
+/// What a result card counts in the instants that are displayed.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct WristPath {
+pub struct CardTally {
     last: Option<Point>,
-    metres: f64,
+    path_m: f64,
+    attempts: u32,
 }
 
-impl WristPath {
+impl CardTally {
     /// Takes in one instant.
     pub fn add(&mut self, frame: &DisplayFrame) {
         let now = Point::from(frame.world_from_tip.translation.vector);
-        self.metres += self.last.replace(now).map_or(0.0, |last| (now - last).norm());
-    }
-
-    /// Its length, metres.
-    pub fn metres(&self) -> f64 {
-        self.metres
+        self.path_m += self.last.replace(now).map_or(0.0, |last| (now - last).norm());
+        // As the measure `attempts` of the analysis: the hand closed and took something, or failed to.
+        let tried = |kind: &EventKind| {
+            matches!(kind, EventKind::ObjectAttached { .. } | EventKind::GraspFailed { .. })
+        };
+        self.attempts += frame.events.iter().filter(|event| tried(&event.kind)).count() as u32;
     }
 }
 
@@ -35,7 +36,7 @@ pub struct ResultCards {
 }
 
 impl ResultCards {
-    /// Adds the `result` of a trial with a score of at most `most` that `who` drove along `path`, and shows it with what may be
+    /// Adds the `result` of a trial with a score of at most `most` that `who` drove by `tally`, and shows it with what may be
     /// asked for next.
     /// A trial that was given up for another one is no result.
     pub fn show(
@@ -44,13 +45,13 @@ impl ResultCards {
         most: Option<u32>,
         result: &TrialResult,
         who: &str,
-        path: WristPath,
+        tally: CardTally,
         offers: &[AfterTrial],
     ) {
         if matches!(result.ended, TrialEnd::Restart | TrialEnd::Interrupt) {
             return;
         }
-        self.cards.insert(0, card(result, who, most, path));
+        self.cards.insert(0, card(result, who, most, tally));
         self.cards.truncate(MOST_CARDS);
         page.set_status(&TrialStatus {
             aborted: result.ended == TrialEnd::Abort,
@@ -63,7 +64,7 @@ impl ResultCards {
     }
 }
 
-fn card(result: &TrialResult, who: &str, most: Option<u32>, path: WristPath) -> ResultCard {
+fn card(result: &TrialResult, who: &str, most: Option<u32>, tally: CardTally) -> ResultCard {
     let outcomes = result.beside.get("outcomes").cloned().unwrap_or_default();
     let norms = result.result.get("norms").cloned().unwrap_or_default();
     let norms = serde_json::from_value::<Vec<Norm>>(norms).unwrap_or_default();
@@ -74,7 +75,8 @@ fn card(result: &TrialResult, who: &str, most: Option<u32>, path: WristPath) -> 
         most,
         score_name: result.score_name.clone(),
         seconds: result.sim_seconds,
-        path_m: path.metres(),
+        path_m: tally.path_m,
+        attempts: tally.attempts,
         // A task that tells of other things has no such list.
         objects: serde_json::from_value::<Vec<ResultLine>>(outcomes).unwrap_or_default(),
         norms: norms.iter().map(ToString::to_string).collect(),
@@ -95,7 +97,7 @@ mod tests {
         let mut config = config.with_task(TaskChoice::named("bbt", 1).unwrap()).unwrap();
         config.wearer = Some(Wearer { age_years: Some(44), sex: Some(Sex::Male) });
         let Assembly { session, .. } = trial::simulated(config, &EmgOrigin::Synthetic).unwrap();
-        let card = card(&session.result(), "Simulated participant", None, WristPath::default());
+        let card = card(&session.result(), "Simulated participant", None, CardTally::default());
         assert_eq!(
             card.norms,
             [
@@ -110,19 +112,21 @@ mod tests {
         let mut config = TrialConfig::new("D", 1, Setup::named("still").unwrap());
         config.limit_secs = 30.0;
         let Assembly { mut session, .. } = trial::simulated(config, &EmgOrigin::Synthetic).unwrap();
-        let mut path = WristPath::default();
+        let mut tally = CardTally::default();
         loop {
             let step = session.step(false).unwrap();
-            step.frame.iter().for_each(|frame| path.add(frame));
+            step.frame.iter().for_each(|frame| tally.add(frame));
             if step.output.finished {
                 break;
             }
         }
         let result = TrialResult { ended: TrialEnd::Task, ..session.result() };
-        let card = card(&result, "Simulated participant", Some(4), path);
+        let card = card(&result, "Simulated participant", Some(4), tally);
         assert_eq!((card.score, card.most, card.seconds), (result.score, Some(4), result.sim_seconds));
         assert!((0.5..60.0).contains(&card.path_m), "{} m", card.path_m);
         assert_eq!(card.objects.len(), 4);
+        let taken = card.objects.iter().filter(|object| object.pick_s.is_some()).count();
+        assert!(card.attempts as usize >= taken && taken > 0, "{card:?}");
         assert!(card.norms.is_empty(), "nobody measured this task on people with sound hands");
         let first = &card.objects[0];
         assert!(first.name.starts_with("red"), "{first:?}");

@@ -2,10 +2,12 @@
 
 use proact_types::ChannelValues;
 
-/// Numbers a second that a page is sent: 16 channels at 1 kHz.
-const MOST_PER_SEC: f64 = 16_000.0;
+/// Numbers a second that a page is sent: 8 channels at 1 kHz. With the scene that is some 120 kB a second.
+const MOST_PER_SEC: f64 = 8_000.0;
+/// What a picture tells apart, as a share of what a channel spans.
+const SHARE: f64 = 3e-3;
 
-/// Streams of up to 16 channels at 1 kHz go to the page as they are. Of denser ones each block of samples goes as two rows,
+/// Streams of up to 8 channels at 1 kHz go to the page as they are. Of denser ones each block of samples goes as two rows,
 /// the lowest and the highest value of each channel in it: what a trace of many samples a pixel shows.
 #[derive(Debug)]
 pub(crate) struct TraceEnvelope {
@@ -53,9 +55,50 @@ impl TraceEnvelope {
     }
 }
 
+/// Rounds each channel to at most three thousandths of what it spans in `rows`: digits that no picture shows are most of a message. Levels
+/// stay, however far from zero a device puts them.
+pub(crate) fn round(rows: &mut [Vec<f64>]) {
+    for channel in 0..rows.first().map_or(0, Vec::len) {
+        let values =
+            rows.iter().filter_map(|row| row.get(channel).copied()).filter(|value| value.is_finite());
+        let (low, high) = values
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
+        // Powers of ten, so that few digits are left; at least those of a device that counts in billionths.
+        let decimals = -((high - low) * SHARE).log10().floor();
+        if !(-9.0..=12.0).contains(&decimals) {
+            continue;
+        }
+        let scale = 10_f64.powf(decimals);
+        for value in rows.iter_mut().filter_map(|row| row.get_mut(channel)) {
+            *value = (*value * scale).round() / scale;
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn rounding_is_not_seen_and_keeps_what_stands_still() {
+        let fine = |k: usize| (k as f64 * 0.37).sin();
+        let mut rows: Vec<Vec<f64>> = (0..100)
+            .map(|k| {
+                vec![12.0 * fine(k), 2e-5 * fine(k), 8_388_608.0 + 30.0 * fine(k), 0.123_456_789, f64::NAN]
+            })
+            .collect();
+        let whole = rows.clone();
+        round(&mut rows);
+        for (channel, span) in [(0, 24.0), (1, 4e-5), (2, 60.0)] {
+            let worst =
+                rows.iter().zip(&whole).map(|(a, b)| (a[channel] - b[channel]).abs()).fold(0.0, f64::max);
+            assert!(worst <= 0.5 * SHARE * span, "channel {channel}: {worst}");
+            assert!(worst > 0.0);
+        }
+        assert!(rows.iter().all(|row| row[3] == 0.123_456_789 && row[4].is_nan()));
+        let text = serde_json::to_string(&rows).unwrap();
+        assert!(text.len() < serde_json::to_string(&whole).unwrap().len() * 3 / 4);
+    }
 
     #[test]
     fn armbands_go_as_they_are_and_grids_as_lowest_and_highest() {
@@ -67,12 +110,12 @@ mod tests {
 
         let mut grid = TraceEnvelope::new(4000.0, 64);
         let mut rows = Vec::new();
-        for k in 0..4000_i32 {
+        for k in 0..6400_i32 {
             // A peak of one sample stays.
             grid.push(&[if k == 1234 { 99.0 } else { f64::from(k % 7) }; 64], &mut rows);
         }
-        assert_eq!((rows.len() as f64, rows[0].len()), (grid.row_hz(4000.0), 64));
-        assert!(rows.len() * 64 <= MOST_PER_SEC as usize);
+        assert_eq!((rows.len() as f64, rows[0].len()), (1.6 * grid.row_hz(4000.0), 64));
+        assert!((rows.len() * 64) as f64 <= 1.6 * MOST_PER_SEC);
         assert_eq!((&rows[0], &rows[1]), (&vec![0.0; 64], &vec![6.0; 64]));
         assert_eq!(rows.iter().filter(|row| row[63] == 99.0).count(), 1);
     }

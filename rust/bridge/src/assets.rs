@@ -114,8 +114,8 @@ mod tests {
             |name: &str| Page::get(&format!("{name}.gz")).or_else(|| Page::get(name)).unwrap().data.len();
         let loaded = Page::iter().filter(|name| name.ends_with(".js") || name.ends_with(".css"));
         let bytes: usize = loaded.map(|name| small(&name)).sum();
-        // All pages together; with arm and meshes the first load is measured in a browser, tests/page/load.mjs.
-        assert!(bytes < 260_000, "{bytes} bytes");
+        // All pages together, and what a page loads only when it is opened (signals, scores); with arm and meshes the first load is measured in a browser, tests/page/load.mjs.
+        assert!(bytes < 320_000, "{bytes} bytes");
     }
 
     #[test]

@@ -20,10 +20,10 @@ pub(crate) fn takes_gzip(asked: &HeaderMap) -> bool {
 /// An answer whose `body` is compressed already if `gzip` says so. Caches keep both kinds apart.
 pub(crate) fn encoded(
     headers: impl IntoIterator<Item = (header::HeaderName, &'static str)>,
-    body: Vec<u8>,
+    body: impl Into<Body>,
     gzip: bool,
 ) -> Response {
-    let mut response = Body::from(body).into_response();
+    let mut response = body.into().into_response();
     let told = response.headers_mut();
     for (name, value) in headers {
         told.insert(name, HeaderValue::from_static(value));
@@ -35,6 +35,13 @@ pub(crate) fn encoded(
     response
 }
 
+/// `body` compressed, as fast as that goes.
+pub(crate) fn gzip(body: &[u8]) -> std::io::Result<Vec<u8>> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
+    encoder.write_all(body)?;
+    encoder.finish()
+}
+
 /// The same for a `body` that is compressed now, if `gzip` asks for that.
 pub(crate) fn encode(
     headers: impl IntoIterator<Item = (header::HeaderName, &'static str)>,
@@ -42,11 +49,7 @@ pub(crate) fn encode(
     gzip: bool,
 ) -> Response {
     // Small enough for the server's only thread: a mesh takes about a millisecond.
-    let small = gzip.then(|| {
-        let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
-        encoder.write_all(body).and_then(|()| encoder.finish())
-    });
-    match small {
+    match gzip.then(|| self::gzip(body)) {
         Some(Ok(small)) => encoded(headers, small, true),
         // Memory takes every byte; should it not, the answer goes as it is.
         _ => encoded(headers, body.to_vec(), false),

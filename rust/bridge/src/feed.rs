@@ -10,7 +10,8 @@ use axum::extract::ws::Utf8Bytes;
 use proact_arm::Side;
 use proact_types::{DisplayFrame, Event};
 use serde::Serialize;
-use std::{collections::VecDeque, sync::Arc};
+use serde_json::ser::Formatter;
+use std::{collections::VecDeque, io, sync::Arc};
 
 /// Events of the trial kept for clients that come late or missed frames: more than a usual trial has, 50 KB.
 const MAX_EVENTS: usize = 512;
@@ -54,9 +55,25 @@ pub(crate) enum ServerMessage<'a> {
 impl ServerMessage<'_> {
     /// As JSON text.
     pub(crate) fn to_text(&self) -> Utf8Bytes {
-        serde_json::to_string(self)
-            .expect("plain structs with string keys always serialise; non-finite numbers become null")
-            .into()
+        let mut text = Vec::new();
+        let written = match self {
+            Self::Frame(_) | Self::Ghost { .. } => {
+                self.serialize(&mut serde_json::Serializer::with_formatter(&mut text, Rounded))
+            }
+            _ => self.serialize(&mut serde_json::Serializer::new(&mut text)),
+        };
+        written.expect("plain structs with string keys always serialise; non-finite numbers become null");
+        String::from_utf8(text).expect("JSON is UTF-8").into()
+    }
+}
+
+/// What is drawn needs no more than a hundredth of a millimetre, and comes sixty times a second.
+struct Rounded;
+
+impl Formatter for Rounded {
+    fn write_f64<W: ?Sized + io::Write>(&mut self, writer: &mut W, value: f64) -> io::Result<()> {
+        // Adding zero makes a negative zero positive.
+        write!(writer, "{}", (value * 1e5).round() / 1e5 + 0.0)
     }
 }
 
@@ -151,5 +168,20 @@ impl Feed {
         let missed = |&&(frame, _): &&(u64, Event)| frame > seen && frame < self.sequence;
         let events: Vec<&Event> = self.events.iter().filter(missed).map(|(_, event)| event).collect();
         (!events.is_empty()).then(|| ServerMessage::Events { events }.to_text())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_drawn_goes_over_the_line_to_the_hundredth_of_a_millimetre() {
+        let ghost =
+            GhostArm { joints: vec![0.123_456_789, -1e-20, 2.0, -1.5e-5], colour: [1.0; 3], alpha: 0.5 };
+        let text = ServerMessage::Ghost { arm: Some(&ghost) }.to_text();
+        assert!(text.contains(r#""joints":[0.12346,0,2,-0.00002]"#), "{text}");
+        let whole = ServerMessage::Error { message: "0.123456789" }.to_text();
+        assert!(whole.contains("0.123456789"), "{whole}");
     }
 }

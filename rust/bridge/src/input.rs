@@ -161,6 +161,10 @@ pub(crate) enum ClientMessage {
     Hold {
         on: bool,
     },
+    /// Signals are wanted, or no longer.
+    Watch {
+        signals: bool,
+    },
     /// The trial that was shown is over.
     After {
         ask: AfterTrial,
@@ -192,6 +196,8 @@ pub(crate) enum Parsed {
     Drawn,
     /// A sign of life.
     Alive,
+    /// Signals are wanted, or no longer.
+    Watch(bool),
     /// To be answered.
     Ping(u32),
 }
@@ -204,7 +210,7 @@ pub(crate) fn parse(text: &str) -> Result<Parsed, String> {
     let message: ClientMessage = serde_json::from_str(text).map_err(|error| {
         format!(
             "message ignored: {error}; expected a JSON object with type gesture, gaze, trunk, head, controller, restart, study, \
-             gaze_check, join, take_over, drawn, hold, after, conduct, answer, submit, alive or ping"
+             gaze_check, join, take_over, drawn, hold, watch, after, conduct, answer, submit, alive or ping"
         )
     })?;
     match message {
@@ -233,6 +239,7 @@ pub(crate) fn parse(text: &str) -> Result<Parsed, String> {
         }
         ClientMessage::Join { name } => Ok(Parsed::Join(name)),
         ClientMessage::Hold { on } => Ok(Parsed::Input(ClientInput::Hold(on))),
+        ClientMessage::Watch { signals } => Ok(Parsed::Watch(signals)),
         ClientMessage::After { ask } => Ok(Parsed::Input(ClientInput::After(ask))),
         ClientMessage::Conduct(request) => Ok(Parsed::Input(ClientInput::Conduct(request))),
         ClientMessage::Answer(given) => Ok(Parsed::Input(ClientInput::Answer(given))),
@@ -353,6 +360,7 @@ mod tests {
             assert_eq!(parse(text).unwrap(), expected.map_or(Parsed::Alive, Parsed::Input), "{text}");
         }
         assert_eq!(parse(r#"{"type":"ping","id":7}"#).unwrap(), Parsed::Ping(7));
+        assert_eq!(parse(r#"{"type":"watch","signals":true}"#).unwrap(), Parsed::Watch(true));
     }
 
     #[test]

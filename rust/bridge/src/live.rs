@@ -15,7 +15,8 @@
 //! one is held, `gaze {origin, direction, measured}`, `trunk {forward, lateral, axial}`, `head {position, quaternion}`,
 //! `controller {hand, time_ms, position, quaternion, tracked}` of the one on the brace,
 //! `restart {method, again}`, `gaze_check {source, points}`, `join`, `take_over`, `hold {on}`
-//! while a dialog is open; `after {ask}` when a trial that was shown is over; always `drawn` and `ping {id}`. Metres, rad, frame `world`,
+//! while a dialog is open; `after {ask}` when a trial that was shown is over; always `drawn`, `ping {id}` and `watch {signals}`,
+//! after which the participant's page gets signals too, or no longer. Metres, rad, frame `world`,
 //! quaternions x, y, z, w. At most 64 KiB each, text only. A hundred malformed messages end the connection.
 //!
 //! `/live?role=experimenter` also gets `signals` with the fields of [`Signals`](crate::Signals), and may send
@@ -41,7 +42,13 @@ use futures_util::{
 use proact_http::{Pulse, Right};
 use proact_types::Gesture;
 use serde::Deserialize;
-use std::{sync::Arc, time::Duration, time::Instant};
+use std::{
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    time::{Duration, Instant},
+};
 use tokio::{sync::mpsc, sync::watch, time};
 
 /// Longest message taken from a client, bytes: the longest answer in free words, each byte written as an escape of six.
@@ -119,8 +126,9 @@ pub(crate) async fn serve(socket: WebSocket, shared: Arc<Shared>, role: Role, ri
     let (replies, reply_queue) = mpsc::channel(8);
     let updates = shared.feed.subscribe();
     let pulse = Pulse::new(shared.limits);
-    let reader = Reader { client, role, right, shared: &shared, pulse: &pulse };
-    let writer = Writer { client, role, right, shared: &shared, pulse: &pulse };
+    let watches = AtomicBool::new(role != Role::Participant);
+    let reader = Reader { client, role, right, shared: &shared, pulse: &pulse, watches: &watches };
+    let writer = Writer { client, role, right, shared: &shared, pulse: &pulse, watches: &watches };
     tokio::select! {
         () = reader.read(incoming, replies) => {}
         () = writer.write(outgoing, updates, reply_queue) => {}
@@ -135,11 +143,13 @@ struct Reader<'a> {
     right: Right,
     shared: &'a Shared,
     pulse: &'a Pulse,
+    /// Signals are wanted.
+    watches: &'a AtomicBool,
 }
 
 impl Reader<'_> {
     async fn read(self, mut incoming: SplitStream<WebSocket>, replies: mpsc::Sender<Reply>) {
-        let Reader { client, role, right, shared, pulse } = self;
+        let Reader { client, role, right, shared, pulse, watches } = self;
         let mut bad_messages = 0;
         while let Some(message) = incoming.next().await {
             pulse.beat();
@@ -153,7 +163,9 @@ impl Reader<'_> {
                     Parsed::TakeOver => {
                         drives(role, right, shared.interactive()).map(|()| parsed).map_err(str::to_owned)
                     }
-                    Parsed::Join(_) | Parsed::Drawn | Parsed::Alive | Parsed::Ping(_) => Ok(parsed),
+                    Parsed::Join(_) | Parsed::Drawn | Parsed::Alive | Parsed::Watch(_) | Parsed::Ping(_) => {
+                        Ok(parsed)
+                    }
                 }),
                 Ok(Message::Binary(data)) => {
                     Err(format!("message ignored: got {} binary bytes, expected JSON text", data.len()))
@@ -205,6 +217,7 @@ impl Reader<'_> {
                 Ok(Parsed::Alive) => {
                     shared.arbitrate(|arbiter| arbiter.accept(client, Instant::now(), None));
                 }
+                Ok(Parsed::Watch(signals)) => watches.store(signals, Ordering::Relaxed),
                 // As with errors: who does not read gets no answers.
                 Ok(Parsed::Ping(id)) => drop(replies.try_send(Reply::Pong(id))),
                 Err(reason) => {
@@ -245,6 +258,8 @@ struct Writer<'a> {
     right: Right,
     shared: &'a Shared,
     pulse: &'a Pulse,
+    /// Signals are wanted.
+    watches: &'a AtomicBool,
 }
 
 impl Writer<'_> {
@@ -254,7 +269,7 @@ impl Writer<'_> {
         mut updates: watch::Receiver<Feed>,
         mut replies: mpsc::Receiver<Reply>,
     ) {
-        let Writer { role, shared, pulse, .. } = self;
+        let Writer { role, shared, pulse, watches, .. } = self;
         let (page_version, brace_controller) = (&*shared.page_version, shared.brace_controller);
         let mut ping = pulse.pings();
         // A client that comes late is told the whole trial's events: its score and list are then right.
@@ -288,7 +303,7 @@ impl Writer<'_> {
                     }
                     let (mut messages, driver) = {
                         let feed = updates.borrow_and_update();
-                        (seen.news(&feed, role), (feed.driver.0 != seen.driver).then(|| feed.driver.clone()))
+                        (seen.news(&feed, role, watches.load(Ordering::Relaxed)), (feed.driver.0 != seen.driver).then(|| feed.driver.clone()))
                     };
                     if let Some((changes, driver)) = driver {
                         seen.driver = changes;
@@ -330,7 +345,7 @@ struct Seen {
 
 impl Seen {
     /// What it has not seen yet, at most seven messages.
-    fn news(&mut self, feed: &Feed, role: Role) -> Vec<Utf8Bytes> {
+    fn news(&mut self, feed: &Feed, role: Role, watches: bool) -> Vec<Utf8Bytes> {
         let mut messages = Vec::with_capacity(7);
         if feed.revision != self.revision {
             self.revision = feed.revision;
@@ -353,7 +368,7 @@ impl Seen {
             messages.extend(feed.ghost.1.clone());
             self.ghost = feed.ghost.0;
         }
-        if role != Role::Participant && feed.signals.0 != self.signals {
+        if watches && feed.signals.0 != self.signals {
             messages.extend(feed.signals.1.clone());
             self.signals = feed.signals.0;
         }

@@ -132,6 +132,8 @@ pub(crate) struct Shared {
     drawn: AtomicBool,
     /// How often a gaze check, and a calibration, was asked for.
     gaze_requests: [AtomicU32; 2],
+    /// Why what was chosen on the page did not begin.
+    refused: Mutex<Option<String>>,
     next_client: AtomicU64,
     trials: Mutex<Arc<StoredTrials>>,
     /// What tracking sources there are, as JSON.
@@ -240,6 +242,7 @@ impl PageServer {
             clients: AtomicUsize::new(0),
             drawn: AtomicBool::new(false),
             gaze_requests: Default::default(),
+            refused: Mutex::default(),
             next_client: AtomicU64::new(1),
             trials: Mutex::new(Arc::new(StoredTrials::new(Arc::new(Vec::new()))?)),
             tracking: Mutex::new(Bytes::from_static(b"[]")),
@@ -279,11 +282,17 @@ impl PageServer {
         self.shared.gaze_requests[usize::from(calibration)].fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Tells all pages whether the trial goes on. How often the gaze was asked for is this server's to say.
+    /// Why what was chosen on the page does not begin, as a sentence; none when it does. The next status says so.
+    pub fn set_refused(&self, reason: Option<String>) {
+        *self.shared.refused.lock().unwrap_or_else(PoisonError::into_inner) = reason;
+    }
+
+    /// Tells all pages whether the trial goes on. How often the gaze was asked for, and what was refused, is this server's to say.
     pub fn set_status(&self, status: &TrialStatus) {
         let [gaze_checks, gaze_calibrations] =
             [0, 1].map(|kind: usize| self.shared.gaze_requests[kind].load(Ordering::Relaxed));
-        let status = &TrialStatus { gaze_checks, gaze_calibrations, ..status.clone() };
+        let refused = self.shared.refused.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let status = &TrialStatus { gaze_checks, gaze_calibrations, refused, ..status.clone() };
         let text = ServerMessage::Status(status).to_text();
         self.shared.feed.send_modify(|feed| feed.status = (feed.status.0 + 1, Some(text)));
     }

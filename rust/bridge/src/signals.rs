@@ -30,6 +30,8 @@ pub struct TrialStatus {
     pub gaze_checks: u32,
     /// The same for a calibration of the gaze.
     pub gaze_calibrations: u32,
+    /// Why what was chosen on the page did not begin, as a sentence; none if it did.
+    pub refused: Option<String>,
 }
 
 /// How a trial went, for whoever drove or watched.
@@ -50,6 +52,8 @@ pub struct ResultCard {
     pub seconds: f64,
     /// Length of the wrist's path, metres.
     pub path_m: f64,
+    /// How often the hand closed to take something.
+    pub attempts: u32,
     /// What became of each object, for tasks that tell.
     pub objects: Vec<ResultLine>,
     /// What people with two sound hands reach, a line each, where that is known.
@@ -120,6 +124,33 @@ pub struct InertialValue {
     pub value: Option<f64>,
 }
 
+/// What an [`Intent`] is spread over.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+#[serde(rename_all = "snake_case")]
+pub enum IntentOver {
+    /// The objects of the scene, while the hand is empty.
+    #[default]
+    Objects,
+    /// The targets of the scene, while something is held. This is for display: methods take the place that is looked at.
+    Places,
+}
+
+/// What gaze and task say of what is meant, each for itself and both together. Lists have the order of the scene and sum to
+/// one, rounded.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+pub struct Intent {
+    /// Of what.
+    pub over: IntentOver,
+    /// By the gaze alone, without task context: what method C goes by.
+    pub likelihood: Vec<f64>,
+    /// By the task alone.
+    pub prior: Vec<f64>,
+    /// By both: what method D goes by.
+    pub posterior: Vec<f64>,
+}
+
 /// What the experimenter watches beside the scene: about ten times a second, the latest only.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
@@ -145,6 +176,8 @@ pub struct Signals {
     pub emg_lost_share: f64,
     /// What the muscles say; none without an armband.
     pub recognition: Option<Recognition>,
+    /// What gaze and task say; none for methods that do not go by the gaze, and while there is nothing to mean.
+    pub intent: Option<Intent>,
     /// Milliseconds since the last valid gaze; none if there was none yet.
     pub gaze_age_ms: Option<u64>,
     /// Gaze samples a second.

@@ -1,14 +1,15 @@
 //! Recorded trials that the replay page looks at.
 
 use crate::{
-    BridgeError, PageContent,
+    BridgeError, PageContent, RecordedEmg,
+    encoding::{encoded, gzip, takes_gzip},
     meshes::{self, MeshesById},
     server::{Shared, json},
 };
 use axum::{
     body::Bytes,
     extract::{Path, State},
-    http::{StatusCode, header},
+    http::{HeaderMap, StatusCode, header},
     response::{IntoResponse, Response},
 };
 use proact_types::DisplayFrame;
@@ -42,6 +43,8 @@ pub struct RecordedTrial {
     pub finished: bool,
     /// What was displayed, times ascending.
     pub frames: Vec<DisplayFrame>,
+    /// The muscles; none without an armband, and for a bag.
+    pub emg: Option<RecordedEmg>,
 }
 
 /// What the list says of a trial.
@@ -100,6 +103,13 @@ impl TrialLibrary for Vec<RecordedTrial> {
 /// So many trials are kept written out: as many as a page shows side by side.
 const KEPT: usize = 2;
 
+/// A trial as JSON, as it is and compressed: megabytes, of which a tenth goes over the line.
+#[derive(Clone)]
+struct Written {
+    plain: Bytes,
+    small: Bytes,
+}
+
 /// A library in front of the pages: written out once for all of them.
 pub(crate) struct StoredTrials {
     library: Arc<dyn TrialLibrary>,
@@ -108,8 +118,8 @@ pub(crate) struct StoredTrials {
     list: Bytes,
     /// The report.
     report: Option<Bytes>,
-    /// The trials asked for last, as JSON. Locked while one is made.
-    made: Arc<tokio::sync::Mutex<VecDeque<(usize, Bytes)>>>,
+    /// The trials asked for last. Locked while one is made.
+    made: Arc<tokio::sync::Mutex<VecDeque<(usize, Written)>>>,
     /// What their arms are drawn with.
     pub(crate) meshes: Arc<Mutex<MeshesById>>,
 }
@@ -129,26 +139,28 @@ impl StoredTrials {
         })
     }
 
-    /// The trial of that number as JSON, or why it cannot be given.
-    async fn trial(&self, number: usize) -> Result<Bytes, (StatusCode, String)> {
+    /// The trial of that number, or why it cannot be given.
+    async fn trial(&self, number: usize) -> Result<Written, (StatusCode, String)> {
         if number >= self.count {
             let reason = format!("there is no trial {number}, expected a number below {}\n", self.count);
             return Err((StatusCode::NOT_FOUND, reason));
         }
         let mut made = Arc::clone(&self.made).lock_owned().await;
-        if let Some((_, json)) = made.iter().find(|(other, _)| *other == number) {
-            return Ok(json.clone());
+        if let Some((_, written)) = made.iter().find(|(other, _)| *other == number) {
+            return Ok(written.clone());
         }
         let (library, meshes) = (Arc::clone(&self.library), Arc::clone(&self.meshes));
         // It holds the lock itself: a page that asks and goes away does not let the next one begin beside it.
         let make = move || {
             let trial = library.trial(number)?;
-            let json = Bytes::from(serde_json::to_vec(&trial).map_err(|error| error.to_string())?);
+            let plain = serde_json::to_vec(&trial).map_err(|error| error.to_string())?;
+            let small = gzip(&plain).map_err(|error| error.to_string())?.into();
+            let written = Written { plain: plain.into(), small };
             let own = meshes::by_id(&trial.content.meshes);
             meshes.lock().unwrap_or_else(PoisonError::into_inner).extend(own);
             made.truncate(KEPT - 1);
-            made.push_front((number, json.clone()));
-            Ok::<_, String>(json)
+            made.push_front((number, written.clone()));
+            Ok::<_, String>(written)
         };
         let done = tokio::task::spawn_blocking(make).await.map_err(|error| error.to_string());
         done.and_then(|made| made).map_err(|why| (StatusCode::UNPROCESSABLE_ENTITY, why))
@@ -161,9 +173,15 @@ pub(crate) async fn list(State(shared): State<Arc<Shared>>) -> Response {
 }
 
 /// `/api/trials/<number>`.
-pub(crate) async fn one(State(shared): State<Arc<Shared>>, Path(number): Path<usize>) -> Response {
+pub(crate) async fn one(
+    State(shared): State<Arc<Shared>>,
+    Path(number): Path<usize>,
+    asked: HeaderMap,
+) -> Response {
+    let headers = [(header::CONTENT_TYPE, "application/json"), (header::CACHE_CONTROL, "no-store")];
     match shared.trials().trial(number).await {
-        Ok(trial) => json(trial),
+        Ok(Written { small, .. }) if takes_gzip(&asked) => encoded(headers, small, true),
+        Ok(Written { plain, .. }) => encoded(headers, plain, false),
         Err(refusal) => refusal.into_response(),
     }
 }

@@ -344,6 +344,37 @@ async fn the_experimenter_pauses_what_a_spectator_only_watches() {
     assert_eq!((answer["type"].as_str(), answer["id"].as_u64()), (Some("pong"), Some(5)));
 }
 
+#[tokio::test]
+async fn a_participants_page_gets_signals_as_long_as_it_asks_for_them() {
+    let server = start(true);
+    let mut page = connect(&server).await;
+    let publish = |pages| server.publish_signals(&Signals { pages, ..Signals::default() });
+    // The answer to a ping comes after whatever was said before it.
+    say(&mut page, r#"{"type":"watch","signals":true}"#).await;
+    say(&mut page, r#"{"type":"ping","id":1}"#).await;
+    next_of(&mut page, "pong").await;
+    publish(7);
+    assert_eq!(next_of(&mut page, "signals").await["pages"], 7);
+    say(&mut page, r#"{"type":"watch","signals":false}"#).await;
+    say(&mut page, r#"{"type":"ping","id":2}"#).await;
+    next_of(&mut page, "pong").await;
+    publish(8);
+    server.set_status(&TrialStatus::default());
+    assert_eq!(next(&mut page).await["type"], "status");
+}
+
+#[tokio::test]
+async fn why_a_choice_was_refused_stays_in_the_status_until_another_begins() {
+    let server = start(true);
+    let mut page = connect(&server).await;
+    server.set_refused(Some("This trial cannot begin.".into()));
+    server.set_status(&TrialStatus::default());
+    assert_eq!(next_of(&mut page, "status").await["refused"], "This trial cannot begin.");
+    server.set_refused(None);
+    server.set_status(&TrialStatus::default());
+    assert_eq!(next_of(&mut page, "status").await["refused"], Value::Null);
+}
+
 fn recorded(name: &str) -> RecordedTrial {
     RecordedTrial {
         name: name.into(),
@@ -356,6 +387,7 @@ fn recorded(name: &str) -> RecordedTrial {
         agrees: Some(true),
         finished: true,
         frames: vec![frame(16), frame(50)],
+        emg: None,
     }
 }
 

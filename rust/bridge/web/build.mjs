@@ -6,6 +6,17 @@ import { gzip } from "node:zlib";
 import * as esbuild from "esbuild";
 
 const root = fileURLToPath(new URL(".", import.meta.url));
+
+/** uPlot's notice is in no comment that a bundler keeps. */
+const notices = {
+  name: "notices",
+  setup(build) {
+    build.onLoad({ filter: /uPlot\.esm\.js$/ }, async ({ path }) => ({
+      contents: `/*!\nuPlot\n${await readFile(`${root}node_modules/uplot/LICENSE`, "utf8")}*/\n${await readFile(path, "utf8")}`,
+      loader: "js",
+    }));
+  },
+};
 const options = {
   absWorkingDir: root,
   entryPoints: {
@@ -28,6 +39,7 @@ const options = {
   format: "esm",
   target: ["chrome100", "firefox100", "safari15.4"],
   legalComments: "linked",
+  plugins: [notices],
   logLevel: "warning",
   metafile: true,
 };
@@ -60,6 +72,8 @@ const pages = ["index.html", "calibrate.html", "emg.html", "experimenter.html", 
 async function copyPages({ metafile }) {
   const built = Object.keys(metafile.outputs).map((path) => path.replace(/^dist\//, ""));
   await writeFile(`${root}dist/icon.svg`, await readFile(`${root}src/icon.svg`));
+  // Its notice has to go with the script and is in no comment that the bundler keeps.
+  await writeFile(`${root}dist/uplot.LEGAL.txt`, await readFile(`${root}node_modules/uplot/LICENSE`));
   for (const page of pages) {
     const text = await readFile(`${root}src/${page}`, "utf8");
     const named = text.replace(/"\/([a-z-]+)\.(js|css)"/g, (_, name, ending) => {
@@ -82,7 +96,7 @@ async function compress() {
 
 if (process.argv.includes("--watch")) {
   const copied = { name: "pages", setup: (build) => build.onEnd(copyPages) };
-  const context = await esbuild.context({ ...options, minify: false, sourcemap: "inline", logLevel: "info", plugins: [copied] });
+  const context = await esbuild.context({ ...options, minify: false, sourcemap: "inline", logLevel: "info", plugins: [notices, copied] });
   await context.watch();
 } else {
   await copyPages(await esbuild.build(options));

@@ -10,7 +10,7 @@ use crate::{
 };
 use clap::Args;
 use proact_app::{
-    Arm, Audience, Recorder, Registry, ResultCards, Rosbridge, TrackedShoulder, WristPath, answer,
+    Arm, Audience, CardTally, Recorder, Registry, ResultCards, Rosbridge, TrackedShoulder, answer,
     default_dir, page_content, run_to_end, tell,
     trial::{self, Assembly},
 };
@@ -292,13 +292,13 @@ impl Shown {
         let limit_ms = (session.testbed().config().limit_secs * 1e3) as u64;
         let bar = bar(!how.json, limit_ms, "{elapsed} {bar:40} {pos} of at most {len} ms  {msg}");
         let briefing = session.testbed().task().briefing().clone();
-        let mut path = WristPath::default();
+        let mut tally = CardTally::default();
         let page = room.page.as_ref();
         let mut audience =
             Audience { page, inputs: None, rosbridge, shoulder, feedback, interrupted: &room.interrupted };
         let result = run_to_end(session, recorder, &mut audience, dir.as_deref(), |step| {
             let Some(frame) = &step.frame else { return };
-            path.add(frame);
+            tally.add(frame);
             if let Some(vmpl) = &vmpl {
                 vmpl.send(&frame.joints);
             }
@@ -308,7 +308,7 @@ impl Shown {
         bar.finish_and_clear();
         room.around = Some((audience.rosbridge, audience.feedback, audience.shoulder));
         if let Some(page) = page {
-            room.cards.show(page, briefing.most, &result, "Simulated participant", path, &room.offers);
+            room.cards.show(page, briefing.most, &result, "Simulated participant", tally, &room.offers);
         }
         if how.json {
             answer(serde_json::to_string(&result)?)?;

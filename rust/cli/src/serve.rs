@@ -91,13 +91,16 @@ fn drive(
     let mut gaze_offset = GazeOffset::default();
     let mut person: Option<LivePerson> = None;
     let mut before: Option<TrialArgs> = None;
+    let mut refused = None;
     loop {
         let assembled = match assemble(registry, args, &asked, armband.as_ref()) {
             Ok(assembled) => assembled,
             // What the page chose is no reason to end: the choice before it has begun once.
             Err(error) => {
                 let Some(good) = before.take() else { return Err(error) };
-                tell(format!("this trial cannot begin: {error}. The method before goes on."));
+                let reason = format!("This trial cannot begin: {error}. The method before goes on.");
+                tell(&reason);
+                refused = Some(reason);
                 asked = good;
                 continue;
             }
@@ -139,6 +142,7 @@ fn drive(
             none => none.insert(args.person.open(registry, &session)?),
         };
         let page: &PageServer = page;
+        page.set_refused(refused.take());
         let mut inputs = LoggedInputs { page, log: log.as_mut(), rest };
         let mut trial = LiveTrial {
             session,

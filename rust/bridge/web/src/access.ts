@@ -101,7 +101,8 @@ export class Access {
       return;
     }
     // With a switch, every press is the switch.
-    if (!this.mouseDrives() || this.settings.scanMs > 0 || event.button === 1) return;
+    // With Shift the mouse looks around.
+    if (!this.mouseDrives() || this.settings.scanMs > 0 || event.button === 1 || event.shiftKey) return;
     this.canvas.setPointerCapture(event.pointerId);
     this.handlers.hold(`mouse ${gesture}`, gesture, true);
   }

@@ -7,6 +7,9 @@ import type { CalibrationCommand, CalibrationMessage, CalibrationReport, Calibra
 import { gestureText, handPicture } from "./hand";
 import { Flash, MotionView, TacView } from "./limb";
 import { limbResults } from "./limbresults";
+import { strings } from "./strings";
+
+const words = strings.calibration;
 
 /** What there is to show, of one kind. */
 type Screen<Kind extends CalibrationScreen["type"]> = Extract<CalibrationScreen, { type: Kind }>;
@@ -21,12 +24,12 @@ const bar = element("div", "bar", fill);
 const prompt = element("section", "card prompt", picture, name, count, bar);
 const canvas = element("canvas");
 const figures = element("p", "muted");
-const cursor = element("section", "card", element("h2", "", "Move the cursor into the target and stay"), canvas, figures);
+const cursor = element("section", "card", element("h2", "", words.cursorTask), canvas, figures);
 const flash = new Flash();
 const motion = new MotionView(flash);
 const tac = new TacView(flash);
 const lightList = element("div", "lights");
-const lights = element("section", "card", element("h2", "", "Electrodes"), lightList);
+const lights = element("section", "card", element("h2", "", words.electrodes), lightList);
 const judged = element("div");
 const judgement = element("section", "card", judged);
 const buttons = element("div", "buttons");
@@ -35,7 +38,7 @@ const orders = element("section", "card", buttons, notes);
 document
   .getElementById("page")
   ?.append(
-    element("header", "", element("h1", "", "EMG calibration"), source, connection),
+    element("header", "", element("h1", "", words.title), source, connection),
     flash.root,
     prompt,
     motion.root,
@@ -112,15 +115,15 @@ function showCalibration(message: Screen<"calibration">): void {
   const { phase, position } = message;
   const arm = position ? `arm: ${position}; ` : "";
   if (!message.begun) {
-    showPrompt("no_motion", "Put the band on and check the electrodes below. Then begin.", 0, false);
+    showPrompt("no_motion", words.before, 0, false);
   } else if (phase.name === "preparing") {
-    showPrompt(phase.prompt.gesture, `${arm}make it now: recording in ${Math.ceil(phase.left_secs)}`, 0, false);
+    showPrompt(phase.prompt.gesture, words.recordingIn(arm, Math.ceil(phase.left_secs)), 0, false);
   } else if (phase.name === "recording") {
     showPrompt(phase.prompt.gesture, `${arm}hold`, phase.share, true);
   } else if (phase.name === "blocked") {
-    showPrompt(phase.prompt.gesture, `${arm}waiting for good electrodes`, 0, false);
+    showPrompt(phase.prompt.gesture, words.waiting(arm), 0, false);
   } else {
-    showPrompt("no_motion", `round ${message.rounds} is recorded`, 1, false);
+    showPrompt("no_motion", words.recorded(message.rounds), 1, false);
   }
   const wanted = message.channels.map(({ light, fault }, k) => ({ light, text: `${k + 1} ${fault ?? ""}`.trim() }));
   const { stream } = message;
@@ -164,11 +167,11 @@ function showReport(report: CalibrationReport | null, target: number, targetR2: 
   const verdict = report.good_enough ? "good enough" : aim;
   const warnings = report.repetitions
     .filter((r) => r.outlier)
-    .map((r) => element("p", "warning", `Repetition ${r.repetition + 1} of “${gestureText(r.gesture)}” differs from the others: record it again?`));
+    .map((r) => element("p", "warning", words.differs(r.repetition + 1, gestureText(r.gesture))));
   judged.replaceChildren(
-    element("h2", "accuracy", `Round ${report.rounds}: ${percent(report.accuracy)} recognised, ${verdict}`),
+    element("h2", "accuracy", words.round(report.rounds, percent(report.accuracy), verdict)),
     ...warnings,
-    typeof report.accuracy_without_imu === "number" ? element("p", "small withoutimu", `${percent(report.accuracy_without_imu)} without the inertial measurement unit`) : "",
+    typeof report.accuracy_without_imu === "number" ? element("p", "small withoutimu", words.withoutImu(percent(report.accuracy_without_imu))) : "",
     drives.length > 0 ? driveTable(drives) : "",
     element("div", "scroll", element("table", "", head, ...rows)),
   );
@@ -208,7 +211,7 @@ function setButtons(key: string, make: () => HTMLButtonElement[]): void {
 /** The button that begins; it has the focus, so that a key presses it. */
 function showBegin(): void {
   setButtons("begin", () => {
-    const begin = button("Begin", "main", true, () => send({ type: "begin" }));
+    const begin = button(words.begin, "main", true, () => send({ type: "begin" }));
     queueMicrotask(() => begin.focus());
     return [begin];
   });
@@ -221,8 +224,8 @@ function showButtons(message: Screen<"calibration">): void {
   }
   const { reviewing, rounds, most_rounds: most, report } = message;
   setButtons(JSON.stringify([reviewing, rounds, report?.good_enough]), () => [
-    button("Another round", report?.good_enough ? "" : "main", reviewing && rounds < most, () => send({ type: "proceed" })),
-    button("Stop and save the model", report?.good_enough ? "main" : "", reviewing, () => send({ type: "finish" })),
+    button(words.another, report?.good_enough ? "" : "main", reviewing && rounds < most, () => send({ type: "proceed" })),
+    button(words.finish, report?.good_enough ? "main" : "", reviewing, () => send({ type: "finish" })),
     ...message.gestures.map((gesture) =>
       button(`Again: ${gestureText(gesture)}`, "", reviewing, () => send({ type: "record_again", gesture })),
     ),
@@ -231,17 +234,17 @@ function showButtons(message: Screen<"calibration">): void {
 
 /** What comes, said before it begins. */
 const NEXT: Record<TestKind, string> = {
-  sequence: "All gestures will be asked for, one after the other. Make each as soon as it is shown.",
-  trial: "Gestures will be asked for, one after the other. Hold each until the next one comes.",
-  motion: "Motions will be asked for. Make each at once and hold it until it is complete; relax before the next one.",
-  tac1: "A virtual hand follows your gestures, one joint at a time. Bring it onto its outline, then relax and stay there.",
-  tac3: "A virtual hand follows your gestures, several joints together. Bring it onto its outline, then relax and stay there.",
-  cursor: "Your gestures move a cursor. Bring it into each target and stay there.",
+  sequence: words.sequence,
+  trial: words.trial,
+  motion: words.motion,
+  tac1: words.tac1,
+  tac3: words.tac3,
+  cursor: words.cursor,
 };
 
 function showReady(message: Screen<"ready">): void {
   flash.forget();
-  showPrompt("no_motion", `${NEXT[message.next]} Begin when the arm is comfortable.`, 0, false);
+  showPrompt("no_motion", words.ready(NEXT[message.next]), 0, false);
   showBegin();
 }
 
@@ -285,7 +288,7 @@ function showCursor(message: Screen<"cursor">): void {
 
 function showEnd(message: Screen<"end">): void {
   setButtons("none", () => []);
-  const done = "Done. This page can be closed.";
+  const done = words.done;
   showPrompt("no_motion", done, 1, false);
   judgement.hidden = false;
   shownReport = "";
@@ -295,7 +298,7 @@ function showEnd(message: Screen<"end">): void {
   const tables = limbResults(result);
   const all = element("pre", "scroll", JSON.stringify(result, null, 1));
   all.tabIndex = 0;
-  const figures = element("details", "", element("summary", "", "All figures"), all);
+  const figures = element("details", "", element("summary", "", words.figures), all);
   prompt.hidden = tables.length > 0;
   // A test names the model that it was given, a calibration the one that it wrote.
   const model = String(result.model ?? "");

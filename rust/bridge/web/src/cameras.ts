@@ -2,21 +2,25 @@
 
 import { Group, PerspectiveCamera, Vector3 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { LARGE_ONLY } from "./insets";
 import type { Drawn } from "./motion";
 import type { Room } from "./room";
+import { strings } from "./strings";
 
 export const CAMERA_KINDS = ["shoulder", "eyes", "free"] as const;
 export type CameraKind = (typeof CAMERA_KINDS)[number];
-export const CAMERA_NAMES: Record<CameraKind, string> = {
-  shoulder: "Over the shoulder",
-  eyes: "First person",
-  free: "Free",
-};
+export const CAMERA_NAMES: Record<CameraKind, string> = strings.views.cameras;
 
+const UP = new Vector3(0, 0, 1);
 /** Opening of the cameras that look from outside, degrees: the box and a raised hand, and not the table's feet. */
 const FOV = 33;
 /** Further off than this from where the head points, the box is turned to, rad: heads tilt, trackers may not. */
 const LOOK_AWAY_RAD = 0.45;
+/** The eyes turn so far to the sides, and up and down, rad. */
+const LOOK_MOST = { yaw: 1.2, pitch: 0.7 };
+/** A key turns by so much, and a pixel of a drag, rad. */
+const TURN_KEY = 0.12;
+const TURN_PIXEL = 0.004;
 
 export class Cameras {
   readonly camera = new PerspectiveCamera(FOV, 1, 0.02, 30);
@@ -29,11 +33,14 @@ export class Cameras {
   private readonly eye = new Vector3();
   private readonly aim = new Vector3();
   private settled = false;
+  /** Where the eyes look beside what is ahead, rad. */
+  private readonly look = { yaw: 0, pitch: 0 };
   /** Which shoulder: -1 the right one, 1 the left one. */
   side: -1 | 1 = -1;
 
   constructor(element: HTMLElement) {
     this.rig.add(this.camera);
+    this.camera.layers.enable(LARGE_ONLY);
     this.camera.up.set(0, 0, 1);
     this.orbit = new OrbitControls(this.camera, element);
     this.orbit.enableDamping = true;
@@ -50,6 +57,7 @@ export class Cameras {
     this.chosen = kind;
     this.orbit.enabled = kind === "free";
     this.settled = false;
+    Object.assign(this.look, { yaw: 0, pitch: 0 });
     if (kind === "free" && room) {
       // From where the eye is now, around the middle of the box.
       this.orbit.target.copy(room.centre);
@@ -57,6 +65,49 @@ export class Cameras {
     }
     this.camera.fov = kind === "eyes" ? 58 : FOV;
     this.camera.updateProjectionMatrix();
+  }
+
+  /** Shift and an arrow key turn the view; true if they did. Over the shoulder there is nothing to turn. */
+  key(code: string): boolean {
+    const turns: Record<string, [number, number]> = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+    const turn = turns[code];
+    if (!turn || this.chosen === "shoulder") return false;
+    this.turn(turn[0] * TURN_KEY, turn[1] * TURN_KEY);
+    return true;
+  }
+
+  /** Shift and the mouse, dragged by so many pixels, look around in first person; the free view turns by itself. */
+  drag(x: number, y: number): void {
+    if (this.chosen === "eyes") this.turn(x * TURN_PIXEL, y * TURN_PIXEL);
+  }
+
+  /** To the left and up, rad. */
+  private turn(yaw: number, pitch: number): void {
+    if (this.chosen === "eyes") {
+      const within = (value: number, most: number) => Math.min(Math.max(value, -most), most);
+      this.look.yaw = within(this.look.yaw + yaw, LOOK_MOST.yaw);
+      this.look.pitch = within(this.look.pitch + pitch, LOOK_MOST.pitch);
+      return;
+    }
+    const from = this.camera.position.clone().sub(this.orbit.target);
+    const [radius, across] = [from.length(), Math.hypot(from.x, from.y)];
+    const azimuth = Math.atan2(from.y, from.x) - yaw;
+    const height = Math.min(Math.max(Math.atan2(from.z, across) + pitch, -1.4), 1.4);
+    from.set(radius * Math.cos(height) * Math.cos(azimuth), radius * Math.cos(height) * Math.sin(azimuth), radius * Math.sin(height));
+    this.camera.position.copy(this.orbit.target).add(from);
+  }
+
+  /** Where the free camera is and what it looks at, metres; none while another one is chosen. */
+  get place(): { eye: number[]; at: number[] } | null {
+    if (this.chosen !== "free") return null;
+    return { eye: this.camera.position.toArray(), at: this.orbit.target.toArray() };
+  }
+
+  /** Puts the free camera there. */
+  put(eye: readonly number[], at: readonly number[]): void {
+    this.camera.position.fromArray([...eye]);
+    this.orbit.target.fromArray([...at]);
+    this.orbit.update();
   }
 
   next(): CameraKind {
@@ -102,5 +153,6 @@ export class Cameras {
     this.aim.lerp(aim, share);
     this.camera.position.copy(this.eye);
     this.camera.lookAt(this.aim);
+    if (this.chosen === "eyes") this.camera.rotateOnWorldAxis(UP, this.look.yaw).rotateX(this.look.pitch);
   }
 }

@@ -13,6 +13,9 @@ import { FillIn } from "./fillin";
 import type { ClientMessage, ExperimenterScreen, FormScreen, StudyButton, StudyRequest } from "./generated/types";
 import { capitalised } from "./protocol";
 import { ReasonDialog, type Asked } from "./reasons";
+import { strings } from "./strings";
+
+const texts = strings.study;
 
 /** Countdowns and ages are written again so often, ms. */
 const TICK_MS = 250;
@@ -65,7 +68,7 @@ export class Conduct {
       this.steps.root,
       this.bar.root,
     );
-    this.root.setAttribute("aria-label", "Study");
+    this.root.setAttribute("aria-label", texts.title);
     this.dialogs = [this.reasons.root, this.form.root];
     window.addEventListener("keydown", (event) => this.key(event));
     window.setInterval(() => this.now.tick(), TICK_MS);
@@ -115,7 +118,7 @@ export class Conduct {
   }
 
   showConnected(connected: boolean): void {
-    setText(this.lost, connected ? "" : "Connection lost. What is shown may be out of date, and nothing can be sent. Trying again …");
+    setText(this.lost, connected ? "" : texts.lost);
     setClass(this.root, "offline", !connected);
     this.bar.showConnected(connected);
     this.begin.showConnected(connected);
@@ -157,7 +160,7 @@ export class Conduct {
       return;
     }
     // The server asks no reason for these: one that was given is kept as a note.
-    if (reason) this.ask({ ask: "note", text: `${what === "abort" ? "Trial ended" : "Ended for today"}: ${reason}` });
+    if (reason) this.ask({ ask: "note", text: texts.reason(what === "abort", reason) });
     if (what === "abort") this.send({ type: "study", action: "abort" });
     else this.ask({ ask: "leave" });
   }
@@ -194,7 +197,7 @@ export class Conduct {
       keep(KEYS_PLACE, box.checked);
     });
     this.keysAct = box.checked = kept(KEYS_PLACE);
-    return element("label", "check", box, "Keys N, P, T");
+    return element("label", "check", box, texts.keys);
   }
 }
 

@@ -3,22 +3,25 @@
 import { beginLabel, nextLabel } from "./conductwords";
 import { element, giveBack, setClass, setText } from "./dom";
 import type { ExperimenterScreen, StudyButton } from "./generated/types";
+import { strings } from "./strings";
+
+const texts = strings.study;
 
 /** After a press of the first button, and after it has come to mean something else, it takes no other press for so long, ms:
  * a double click ends one step and does not begin the next, and nobody presses what another side has changed just now. */
 const SETTLING_MS = 600;
 
 const LABELS: Record<StudyButton, string> = {
-  begin: "Begin session",
-  next: "Next",
-  start_anyway: "Start anyway",
-  pause: "Pause",
-  redo: "Redo last trial",
-  retrain: "Train again",
-  recalibrate: "Calibrate gaze again",
-  skip: "Skip",
-  abort: "End trial",
-  leave: "End for today",
+  begin: texts.beginSession,
+  next: texts.nextStep,
+  start_anyway: texts.startAnyway,
+  pause: texts.pauseTrial,
+  redo: texts.redo,
+  retrain: texts.retrain,
+  recalibrate: texts.recalibrate,
+  skip: texts.skip,
+  abort: texts.abort,
+  leave: texts.leave,
 };
 /** Those that are large. */
 const FIRST: StudyButton[] = ["begin", "next", "start_anyway", "pause"];
@@ -77,7 +80,7 @@ export class ConductBar {
   }
 
   showPaused(paused: boolean): void {
-    this.label("pause", paused ? "Resume" : "Pause");
+    this.label("pause", paused ? texts.resume : texts.pauseTrial);
     const pause = this.parts.get("pause");
     if (pause) setClass(pause.node, "now", paused);
   }

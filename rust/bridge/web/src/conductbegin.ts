@@ -3,6 +3,9 @@
 import { freshId, whoText } from "./conductwords";
 import { button, element, setText } from "./dom";
 import type { ExperimenterScreen, ParticipantLine } from "./generated/types";
+import { strings } from "./strings";
+
+const texts = strings.study;
 
 /** Longest pseudonym, characters, and those that it may have; the server checks it again. */
 const MOST_ID = 32;
@@ -16,7 +19,7 @@ export class BeginView {
   private readonly id = element("input");
   private readonly isNew = element("input");
   private readonly ids = element("datalist");
-  private readonly begin = element("button", "", "Begin for this person");
+  private readonly begin = element("button", "", texts.beginOther);
   private readonly form: HTMLFormElement;
   private readonly people = element("tbody");
   private participants: ParticipantLine[] = [];
@@ -26,7 +29,7 @@ export class BeginView {
     const { id, isNew, ids } = this;
     ids.id = "pseudonyms";
     Object.assign(id, { type: "text", name: "pseudonym", required: true, maxLength: MOST_ID, pattern: PLAIN, autocomplete: "off", spellcheck: false });
-    id.title = "Letters, digits, - and _";
+    id.title = texts.idAbout;
     id.setAttribute("list", ids.id);
     Object.assign(isNew, { type: "checkbox", name: "new" });
     isNew.addEventListener("change", () => {
@@ -36,29 +39,29 @@ export class BeginView {
     this.form = element(
       "form",
       "beginother",
-      element("h3", "", "Somebody else"),
-      element("label", "field", element("span", "label", "Pseudonym"), id, ids),
-      element("label", "check", isNew, "New participant"),
+      element("h3", "", texts.somebodyElse),
+      element("label", "field", element("span", "label", texts.pseudonym), id, ids),
+      element("label", "check", isNew, texts.newParticipant),
       this.begin,
     );
     this.form.addEventListener("submit", (event) => {
       event.preventDefault();
       begun(id.value.trim(), isNew.checked);
     });
-    const head = ["Place", "Pseudonym", "Steps", "Trials", ""].map((name) => {
+    const head = [texts.place, texts.pseudonym, texts.steps, texts.trials, ""].map((name) => {
       const cell = element(name ? "th" : "td", "", name);
       if (name) cell.setAttribute("scope", "col");
       return cell;
     });
-    const table = element("table", "people", element("caption", "label", "Participants"), element("thead", "", element("tr", "", ...head)), this.people);
+    const table = element("table", "people", element("caption", "label", texts.participants), element("thead", "", element("tr", "", ...head)), this.people);
     this.root.append(element("div", "turn", this.who, this.about, this.departs), this.form, table);
   }
 
   show({ next, participants, can }: ExperimenterScreen): void {
-    setText(this.who, next ? whoText(next) : "All sessions are over");
-    const fresh = next?.id === null ? "Nobody has this place yet." : "Not begun yet.";
-    setText(this.about, next ? (next.begun ? "Begun before: it continues where it was." : fresh) : "There is nobody left to begin with.");
-    setText(this.departs, next?.departs ? `Departs from the plan: ${next.departs}` : "");
+    setText(this.who, next ? whoText(next) : texts.allOver);
+    const fresh = next?.id === null ? texts.nobodyYet : texts.notBegun;
+    setText(this.about, next ? (next.begun ? texts.begunBefore : fresh) : texts.nobodyLeft);
+    setText(this.departs, next?.departs ? texts.departs(next.departs) : "");
     this.form.hidden = !can.includes("begin");
     const text = JSON.stringify([participants, can.includes("begin")]);
     if (text === this.shown) return;
@@ -81,11 +84,11 @@ export class BeginView {
     const place = element("th", "", String(participant));
     place.scope = "row";
     const over = steps[0] >= steps[1];
-    const choose = button("Choose", () => {
+    const choose = button(texts.choose, () => {
       this.id.value = id ?? "";
       this.isNew.checked = false;
     });
-    choose.setAttribute("aria-label", `Choose ${id}`);
+    choose.setAttribute("aria-label", texts.chooseWho(id ?? ""));
     return element(
       "tr",
       over ? "over" : "",

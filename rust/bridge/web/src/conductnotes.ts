@@ -2,6 +2,9 @@
 
 import { timesNoted } from "./conductwords";
 import { element } from "./dom";
+import { strings } from "./strings";
+
+const texts = strings.study;
 
 /** Longest note, characters. */
 const MOST_WORDS = 2000;
@@ -9,7 +12,7 @@ const MOST_WORDS = 2000;
 export class Notes {
   readonly root: HTMLElement;
   private readonly field = element("textarea");
-  private readonly add = element("button", "", "Add note");
+  private readonly add = element("button", "", texts.addNote);
   private readonly list = element("ul", "notelist");
   private notes: string[] = [];
   private shown = "";
@@ -18,17 +21,17 @@ export class Notes {
 
   constructor(noted: (text: string) => void) {
     const { field, add, list } = this;
-    Object.assign(field, { rows: 2, maxLength: MOST_WORDS, placeholder: "What should be remembered" });
-    field.setAttribute("aria-label", "Note");
+    Object.assign(field, { rows: 2, maxLength: MOST_WORDS, placeholder: texts.noteHint });
+    field.setAttribute("aria-label", texts.note);
     field.setAttribute("aria-keyshortcuts", "T");
     field.addEventListener("keydown", (event) => {
       if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) form.requestSubmit();
       if (event.key === "Escape") field.blur();
     });
     add.type = "submit";
-    add.title = "Ctrl and Enter";
+    add.title = texts.noteKeys;
     list.tabIndex = 0;
-    list.setAttribute("aria-label", "Notes of the session, the newest first");
+    list.setAttribute("aria-label", texts.notesLabel);
     const form = element("form", "", field, add);
     form.addEventListener("submit", (event) => {
       event.preventDefault();
@@ -40,7 +43,7 @@ export class Notes {
     });
     const key = element("kbd", "", "T");
     key.setAttribute("aria-hidden", "true");
-    this.root = element("section", "pane notes", element("div", "loghead", element("h2", "", "Notes"), key), form, list);
+    this.root = element("section", "pane notes", element("div", "loghead", element("h2", "", texts.notes), key), form, list);
   }
 
   focus(): void {

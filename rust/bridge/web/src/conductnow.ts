@@ -6,6 +6,9 @@ import { conditionName, wordsIn } from "./forms";
 import type { ReadinessCheck, NowScreen, NowWhat, StudyAction } from "./generated/types";
 import { gestureText, handPicture } from "./hand";
 import { capitalised } from "./protocol";
+import { strings } from "./strings";
+
+const texts = strings.study;
 
 /** Mean error up to which neighbouring blocks can be told apart, degrees; as in the gaze check. */
 const GOOD_DEG = 2;
@@ -61,7 +64,7 @@ export class NowView {
 
   tick(wall = performance.now()): void {
     this.part?.tick?.(wall);
-    setText(this.since, this.began === null ? "" : `Begun ${clockText((wall - this.began) / 1000)} ago`);
+    setText(this.since, this.began === null ? "" : texts.begunAgo(clockText((wall - this.began) / 1000)));
   }
 
   private make(kind: NowWhat["is"]): Part<NowWhat> {
@@ -90,12 +93,12 @@ function questionnaire({ fillIn }: NowHandlers): Part<Of<"form">> {
   const bar = new Bar();
   const answered = element("p");
   return {
-    nodes: [title, about, bar.root, answered, element("div", "buttons", button("Fill in here", fillIn))],
+    nodes: [title, about, bar.root, answered, element("div", "buttons", button(texts.fillIn, fillIn))],
     update(what) {
       setText(title, wordsIn(what.form.title, navigator.language).text);
       setText(about, what.about === null ? "" : conditionName(what.about));
       const [kept, of] = answeredOf(what);
-      setText(answered, of > 0 ? `${kept} of ${of} answered` : "Nothing has to be answered.");
+      setText(answered, of > 0 ? texts.answered(kept, of) : texts.nothingAsked);
       bar.show(of > 0 ? kept / of : 1);
     },
   };
@@ -119,7 +122,7 @@ function training(): Part<Of<"train">> {
       const wanted = what.wanted === null ? "" : ` of ${what.wanted}`;
       const row = what.wanted === null && what.in_a_row === 0 ? "" : `${what.in_a_row}${wanted} without a mistake`;
       const seen = what.recognised === null ? "" : `Recognised: ${gestureText(what.recognised).toLowerCase()}`;
-      setText(found, [what.passed ? "Passed" : "", row, seen].filter(Boolean).join(" · "));
+      setText(found, [what.passed ? texts.passed : "", row, seen].filter(Boolean).join(" · "));
       setClass(found, "good", what.passed);
     },
   };
@@ -127,17 +130,17 @@ function training(): Part<Of<"train">> {
 
 function calibration({ action }: NowHandlers): Part<Of<"calibrate_gaze">> {
   const error = element("p");
-  const calibrate = button("Calibrate", () => action("calibrate_gaze"));
-  const check = button("Check", () => action("check_gaze"));
+  const calibrate = button(texts.calibrate, () => action("calibrate_gaze"));
+  const check = button(texts.check, () => action("check_gaze"));
   return {
     nodes: [
-      element("p", "", "The participant's page shows five points to look at."),
+      element("p", "", texts.fivePoints),
       error,
       element("div", "buttons", calibrate, check),
     ],
     update({ error_deg }, { running }) {
       calibrate.disabled = check.disabled = !running;
-      setText(error, error_deg === null ? "The gaze was not checked yet." : `Mean error of the last check: ${error_deg.toFixed(1)}°`);
+      setText(error, error_deg === null ? texts.notChecked : texts.gazeError(error_deg));
       setClass(error, "good", error_deg !== null && error_deg <= GOOD_DEG);
       setClass(error, "bad", error_deg !== null && error_deg > GOOD_DEG);
     },
@@ -146,7 +149,7 @@ function calibration({ action }: NowHandlers): Part<Of<"calibrate_gaze">> {
 
 function demonstration(live: HTMLElement): Part<Of<"demonstrate">> {
   return {
-    nodes: [element("p", "", "A simulated participant shows the method."), live],
+    nodes: [element("p", "", texts.demonstration), live],
     update: (_, { running }) => (live.hidden = !running),
   };
 }
@@ -191,8 +194,8 @@ function trial(live: HTMLElement): Part<Of<"trial">> {
   return {
     nodes: [number, live, checks.root, before],
     update(what, { running }) {
-      setText(number, `Number ${what.number[0]} of the ${what.number[1]} trials of this session`);
-      setText(before, what.before ? `Trial before: ${what.before}` : "");
+      setText(number, texts.trialNumber(what.number[0], what.number[1]));
+      setText(before, what.before ? texts.trialBefore(what.before) : "");
       live.hidden = !running;
       checks.show(what.checks);
     },
@@ -218,7 +221,7 @@ class CheckTable {
   private shown = "";
 
   constructor() {
-    const head = ["Check", "Ready", "Found", "Age"].map((name) => {
+    const head = [texts.check, texts.ready, texts.found, texts.age].map((name) => {
       const cell = element("th", "", name);
       cell.scope = "col";
       return cell;
@@ -244,6 +247,6 @@ class CheckTable {
     title.scope = "row";
     const age = element("td", "age");
     if (typeof age_secs === "number") this.ages.push({ cell: age, since: performance.now() - 1000 * age_secs });
-    return element("tr", ready ? "" : "unready", title, element("td", `ready ${ready ? "yes" : "no"}`, ready ? "Yes" : "No"), element("td", "", found), age);
+    return element("tr", ready ? "" : "unready", title, element("td", `ready ${ready ? "yes" : "no"}`, ready ? texts.yes : texts.no), element("td", "", found), age);
   }
 }

@@ -4,6 +4,9 @@ import { deviationText, STATES, stepState } from "./conductwords";
 import { element } from "./dom";
 import type { SessionScreen, StepLine } from "./generated/types";
 import { capitalised } from "./protocol";
+import { strings } from "./strings";
+
+const texts = strings.study;
 
 export class StepList {
   readonly root = element("ol", "steplist");
@@ -13,7 +16,7 @@ export class StepList {
   /** `now` is put into the step that is to be done now. */
   constructor(private readonly now: HTMLElement) {
     this.root.tabIndex = 0;
-    this.root.setAttribute("aria-label", "Steps of the session");
+    this.root.setAttribute("aria-label", texts.stepsLabel);
     window.addEventListener("resize", () => this.reveal());
   }
 

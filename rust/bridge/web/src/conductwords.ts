@@ -3,60 +3,34 @@
 import { questionsOf } from "./forms";
 import type { Deviation, FormScreen, NextSession, NowScreen, NowWhat, ParticipantLine, SessionScreen, StepLine } from "./generated/types";
 import { capitalised } from "./protocol";
+import { strings } from "./strings";
+
+const texts = strings.study;
 
 /** The button `next` while a step has not begun. */
-const BEGINS: Record<NowWhat["is"], string> = {
-  say: "Start",
-  form: "Start questionnaire",
-  train: "Start training",
-  calibrate_gaze: "Start calibration",
-  demonstrate: "Start demonstration",
-  practise: "Start practice",
-  rest: "Start break",
-  trial: "Start trial",
-};
+const BEGINS: Record<NowWhat["is"], string> = texts.begins;
 /** The button `next` while a step goes on. */
-const ENDS: Record<NowWhat["is"], string> = {
-  say: "Done, next",
-  form: "Done, next",
-  train: "End training",
-  calibrate_gaze: "Done, next",
-  demonstrate: "End demonstration",
-  practise: "End practice",
-  rest: "End break",
-  trial: "Next",
-};
-const DEVIATIONS: Record<Deviation, string> = {
-  repeated: "done again",
-  left_out: "left out",
-  split_over_days: "taken up again on another day",
-  other_day: "on another day than planned",
-  other_order: "participants in another order than planned",
-  retrained: "gestures trained again",
-  recalibrated: "gaze calibrated again",
-  not_ready: "begun although something was not ready",
-  plan_changed: "the plan was changed",
-  clock_set: "the clock was set",
-};
+const ENDS: Record<NowWhat["is"], string> = texts.ends;
+const DEVIATIONS: Record<Deviation, string> = texts.deviations;
 
 /** Where a step stands, as the list shows it. */
 export type StepState = "done" | "aborted" | "interrupted" | "skipped" | "now" | "to_do";
 export const STATES: Record<StepState, { mark: string; word: string }> = {
-  done: { mark: "✓", word: "done" },
-  aborted: { mark: "■", word: "ended early" },
-  interrupted: { mark: "!", word: "interrupted" },
-  skipped: { mark: "–", word: "left out" },
-  now: { mark: "▶", word: "now" },
-  to_do: { mark: "○", word: "to do" },
+  done: { mark: "✓", word: texts.states.done },
+  aborted: { mark: "■", word: texts.states.aborted },
+  interrupted: { mark: "!", word: texts.states.interrupted },
+  skipped: { mark: "–", word: texts.states.skipped },
+  now: { mark: "▶", word: texts.states.now },
+  to_do: { mark: "○", word: texts.states.toDo },
 };
 
 export function nextLabel(now: NowScreen | null): string {
-  if (!now) return "Finish session";
+  if (!now) return texts.finishSession;
   return (now.running ? ENDS : BEGINS)[now.what.is];
 }
 
 export function beginLabel(next: NextSession | null): string {
-  return next?.begun ? "Continue session" : "Begin session";
+  return next?.begun ? texts.continueSession : texts.beginSession;
 }
 
 export function stepState({ step, outcome }: StepLine, now: NowScreen | null): StepState {
@@ -76,7 +50,7 @@ function spanText(minutes: number): string {
 
 /** The rest of a session by the plan, rounded up. */
 export function leftText(minutes: number): string {
-  return `at most ${spanText(Math.ceil(Math.max(minutes, 0)))} left`;
+  return texts.atMost(spanText(Math.ceil(Math.max(minutes, 0))));
 }
 
 export function ageText(secs: number): string {
@@ -92,8 +66,8 @@ export function clockText(secs: number): string {
 
 /** Whose turn it is, as a title. */
 export function whoText(who: { participant: number; id: string | null; session: string }): string {
-  const place = `Participant ${who.participant}`;
-  return `${who.id === null ? place : `${who.id} · ${place}`} · Session ${who.session}`;
+  const place = texts.participant(who.participant);
+  return texts.session(who.id === null ? place : `${who.id} · ${place}`, who.session);
 }
 
 /** A pseudonym for the first free place, as the server would give it; empty if all are taken. */
@@ -110,14 +84,14 @@ export function answeredOf(screen: FormScreen): [number, number] {
 
 /** What a dialog about a step is about: the last trial where it is done again, else what is on now. */
 export function aboutText(asked: string, { steps, now }: Pick<SessionScreen, "steps" | "now">): string {
-  if (asked === "leave") return "The session continues another time.";
+  if (asked === "leave") return texts.continues;
   if (asked === "redo") {
     const trials = steps.filter(({ label, outcome }) => label.startsWith("trial") && outcome !== null);
     return capitalised(trials[trials.length - 1]?.label ?? "");
   }
   if (asked === "start_anyway" && now?.what.is === "trial") {
     const unready = now.what.checks.filter(({ ready }) => !ready);
-    return `Not ready: ${unready.map(({ name, found }) => `${plainName(name)} (${found})`).join(", ")}`;
+    return texts.notReady(unready.map(({ name, found }) => `${plainName(name)} (${found})`).join(", "));
   }
   return asked === "skip" || asked === "abort" ? capitalised(now?.label ?? "") : "";
 }
@@ -154,7 +128,7 @@ export class BreakClock {
 
 /** What a break's clock shows. */
 export function breakText(leftSecs: number | null): { text: string; over: boolean } {
-  if (leftSecs === null) return { text: "Over", over: true };
+  if (leftSecs === null) return { text: texts.over, over: true };
   if (leftSecs > 0) return { text: `${clockText(Math.ceil(leftSecs))} left`, over: false };
-  return { text: `${clockText(-leftSecs)} over time`, over: true };
+  return { text: texts.overTime(clockText(-leftSecs)), over: true };
 }

@@ -6,30 +6,30 @@ import { gestureText } from "./hand";
 import { Holding } from "./holding";
 import type { Gesture, MethodHelp, ModeView } from "./generated/types";
 import { GESTURE_NAMES } from "./protocol";
+import { strings } from "./strings";
 import { keyName, type ActionKey, type Command, type GestureKey, type LeanKey, type Settings } from "./settings";
 
 type Axis = "forward" | "lateral" | "axial";
 
-const GESTURES: { gesture: GestureKey; effect: string }[] = [
-  { gesture: "wrist_extension", effect: "move" },
-  { gesture: "hand_close", effect: "close hand" },
-  { gesture: "wrist_flexion", effect: "lock" },
-  { gesture: "hand_open", effect: "open hand" },
-];
+const words = strings.controls;
+const GESTURES: { gesture: GestureKey; effect: string }[] = (["wrist_extension", "hand_close", "wrist_flexion", "hand_open"] as const).map((gesture) => ({
+  gesture,
+  effect: words.effects[gesture],
+}));
 /** In the order of the keyboard's two rows. */
-const LEANS: { command: LeanKey; axis: Axis; sign: 1 | -1; name: string }[] = [
-  { command: "turn_left", axis: "axial", sign: 1, name: "turn ↺" },
-  { command: "ahead", axis: "forward", sign: 1, name: "ahead" },
-  { command: "turn_right", axis: "axial", sign: -1, name: "turn ↻" },
-  { command: "left", axis: "lateral", sign: -1, name: "left" },
-  { command: "back", axis: "forward", sign: -1, name: "back" },
-  { command: "right", axis: "lateral", sign: 1, name: "right" },
+const LEANS: { command: LeanKey; axis: Axis; sign: 1 | -1 }[] = [
+  { command: "turn_left", axis: "axial", sign: 1 },
+  { command: "ahead", axis: "forward", sign: 1 },
+  { command: "turn_right", axis: "axial", sign: -1 },
+  { command: "left", axis: "lateral", sign: -1 },
+  { command: "back", axis: "forward", sign: -1 },
+  { command: "right", axis: "lateral", sign: 1 },
 ];
-const ACTIONS: { command: ActionKey; name: string }[] = [
-  { command: "upright", name: "sit up" },
-  { command: "camera", name: "camera" },
-  { command: "restart", name: "restart" },
-];
+const ACTIONS: ActionKey[] = ["upright", "camera", "signals", "views", "scores", "restart"];
+/** They stay pressed as long as what they open is open. */
+const OPENS = new Set<Command>(["signals", "views", "scores"]);
+/** A participant neither compares trials nor watches signals. */
+const NOT_IN_STUDY = new Set<ActionKey>(["signals", "scores"]);
 /** The trunk's limits and speed, as in the seated set-up: degrees, degrees per second. */
 const LEAN_MAX = { forward: 35, lateral: 25, axial: 40 };
 const LEAN_SPEED = 30;
@@ -46,6 +46,13 @@ export interface ControlHandlers {
   trunk(posture: { forward: number; lateral: number; axial: number }): void;
   restart(): void;
   camera(): void;
+  signals(): void;
+  /** Small pictures of the hand's and the eyes' view. */
+  views(): void;
+  /** Results side by side. */
+  scores(): void;
+  /** Shift and an arrow key; true if the view took it. */
+  turn(code: string): boolean;
   /** An arrow key; true if the gaze took it. */
   arrow(code: string): boolean;
 }
@@ -159,6 +166,17 @@ export class Controls {
     this.hold(source, gesture, down, true);
   }
 
+  /** Whether what an action opens is open, for screen readers. */
+  setOpen(action: ActionKey, open: boolean): void {
+    this.buttons.get(action)?.setAttribute("aria-expanded", String(open));
+    setClass(this.buttons.get(action) ?? this.root, "down", open);
+  }
+
+  /** To give the focus back to. */
+  focus(action: ActionKey): void {
+    this.buttons.get(action)?.focus();
+  }
+
   showGamepad(): void {
     this.padHelp.hidden = false;
   }
@@ -190,8 +208,8 @@ export class Controls {
       pad.append(button);
     }
     const leans = element("div", "leans");
-    for (const { command, axis, sign, name } of LEANS) {
-      const button = element("button", "lean", element("kbd"), element("span", "", name));
+    for (const { command, axis, sign } of LEANS) {
+      const button = element("button", "lean", element("kbd"), element("span", "", words.leans[command]));
       this.holdable(button, (down) => {
         if (down && this.interactive) this.leaning.set(`button ${command}`, { axis, sign });
         else this.leaning.delete(`button ${command}`);
@@ -200,8 +218,8 @@ export class Controls {
       leans.append(button);
     }
     const actions = element("div", "actions");
-    for (const { command, name } of ACTIONS) {
-      const button = element("button", `action ${command}`, element("kbd"), element("span", "", name));
+    for (const command of ACTIONS) {
+      const button = element("button", `action ${command}${NOT_IN_STUDY.has(command) ? " not-in-study" : ""}`, element("kbd"), element("span", "", words.actions[command]));
       button.type = "button";
       button.addEventListener("click", (event) => {
         this.act(command);
@@ -211,9 +229,9 @@ export class Controls {
       actions.append(button);
     }
     this.root.append(
-      element("p", "mouse", element("kbd", "", "Mouse"), " is your gaze"),
+      element("p", "mouse", element("kbd", "", words.mouse), words.isGaze),
       pad,
-      element("div", "leanbox", element("span", "label", "Lean"), leans, this.readout),
+      element("div", "leanbox", element("span", "label", words.lean), leans, this.readout),
       actions,
       this.padHelp,
     );
@@ -243,6 +261,10 @@ export class Controls {
   private key(event: KeyboardEvent, down: boolean): void {
     // Ctrl+R and its like belong to the browser.
     if (down && (this.suspended || event.ctrlKey || event.metaKey || event.altKey)) return;
+    if (event.shiftKey && down && this.handlers.turn(event.code)) {
+      event.preventDefault();
+      return;
+    }
     // Arrows move the gaze where that is in the focus.
     if (event.code.startsWith("Arrow") && this.interactive && down && this.handlers.arrow(event.code)) {
       event.preventDefault();
@@ -251,11 +273,11 @@ export class Controls {
     const bound = (command: Command) => this.keys[command].includes(event.code);
     const gesture = GESTURES.find((candidate) => bound(candidate.gesture))?.gesture;
     const lean = LEANS.find((candidate) => bound(candidate.command));
-    const action = ACTIONS.find((candidate) => bound(candidate.command))?.command;
+    const action = ACTIONS.find(bound);
     if (gesture || lean) event.preventDefault();
     if (event.repeat) return;
     const shown = lean?.command ?? action;
-    if (shown && !gesture) setClass(this.buttons.get(shown) ?? this.root, "down", down);
+    if (shown && !gesture && !OPENS.has(shown)) setClass(this.buttons.get(shown) ?? this.root, "down", down);
     if (gesture) this.hold(event.code, gesture, down);
     if (lean && this.interactive) {
       if (down) this.leaning.set(event.code, lean);
@@ -273,6 +295,7 @@ export class Controls {
 
   private act(action: ActionKey): void {
     if (action === "camera") this.handlers.camera();
+    if (action === "signals" || action === "views" || action === "scores") this.handlers[action]();
     if (!this.interactive) return;
     if (action === "restart") this.handlers.restart();
     if (action === "upright") {
@@ -302,7 +325,7 @@ export class Controls {
     const { forward, lateral, axial } = this.posture;
     const part = (name: string, angle: number) => `${name} ${Math.round(angle) || 0}°`;
     const side = this.mirrored ? -1 : 1;
-    const parts = [part("ahead", forward), part("right", side * lateral), part("turn", side * axial)];
+    const parts = [part(words.leans.ahead, forward), part(words.leans.right, side * lateral), part(words.turn, side * axial)];
     this.readout.textContent = parts.join(" · ");
   }
 }

@@ -5,24 +5,27 @@ import { element, setText } from "./dom";
 import { EmgView } from "./emgview";
 import type { TrialStatus } from "./generated/types";
 import { Live } from "./live";
+import { strings } from "./strings";
+
+const words = strings.emg;
 
 /** Without signals for so long something is the matter, ms. */
 const SILENT_MS = 2000;
 
-const link = element("span", "muted", "connecting");
+const link = element("span", "muted", words.connecting);
 const view = new EmgView();
 const none = element(
   "p",
   "card",
-  "No armband in this trial: start the program with one, such as ",
+  words.noArmband,
   element("code", "", "proact serve --emg-source synthetic --emg-model model.json"),
-  ", whose model ",
+  words.whoseModel,
   element("code", "", "proact emg train --source synthetic --flat-out --out model.json"),
-  " makes.",
+  words.makes,
 );
 none.hidden = true;
 view.root.hidden = true;
-const keys = element("p", "small keys", "Keys: arrows choose a channel, F freezes the picture.");
+const keys = element("p", "small keys", words.keys);
 keys.hidden = true;
 document.getElementById("page")?.append(element("header", "", element("h1", "", "EMG"), link), none, view.root, keys);
 
@@ -56,10 +59,10 @@ const live = new Live(
 );
 
 function linkText(): string {
-  if (!connected) return "the program is gone; waiting for it";
-  if (performance.now() - heard < SILENT_MS) return view.frozen ? "live, the picture is frozen" : "live";
-  if (status?.paused || status?.held || status?.waiting) return "the trial stands still; signals come when it goes on";
-  return "no trial runs; signals come with the next one";
+  if (!connected) return words.gone;
+  if (performance.now() - heard < SILENT_MS) return view.frozen ? words.frozen : "live";
+  if (status?.paused || status?.held || status?.waiting) return words.still;
+  return words.noTrial;
 }
 
 function tell(): void {

@@ -5,8 +5,8 @@
 export const SPAN_SECS = 4;
 /** Most columns; slow streams have one for two rows, since of dense streams rows are in turn lowest and highest values. */
 const MOST_COLUMNS = 600;
-/** Kept beyond the span, as a share of it: a picture may run a little behind. */
-const SPARE = 0.15;
+/** Kept beyond the span, seconds: a picture may run a little behind. */
+const SPARE_SECS = 0.6;
 
 export class EmgColumns {
   /** Columns of the whole span. */
@@ -21,6 +21,12 @@ export class EmgColumns {
   private rowHz = 0;
   private rows = 0;
 
+  /** Columns of a picture of `spanSecs`, and of `spareSecs` before it. */
+  constructor(
+    readonly spanSecs = SPAN_SECS,
+    private readonly spareSecs = SPARE_SECS,
+  ) {}
+
   clear(): void {
     this.begun = this.rows = 0;
   }
@@ -30,15 +36,15 @@ export class EmgColumns {
     const channels = rows[0]?.length ?? 0;
     if (channels === 0) return;
     if (channels !== this.channels || rowHz !== this.rowHz) {
-      this.count = Math.max(Math.min(MOST_COLUMNS, Math.floor((SPAN_SECS * rowHz) / 2)), 2);
-      this.kept = Math.ceil((1 + SPARE) * this.count);
+      this.count = Math.max(Math.min(MOST_COLUMNS, Math.floor((this.spanSecs * rowHz) / 2)), 2);
+      this.kept = Math.ceil((1 + this.spareSecs / this.spanSecs) * this.count);
       [this.channels, this.rowHz] = [channels, rowHz];
       this.lowest = new Float64Array(this.kept * channels);
       this.highest = new Float64Array(this.kept * channels);
       this.clear();
     }
     for (const row of rows) {
-      const column = Math.floor((this.rows * this.count) / (SPAN_SECS * rowHz));
+      const column = Math.floor((this.rows * this.count) / (this.spanSecs * rowHz));
       const first = (column % this.kept) * channels;
       this.rows += 1;
       const fresh = column >= this.begun;

@@ -1,6 +1,6 @@
 // The pictures of the EMG view: traces, a raster of many channels, a spectrum.
 
-import { EmgColumns, SPAN_SECS } from "./emgcolumns";
+import type { EmgColumns } from "./emgcolumns";
 import type { Spectrum } from "./spectrum";
 
 /** Colours of the page as it is now, light or dark. */
@@ -39,7 +39,7 @@ export function inksOf(node: Element): Inks {
 }
 
 /** An empty canvas in the size that it has on the page, in CSS pixels; none while it is hidden. */
-function fresh(canvas: HTMLCanvasElement): { context: CanvasRenderingContext2D; width: number; height: number } | null {
+export function fresh(canvas: HTMLCanvasElement): { context: CanvasRenderingContext2D; width: number; height: number } | null {
   // Drawn by the processor: long paths of many points are slow on a graphics card, and slower still on an emulated one.
   const context = canvas.getContext("2d", { willReadFrequently: true });
   const [width, height] = [canvas.clientWidth, canvas.clientHeight];
@@ -63,7 +63,7 @@ export function drawTraces(canvas: HTMLCanvasElement, shown: Shown, channels: nu
   if (!picture) return;
   const { context, width, height } = picture;
   const lane = height / channels.length;
-  drawSeconds(context, width, height, inks);
+  drawSeconds(context, { width, height, span: shown.columns.spanSecs }, inks);
   channels.forEach((channel, place) => {
     const middle = (place + 0.5) * lane;
     if (channel === shown.selected && channels.length > 1) {
@@ -92,20 +92,19 @@ function drawTrace(
   const y = (value: number) => middle - Math.min(Math.max((value - level) / range, -1), 1) * half;
   const step = width / columns.count;
   context.beginPath();
-  for (let column = columns.oldest; column < Math.min(columns.begun, edge); column++) {
+  for (let column = Math.max(columns.oldest, Math.floor(edge) - columns.count - 1); column < Math.min(columns.begun, edge); column++) {
     const x = width - (edge - column) * step;
-    if (x < -step) continue;
     context.lineTo(x, y(columns.high(column, channel)));
     context.lineTo(x, y(columns.low(column, channel)) + 0.5);
   }
 }
 
 /** A line each second back from now. */
-function drawSeconds(context: CanvasRenderingContext2D, width: number, height: number, inks: Inks): void {
+function drawSeconds(context: CanvasRenderingContext2D, { width, height, span }: { width: number; height: number; span: number }, inks: Inks): void {
   context.strokeStyle = inks.line;
   context.setLineDash([2, 4]);
-  for (let second = 1; second < SPAN_SECS; second++) {
-    const x = Math.round(width * (1 - second / SPAN_SECS)) + 0.5;
+  for (let second = 1; second < span; second++) {
+    const x = Math.round(width * (1 - second / span)) + 0.5;
     stroke(context, [[x, 0], [x, height]]);
   }
   context.setLineDash([]);

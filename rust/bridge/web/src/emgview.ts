@@ -6,8 +6,8 @@ import { button, element, setClass, setText, setWidth } from "./dom";
 import { EmgColumns, SPAN_SECS } from "./emgcolumns";
 import { Raster, drawSpectrum, drawTraces, inksOf, type Shown } from "./emgpictures";
 import { medianFrequency, powerSpectrum, type Spectrum } from "./spectrum";
-import { GESTURE_NAMES, capitalised } from "./protocol";
-import type { Gesture, Recognition, Signals } from "./generated/types";
+import { capitalised, gestureTitle } from "./protocol";
+import type { Recognition, Signals } from "./generated/types";
 
 /** Streams of more channels are a raster. */
 const MOST_TRACES = 16;
@@ -34,11 +34,6 @@ const FAULTS: Record<string, { short: string; long: string }> = {
   lift_off: { short: "lifted off", long: "louder than any gesture: it has lost the skin" },
 };
 const LIGHT_WORDS: Record<string, string> = { green: "good", amber: "usable", red: "bad" };
-
-/** A gesture as a person reads it; models have names of their own. */
-export function gestureText(name: string): string {
-  return GESTURE_NAMES[name as Gesture]?.name ?? capitalised(name.replaceAll("_", " "));
-}
 
 export class EmgView {
   readonly root = element("section", "emgview");
@@ -233,19 +228,19 @@ export class EmgView {
   }
 
   private showRecognition({ gestures, posterior, in_force, window_class, effort, fault }: Recognition): void {
-    setText(this.inForce, gestureText(in_force));
+    setText(this.inForce, gestureTitle(in_force));
     const most = Math.max(...posterior);
     const likeliest = posterior.length > 0 && most > 0 ? posterior.indexOf(most) : -1;
     const name = gestures[likeliest];
     const percent = (share: number) => `${Math.round(100 * share)} %`;
     const rejected = window_class === null ? ", rejected" : "";
-    setText(this.newest, fault || name === undefined ? "No window yet, or the stream stands" : `Newest window: ${gestureText(name)}, ${percent(most)}${rejected}`);
+    setText(this.newest, fault || name === undefined ? "No window yet, or the stream stands" : `Newest window: ${gestureTitle(name)}, ${percent(most)}${rejected}`);
     setWidth(this.effort, effort);
     setText(this.effortText, percent(effort));
     if (this.gestures !== gestures.join()) {
       this.gestures = gestures.join();
       this.bars.replaceChildren(
-        ...gestures.map((gesture) => element("li", "", element("span", "name", gestureText(gesture)), element("div", "bar", element("div", "fill")), element("span", "percent"), element("span", "mark"))),
+        ...gestures.map((gesture) => element("li", "", element("span", "name", gestureTitle(gesture)), element("div", "bar", element("div", "fill")), element("span", "percent"), element("span", "mark"))),
       );
     }
     [...this.bars.children].forEach((item, k) => {

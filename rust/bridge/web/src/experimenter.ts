@@ -5,6 +5,7 @@ import "./theme.css";
 import "./desk.css";
 import "./dialogs.css";
 import "./form.css";
+import "./signals.css";
 import { CAMERA_KINDS, CAMERA_NAMES } from "./cameras";
 import { Conduct } from "./conduct";
 import { button, element, setClass, setText } from "./dom";
@@ -15,10 +16,14 @@ import { objectName } from "./objects";
 import { Live } from "./live";
 import { Motion } from "./motion";
 import type { DisplayFrame, PageContent, Signals, Stop, TrialEvent, TrialStatus } from "./generated/types";
-import { GESTURE_NAMES } from "./protocol";
+import { GESTURE_NAMES, methodOf } from "./protocol";
+import { SignalsDrawer } from "./signalsdrawer";
 import { Stage, whyNotDrawn } from "./stage";
 import { StopBanner } from "./stopbanner";
+import { strings } from "./strings";
 import { Traces } from "./traces";
+
+const texts = strings.experimenter;
 
 /** Lines of the log that are kept on the page. */
 const LOG_LINES = 400;
@@ -49,21 +54,21 @@ class Figures {
 }
 
 function start(): void {
-  document.title = spectator ? "ProACT · Spectator" : "ProACT · Experimenter";
+  document.title = spectator ? texts.spectatorTitle : texts.title;
   const canvas = element("canvas");
   const traceCanvas = element("canvas");
   const traces = new Traces(traceCanvas);
-  const noArmband = element("p", "empty", "No armband in this trial: gestures come from keys.");
-  const link = element("span", "chip off", "Offline");
+  const noArmband = element("p", "empty", texts.noArmband);
+  const link = element("span", "chip off", texts.offline);
   const [method, setup, seed, record] = [0, 0, 0, 0].map(() => element("span", "chip")) as [HTMLElement, HTMLElement, HTMLElement, HTMLElement];
-  const state = element("span", "chip live state", "Running");
+  const state = element("span", "chip live state", texts.running);
   const overview = element("b", "overview");
   const stop = new StopBanner();
   const trial = new Figures();
   const rates = new Figures();
   const log = element("ol", "loglist");
   log.tabIndex = 0;
-  log.setAttribute("aria-label", "Events, the newest first");
+  log.setAttribute("aria-label", texts.eventsLabel);
   const events: TrialEvent[] = [];
   const motion = new Motion();
   const count = new FrameCount();
@@ -72,39 +77,52 @@ function start(): void {
   let status: TrialStatus | null = null;
 
   const buttons = {
-    start: button("New trial", () => live.send({ type: "restart" }), "primary"),
-    pause: button("Pause", () => live.send({ type: "study", action: status?.paused ? "resume" : "pause" })),
-    reset: button("Reset objects", () => live.send({ type: "restart", again: true })),
-    check: button("Check gaze", () => live.send({ type: "study", action: "check_gaze" })),
-    calibrate: button("Recalibrate gaze", () => live.send({ type: "study", action: "calibrate_gaze" })),
-    abort: button("End trial", () => live.send({ type: "study", action: "abort" }), "danger"),
+    start: button(texts.newTrial, () => live.send({ type: "restart" }), "primary"),
+    pause: button(texts.pause, () => live.send({ type: "study", action: status?.paused ? "resume" : "pause" })),
+    reset: button(texts.reset, () => live.send({ type: "restart", again: true })),
+    check: button(texts.checkGaze, () => live.send({ type: "study", action: "check_gaze" })),
+    calibrate: button(texts.calibrateGaze, () => live.send({ type: "study", action: "calibrate_gaze" })),
+    abort: button(texts.endTrial, () => live.send({ type: "study", action: "abort" }), "danger"),
   };
-  buttons.reset.title = "A new trial with the objects where they stood at the start of this one";
-  buttons.check.title = "The participant's page shows five points to look at, and stores how well gaze followed them";
-  buttons.calibrate.title = "The same five points; the error that they agree on is taken off the gaze from then on";
+  buttons.reset.title = texts.resetAbout;
+  buttons.check.title = texts.checkAbout;
+  buttons.calibrate.title = texts.calibrateAbout;
   const conduct = new Conduct((message) => live.send(message));
   const methods = element("div", "methodrow");
+  const drawer = new SignalsDrawer((open, escaped) => {
+    drawerButton.setAttribute("aria-expanded", String(open));
+    if (escaped) drawerButton.focus();
+  });
+  drawer.root.classList.add("floating");
+  const drawerButton = button(strings.signals.overTime, () => drawer.toggle());
+  drawerButton.setAttribute("aria-expanded", "false");
+  // Where nothing has the focus.
+  document.addEventListener("keydown", ({ target, code, ctrlKey, metaKey, altKey }) => {
+    if (target === document.body && code === "KeyG" && !ctrlKey && !metaKey && !altKey) drawer.toggle();
+  });
   const cameraBar = element("div", "camerabar", ...CAMERA_KINDS.map((kind) => button(CAMERA_NAMES[kind], () => chooseCamera(kind))));
   const pane = (title: string, classes: string, ...children: HTMLElement[]) =>
     element("section", `pane ${classes}`, element("h2", "", title), ...children);
-  const actions = spectator ? null : pane("Trial", "", methods, element("div", "actionsgrid", ...Object.values(buttons)));
-  const side = element("div", "side", actions, pane("State", "", trial.root), pane("Rates and latencies", "", rates.root));
-  const logPane = element("section", "pane logpane", element("div", "loghead", element("h2", "", "Events"), button("Save", save)), log);
+  const actions = spectator ? null : pane(texts.trial, "", methods, element("div", "actionsgrid", ...Object.values(buttons)));
+  const side = element("div", "side", actions, pane(texts.state, "", trial.root), pane(texts.rates, "", rates.root));
+  const logPane = element("section", "pane logpane", element("div", "loghead", element("h2", "", texts.events), button(texts.save, save)), log);
   const bar = element(
     "header",
     "deskbar",
-    element("div", "logo", element("strong", "", "ProACT"), element("span", "title", spectator ? "Spectator, read-only" : "Experimenter")),
+    element("div", "logo", element("strong", "", "ProACT"), element("span", "title", spectator ? texts.spectatorHead : texts.head)),
     method,
     setup,
     seed,
     record,
     element("span", "push"),
+    drawerButton,
     link,
   );
   desk.append(
     bar,
     element("div", "experiment", element("section", "pane view", canvas, overview, state, stop.root, cameraBar), side),
-    element("div", "signals", pane("EMG, last 5 s", "traces", traceCanvas, noArmband), logPane),
+    element("div", "signals", pane(texts.emg, "traces", traceCanvas, noArmband), logPane),
+    drawer.root,
   );
   const stage = new Stage(canvas);
   chooseCamera("shoulder");
@@ -115,6 +133,7 @@ function start(): void {
         motion.clear();
         count.restart();
         clearTrial();
+        drawer.clear();
         stage.showGhost(null);
       },
       ghost: (arm) => stage.showGhost(arm),
@@ -133,11 +152,11 @@ function start(): void {
       },
       connected(connected) {
         conduct.showConnected(connected);
-        setText(link, connected ? "Live" : "Offline");
+        setText(link, connected ? texts.live : texts.offline);
         setClass(link, "off", !connected);
         setClass(link, "live", connected);
       },
-      roundTrip: (ms) => rates.set("Round trip", `${ms.toFixed(1)} ms`, ms > 50),
+      roundTrip: (ms) => rates.set(texts.roundTrip, `${ms.toFixed(1)} ms`, ms > 50),
       refused(message) {
         console.warn(`ProACT: ${message}`);
         conduct.tell(message);
@@ -165,12 +184,13 @@ function start(): void {
 
   function show(content: PageContent): void {
     stage.show(content);
+    drawer.show(content);
     interactive = content.interactive;
     setText(setup, `Set-up: ${content.setup}`);
     methods.replaceChildren(
       ...content.methods.map(({ name, title }) => {
         const choice = button(name, () => live.send({ type: "restart", method: name }));
-        choice.title = `New trial with method ${name}: ${title}`;
+        choice.title = texts.newWith(name, title);
         choice.disabled = !interactive;
         return choice;
       }),
@@ -191,61 +211,63 @@ function start(): void {
     lastTime = next.time;
     motion.push(next, performance.now());
     count.take(next.time);
+    drawer.frame(next, methodOf(stage.content, next));
     addEvents(next.events);
     showStop(next.stop);
-    setText(method, `Method ${next.method}`);
+    setText(method, texts.method(next.method));
     for (const node of methods.children) setClass(node as HTMLElement, "now", node.textContent === next.method);
     const left = Math.max(next.time_left_secs, 0);
     const clock = `${Math.floor(left / 60)}:${String(Math.floor(left % 60)).padStart(2, "0")}`;
-    setText(overview, `${clock} left · ${scoreText(next.score, stage.content?.briefing)}`);
+    setText(overview, texts.left(clock, scoreText(next.score, stage.content?.briefing)));
     const { name } = GESTURE_NAMES[next.gesture];
     const recognised = next.recognised === next.gesture ? name : `${next.recognised}: ${name}`;
-    trial.set("Gesture", `${recognised}, ${Math.round(100 * next.confidence)} %, effort ${Math.round(100 * next.effort)} %`);
-    trial.set("Source", next.emg_source);
-    trial.set("Selection", next.target.object !== null ? `${objectName(next.target.object)}${next.target.locked ? ", locked" : ""}` : "–");
-    trial.set("Moves", next.mode?.name ?? "–");
-    trial.set("Hand", next.hand.holds !== null ? `holds ${objectName(next.hand.holds)}` : next.hand.state);
-    trial.set("Planner", next.planner.state === "failed" ? spelled(next.planner.reason, WATCHING) || "failed" : next.planner.state);
-    trial.set("Next", next.next !== null ? objectName(next.next) : "–");
+    trial.set(texts.gesture, texts.recognised(recognised, Math.round(100 * next.confidence), Math.round(100 * next.effort)));
+    trial.set(texts.source, next.emg_source);
+    trial.set(texts.selection, next.target.object !== null ? texts.locked(objectName(next.target.object), next.target.locked) : "–");
+    trial.set(texts.moves, next.mode?.name ?? "–");
+    trial.set(texts.hand, next.hand.holds !== null ? texts.holds(objectName(next.hand.holds)) : next.hand.state);
+    trial.set(texts.planner, next.planner.state === "failed" ? spelled(next.planner.reason, WATCHING) || "failed" : next.planner.state);
+    trial.set(texts.next, next.next !== null ? objectName(next.next) : "–");
     showStatus(next.finished);
   }
 
   function showStop(now: Stop | null): void {
     stop.show(now);
     const words = now && `${now.source.replaceAll("_", " ")}, ${now.cause.replaceAll("_", " ")} at ${(now.since / 1000).toFixed(1)} s`;
-    trial.set("Stop", words ?? "–", now !== null);
+    trial.set(texts.stop, words ?? "–", now !== null);
   }
 
   function showStatus(finished = false): void {
-    const words = finished ? "Finished" : status?.aborted ? "Ended" : status?.paused ? "Paused" : "Running";
+    const words = finished ? texts.finished : status?.aborted ? texts.ended : status?.paused ? texts.paused : texts.running;
     setText(state, words);
-    setClass(state, "paused", words !== "Running");
-    setClass(state, "live", words === "Running");
-    setText(buttons.pause, status?.paused ? "Resume" : "Pause");
+    setClass(state, "paused", words !== texts.running);
+    setClass(state, "live", words === texts.running);
+    setText(buttons.pause, status?.paused ? texts.resume : texts.pause);
     setClass(buttons.pause, "now", status?.paused ?? false);
-    buttons.check.disabled = buttons.calibrate.disabled = !interactive || words !== "Running";
+    buttons.check.disabled = buttons.calibrate.disabled = !interactive || words !== texts.running;
     buttons.pause.disabled = buttons.abort.disabled = finished || !status?.can_pause || status.aborted;
     // Between the trials of a study nothing runs.
     const idle = desk.classList.contains("study") && !conduct.sceneRuns;
     for (const node of [state, overview, seed, record, buttons.check]) node.hidden = idle;
-    conduct.showTrial(words, overview.textContent ?? "", words === "Paused");
-    setText(seed, status ? `Seed ${status.seed}` : "");
-    setText(record, status ? (status.record ? `Record: ${status.record}` : "Not recorded") : "");
+    conduct.showTrial(words, overview.textContent ?? "", words === texts.paused);
+    setText(seed, status ? texts.seed(status.seed) : "");
+    setText(record, status ? (status.record ? texts.record(status.record) : texts.notRecorded) : "");
     setClass(record, "warn", status?.record === null);
   }
 
   function signals(next: Signals): void {
     traces.take(next);
+    drawer.take(next);
     noArmband.hidden = next.emg_rate_hz > 0;
     const age = next.gaze_age_ms;
-    rates.set("Tick, mean / longest", `${next.tick_mean_us.toFixed(0)} / ${next.tick_max_us.toFixed(0)} µs`, next.tick_mean_us > SLOW_TICK_US);
-    rates.set("Simulated / real time", next.pace.toFixed(2), next.pace < 0.9);
-    rates.set("Gaze", age === null ? "none yet" : `${next.gaze_hz.toFixed(0)} Hz, ${age} ms old`, (age ?? 0) > STALE_GAZE_MS);
-    rates.set("Tracking", `${next.tracking_hz.toFixed(0)} Hz`);
+    rates.set(texts.tick, `${next.tick_mean_us.toFixed(0)} / ${next.tick_max_us.toFixed(0)} µs`, next.tick_mean_us > SLOW_TICK_US);
+    rates.set(texts.pace, next.pace.toFixed(2), next.pace < 0.9);
+    rates.set(texts.gaze, age === null ? texts.noGaze : texts.gazeRate(next.gaze_hz, age), (age ?? 0) > STALE_GAZE_MS);
+    rates.set(texts.tracking, `${next.tracking_hz.toFixed(0)} Hz`);
     if (next.emg_rate_hz > 0) {
       rates.set("EMG", `${next.emg_rate_hz.toFixed(0)} Hz, ${(100 * next.emg_lost_share).toFixed(1)} % lost`, next.emg_lost_share > 0.01);
     }
-    rates.set("Pages", String(next.pages));
+    rates.set(texts.pages, String(next.pages));
   }
 
   function addEvents(more: TrialEvent[]): void {
@@ -273,9 +295,10 @@ function start(): void {
     before = wall;
     stage.draw(motion.at(wall), motion.latest, seconds, wall);
     traces.draw();
+    drawer.draw();
     if (wall - shown.since > 1000) {
       const span = (wall - shown.since) / 1000;
-      rates.set("Frames", `${Math.round((count.received - shown.received) / span)} Hz, ${count.dropped} dropped`);
+      rates.set(texts.frames, texts.frameRate(Math.round((count.received - shown.received) / span), count.dropped));
       stage.rate((stage.drawn - shown.drawn) / span);
       Object.assign(shown, { since: wall, received: count.received, drawn: stage.drawn });
     }

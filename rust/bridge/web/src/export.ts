@@ -1,8 +1,9 @@
-// Pictures and videos of what is on display, views side by side with a caption each.
+// Videos of what is on display, views side by side with a caption each.
 
 import { element } from "./dom";
+import { strings } from "./strings";
 
-/** Something that can be put into a picture. */
+/** Something that can be put into a video. */
 export interface Exported {
   canvas: HTMLCanvasElement;
   caption(time: number): string;
@@ -38,15 +39,6 @@ function canvasFor(views: Exported[]): HTMLCanvasElement {
   return canvas;
 }
 
-/** A PNG of all views. */
-export function compose(views: Exported[], time: number): Promise<Blob> {
-  const canvas = canvasFor(views);
-  paint(canvas, views, time);
-  return new Promise((resolve, reject) => {
-    canvas.toBlob((blob) => (blob ? resolve(blob) : reject(new Error("this browser cannot write PNG"))), "image/png");
-  });
-}
-
 export function saveAs(blob: Blob, name: string): void {
   const anchor = element("a");
   anchor.href = URL.createObjectURL(blob);
@@ -67,7 +59,7 @@ export class Recorder {
 
   start(views: Exported[]): void {
     const type = VIDEO_TYPES.find((candidate) => MediaRecorder.isTypeSupported(candidate));
-    if (!type) throw new Error("this browser cannot record video");
+    if (!type) throw new Error(strings.replay.recordsNone);
     this.canvas = canvasFor(views);
     this.parts = [];
     this.recorder = new MediaRecorder(this.canvas.captureStream(FRAMES_PER_SECOND), { mimeType: type, videoBitsPerSecond: 8e6 });

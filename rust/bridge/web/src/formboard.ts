@@ -21,6 +21,9 @@ import type { FormScreen, ParticipantScreen } from "./generated/types";
 import { gestureText } from "./hand";
 import { clockText, placeOf, promptTexts, sentenceOf } from "./participantscreens";
 import type { Room } from "./room";
+import { strings } from "./strings";
+
+const texts = strings.forms;
 
 /** Size in the world, distance behind the box, and height of the lower edge above the table, metres. */
 const SIZE = { x: 0.9, y: (0.9 * BOARD_HEIGHT) / BOARD_WIDTH };
@@ -169,7 +172,7 @@ export class FormBoard {
       right: this.pages.length > 1 ? `${this.at + 1} of ${this.pages.length}` : "",
     };
     const reason = question ? this.draft.reason(question.key) : "";
-    if (reason) page.note = `This answer was not taken: ${reason}`;
+    if (reason) page.note = texts.refused(reason);
     const under = this.under && cellAt(page.cells, this.under.x, this.under.y);
     this.paint(JSON.stringify([head, page, under]), (context) => paintPage(context, head, page, under));
   }

@@ -18,6 +18,9 @@ import {
   type Texts,
 } from "./forms";
 import type { Answer, FormItem } from "./generated/types";
+import { strings } from "./strings";
+
+const texts = strings.forms;
 
 /** More steps than these have no room for a line each. */
 const MOST_TICKS = 50;
@@ -132,7 +135,7 @@ function radios<Value extends string | number>(classes: string, options: Option<
 
 /** A short scale: a row of cells between two anchors. */
 function cells(item: Item<"scale">, asking: Asking): Control {
-  const [low, high] = [item.low, item.high].map((texts) => wordsIn(texts, asking.language).text);
+  const [low = "", high = ""] = [item.low, item.high].map((texts) => wordsIn(texts, asking.language).text);
   const values = scaleValues(item);
   const options = values.map((value, k) => {
     const end = k === 0 ? low : k === values.length - 1 ? high : "";
@@ -156,11 +159,11 @@ function slider(item: Item<"scale">, asking: Asking): Control {
   const track = element("div", "track", input);
   track.style.setProperty("--steps", String(steps));
   setClass(track, "ticked", steps <= MOST_TICKS);
-  const [low, high] = [item.low, item.high].map((texts) => wordsIn(texts, asking.language).text);
+  const [low = "", high = ""] = [item.low, item.high].map((texts) => wordsIn(texts, asking.language).text);
   const show = () => {
     setClass(track, "open", control.value === null);
-    const ends = `from ${item.least}: ${low}, to ${item.most}: ${high}`;
-    input.setAttribute("aria-valuetext", control.value === null ? `no answer yet, ${ends}` : `${input.value}, ${ends}`);
+    const ends = texts.ends(item.least, low, item.most, high);
+    input.setAttribute("aria-valuetext", control.value === null ? texts.noAnswer(ends) : `${input.value}, ${ends}`);
   };
   const take = (later: boolean) => {
     control.value = Number(input.value);
@@ -201,10 +204,10 @@ function slider(item: Item<"scale">, asking: Asking): Control {
   const anchors = element(
     "div",
     "anchors",
-    nudge(-1, `One step towards ${low}`),
+    nudge(-1, texts.towards(low)),
     worded("span", "", item.low, asking.language),
     worded("span", "", item.high, asking.language),
-    nudge(1, `One step towards ${high}`),
+    nudge(1, texts.towards(high)),
   );
   control.root.append(track, anchors);
   control.set(null);
@@ -245,10 +248,10 @@ function ranking(asking: Asking): Control {
   const order = element("p", "note");
   const show = () => {
     const places = placesOf(conditions, ranks);
-    setText(order, places ? `Order: ${orderText(places)}` : "Give each a place. Several may have the same one.");
+    setText(order, places ? texts.order(orderText(places)) : texts.rank);
   };
   const rows = conditions.map((condition) => {
-    const options = conditions.map((_, k) => ({ value: k + 1, label: element("span", "", String(k + 1)), spoken: `Place ${k + 1}` }));
+    const options = conditions.map((_, k) => ({ value: k + 1, label: element("span", "", String(k + 1)), spoken: texts.place(k + 1) }));
     const row = radios("cells", options, {
       ...asking,
       changed(place) {
@@ -321,7 +324,7 @@ function words(item: Item<"text">, asking: Asking): Control {
   };
   field.addEventListener("input", () => {
     const kept = clipped(field.value);
-    setText(full, kept === field.value ? "" : "An answer cannot be longer. The rest was left out.");
+    setText(full, kept === field.value ? "" : texts.tooLong);
     if (kept !== field.value) field.value = kept;
     // Blank is no answer.
     control.value = kept.trim() === "" ? null : kept;

@@ -17,6 +17,9 @@ import {
   type Texts,
 } from "./forms";
 import type { Answer, FormItem } from "./generated/types";
+import { strings } from "./strings";
+
+const texts = strings.forms;
 
 export const [BOARD_WIDTH, BOARD_HEIGHT] = [1024, 768];
 /** A ray that rests on a cell for so long chooses it, ms. */
@@ -85,8 +88,8 @@ export function pagesOf(questions: readonly Question[]): Question[] {
 export function pageOf(matter: PageMatter): BoardPage {
   const question = matter.pages[matter.at];
   if (!question) {
-    const note = "Words can be typed at the screen.";
-    return { question: "Nothing has to be answered here.", note, labels: [], cells: turns(0, 0) };
+    const note = texts.typed;
+    return { question: texts.nothing, note, labels: [], cells: turns(0, 0) };
   }
   return { ...asked(question, matter), cells: [...answers(question, matter), ...turns(matter.at, matter.pages.length)] };
 }
@@ -109,7 +112,7 @@ export function wrapped(text: string, width: number, measure: (text: string) => 
 
 function asked(question: Question, { conditions, language, ranks }: PageMatter): Omit<BoardPage, "cells"> {
   const words = (texts: Texts) => wordsIn(texts, language).text;
-  if (question.kind === "pair") return { question: "Which contributed more to the load of the task?", note: "", labels: [] };
+  if (question.kind === "pair") return { question: texts.whichMore, note: "", labels: [] };
   const { item } = question;
   const page = { question: words(item.text), note: "", labels: [] as Label[] };
   if (item.kind === "scale") {
@@ -123,11 +126,11 @@ function asked(question: Question, { conditions, language, ranks }: PageMatter):
     });
     page.labels = [anchor("left", words(item.low)), anchor("right", words(item.high))];
   }
-  if (item.kind === "text") page.note = "Answer this one at the screen.";
+  if (item.kind === "text") page.note = texts.atScreen;
   if (item.kind === "ranking") {
     page.labels = rankRows(conditions).map(({ box, condition }) => ({ ...box, width: 220, text: conditionName(condition), align: "left" }));
     const places = placesOf(conditions, ranks);
-    page.note = places ? `Order: ${orderText(places)}` : "Give each a place. Several may have the same one.";
+    page.note = places ? texts.order(orderText(places)) : texts.rank;
   }
   return page;
 }
@@ -160,7 +163,7 @@ function answers(question: Question, matter: PageMatter): Cell[] {
       const { version } = item;
       const box = { ...AREA, y: AREA.y + AREA.height - TALLEST, height: TALLEST };
       const agreed = now === version;
-      return [{ ...box, label: "I agree", chosen: agreed, act: { act: "answer", key, answer: agreed ? null : version } }];
+      return [{ ...box, label: texts.agree, chosen: agreed, act: { act: "answer", key, answer: agreed ? null : version } }];
     }
     case "ranking":
       return rankRows(matter.conditions).flatMap(({ box, condition }) =>
@@ -195,9 +198,9 @@ function several(item: Extract<FormItem, { kind: "choice" }>, now: Answer | null
 function turns(at: number, count: number): Cell[] {
   const right = { x: BOARD_WIDTH - AREA.x - TURN.width, y: TURNS_Y, ...TURN };
   const last = at >= count - 1;
-  const ahead: Cell = { ...right, label: last ? "Done" : "Next", chosen: false, act: last ? { act: "done" } : { act: "turn", by: 1 } };
+  const ahead: Cell = { ...right, label: last ? texts.done : texts.next, chosen: false, act: last ? { act: "done" } : { act: "turn", by: 1 } };
   if (at === 0) return [ahead];
-  return [{ x: AREA.x, y: TURNS_Y, ...TURN, label: "Back", chosen: false, act: { act: "turn", by: -1 } }, ahead];
+  return [{ x: AREA.x, y: TURNS_Y, ...TURN, label: texts.back, chosen: false, act: { act: "turn", by: -1 } }, ahead];
 }
 
 function row(count: number, within: Box): Box[] {

@@ -1,6 +1,9 @@
 // What a questionnaire asks and what counts as an answer to it. Pure.
 
 import type { Answer, Form, FormItem, FormScreen } from "./generated/types";
+import { strings } from "./strings";
+
+const texts = strings.forms;
 
 /** A text by language, such as `en`. */
 export type Texts = { [key in string]: string };
@@ -12,7 +15,7 @@ export const MOST_BYTES = 10_000;
 /** A scale of so many numbers is a row of cells. A longer one is a slider. */
 export const MOST_CELLS = 11;
 /** What can be chosen where several answers are asked for and none applies. */
-export const NONE_OF_THESE = "None of these";
+export const NONE_OF_THESE = texts.none;
 
 /** Something that is asked: an item, or which of two items contributed more. */
 export type Question = { key: string; number: number; optional: boolean } & (
@@ -79,7 +82,7 @@ export function nameOf(item: FormItem): Texts {
 
 /** A condition as people hear of it. */
 export function conditionName(condition: string): string {
-  return `Condition ${condition}`;
+  return texts.condition(condition);
 }
 
 // Scales.

@@ -6,6 +6,9 @@ import { controlOf, worded, type Control } from "./formitems";
 import { chooseLanguage, conditionName, languagesOf, nameOf, numbersText, sameAnswer, wordsIn, type Question } from "./forms";
 import type { Answer, FormScreen } from "./generated/types";
 import { loadLanguage, storeLanguage } from "./settings";
+import { strings } from "./strings";
+
+const texts = strings.forms;
 
 /** Who types is done after so long without a key, ms. */
 const TYPED_MS = 400;
@@ -32,7 +35,7 @@ export class FormView {
   private readonly title = element("h2");
   private readonly about = element("p", "about");
   private readonly languages = element("select");
-  private readonly languageChoice = element("label", "language", element("span", "label", "Language"), this.languages);
+  private readonly languageChoice = element("label", "language", element("span", "label", texts.language), this.languages);
   private readonly body = element("div", "questions");
   private readonly fill = element("i", "fill");
   private readonly rail = element("div", "rail", this.fill);
@@ -56,7 +59,7 @@ export class FormView {
     this.id = `questionnaire-${views}`;
     this.title.id = `${this.id}-title`;
     this.title.tabIndex = -1;
-    this.done = button("Done", () => this.submit(), "primary done");
+    this.done = button(texts.done, () => this.submit(), "primary done");
     this.told.setAttribute("role", "alert");
     this.heard.setAttribute("role", "status");
     this.root.setAttribute("aria-labelledby", this.title.id);
@@ -135,8 +138,8 @@ export class FormView {
       ...(items ?? []).map(({ root }) => root),
       ...(pairs?.length
         ? [
-            element("h3", "", "Which contributed more?"),
-            element("p", "", "In each pair, choose what contributed more to the load of the task."),
+            element("h3", "", texts.pairs),
+            element("p", "", texts.pairsAbout),
             element("div", "pairs", ...pairs.map(({ root }) => root)),
           ]
         : []),
@@ -154,7 +157,7 @@ export class FormView {
       text.append(element("span", "only-heard", `Which contributed more: ${names.join(" or ")}?`));
     } else if (question.item.kind === "consent") {
       // What is agreed to stands beside the box.
-      text.append("Consent");
+      text.append(texts.consent);
     } else {
       text.append(worded("span", "", question.item.text, this.language));
       if (optional) text.append(" ", element("span", "optional", "(optional)"));
@@ -173,9 +176,9 @@ export class FormView {
       changed: (answer, later) => this.give(key, answer, later),
       settled: () => this.flush(),
     });
-    const clear = button("Clear", () => this.take(key, control), "clear");
+    const clear = button(texts.clear, () => this.take(key, control), "clear");
     clear.tabIndex = -1;
-    clear.title = "Takes the answer back (Delete)";
+    clear.title = texts.clearAbout;
     clear.hidden = true;
     const root = element("div", "item", text, element("div", "status", mark, clear), control.root, refusal);
     root.dataset["kind"] = question.kind === "pair" ? "pair" : question.item.kind;
@@ -230,7 +233,7 @@ export class FormView {
       if (!sameAnswer(control.value, answer)) control.set(answer);
       const state = this.draft.state(key);
       const open = this.asked && missing.some((other) => other.key === key);
-      const marks = { none: open ? "Not answered yet" : "", sending: "Saving …", saved: "✓ Saved", refused: "" };
+      const marks = { none: open ? texts.notAnswered : "", sending: texts.saving, saved: texts.saved, refused: "" };
       setText(mark, marks[state]);
       // An answer that was kept before the page came is no news.
       if (state === "saved" && root.dataset["state"] === "sending") setText(this.heard, `Saved. ${progress}`);
@@ -239,7 +242,7 @@ export class FormView {
       clear.hidden = answer === null || !clears(question);
       const reason = this.draft.reason(key);
       const news = refusal.hidden && reason !== "";
-      setText(refusal, reason && `This answer was not taken: ${reason}`);
+      setText(refusal, reason && texts.refused(reason));
       refusal.hidden = reason === "";
       if (news && root.contains(document.activeElement)) refusal.scrollIntoView({ block: "nearest" });
     }
@@ -247,8 +250,7 @@ export class FormView {
     this.rail.hidden = of === 0;
     setWidth(this.fill, of > 0 ? kept / of : 0);
     this.asked &&= missing.length > 0;
-    const one = missing.length === 1;
-    setText(this.told, this.asked ? `${one ? "One answer is" : `${missing.length} answers are`} still missing: ${numbersText(missing)}` : "");
+    setText(this.told, this.asked ? texts.missing(missing.length, numbersText(missing)) : "");
     this.told.hidden = !this.asked;
   }
 }

@@ -23,3 +23,30 @@ export class FrameCount {
     this.last = null;
   }
 }
+
+/** Pictures over which times are taken: two seconds. */
+const PICTURES = 120;
+
+/** How long something took in the last pictures, ms. */
+export class ScriptTime {
+  private readonly times: number[] = [];
+
+  take(ms: number): void {
+    this.times.push(ms);
+    if (this.times.length > PICTURES) this.times.shift();
+  }
+
+  get median(): number {
+    return this.share(0.5);
+  }
+
+  /** What 19 of 20 pictures keep. */
+  get most(): number {
+    return this.share(0.95);
+  }
+
+  private share(part: number): number {
+    const sorted = [...this.times].sort((a, b) => a - b);
+    return sorted[Math.min(Math.floor(part * sorted.length), sorted.length - 1)] ?? 0;
+  }
+}

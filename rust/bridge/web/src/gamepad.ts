@@ -1,6 +1,7 @@
 // A game controller: face buttons are gestures, the right stick is the gaze. Numbers are those of the standard
 // layout that browsers map controllers to.
 
+import { strings } from "./strings";
 import type { GestureKey } from "./settings";
 
 const BUTTONS: { button: number; gesture: GestureKey; name: string }[] = [
@@ -17,7 +18,7 @@ const DEAD = 0.15;
 /** The gaze crosses half the window in this time with the stick fully out, seconds. */
 const CROSSING_SECS = 0.7;
 
-export const GAMEPAD_HELP = "Gamepad: right trigger or Y is wrist extension, A wrist flexion, X hand close, B hand open, right stick the gaze";
+export const GAMEPAD_HELP = strings.controls.gamepad;
 
 export interface GamepadHandlers {
   hold(source: string, gesture: GestureKey, down: boolean): void;

@@ -5,6 +5,9 @@ import type { DisplayFrame, MethodHelp, MethodInfo } from "./generated/types";
 import { nextThing, STEPS, type Circumstances } from "./hints";
 import { GESTURE_NAMES } from "./protocol";
 import type { GestureKey } from "./settings";
+import { strings } from "./strings";
+
+const words = strings.guide;
 
 const GESTURES: GestureKey[] = ["hand_open", "wrist_extension", "wrist_flexion", "hand_close"];
 
@@ -22,7 +25,7 @@ export class Guide {
 
   constructor() {
     this.root.append(this.list, this.modes, this.hint);
-    this.root.setAttribute("aria-label", "What to do next");
+    this.root.setAttribute("aria-label", words.label);
     this.hint.setAttribute("aria-live", "polite");
     this.root.hidden = true;
   }
@@ -48,10 +51,10 @@ export class Guide {
   /** Such methods have no selection: the strip says what each gesture does now. */
   private showMode(frame: DisplayFrame, help: MethodHelp): void {
     const texts: Record<GestureKey, string> = {
-      hand_open: `${help.hand_open || "next"}; held: back`,
+      hand_open: words.nextOrBack(help.hand_open || words.next),
       wrist_extension: frame.mode?.directions[0] ?? (help.wrist_extension || "+"),
       wrist_flexion: frame.mode?.directions[1] ?? (help.wrist_flexion || "−"),
-      hand_close: frame.hand.state === "open" ? "close the hand" : "open the hand",
+      hand_close: frame.hand.state === "open" ? words.closeHand : words.openHand,
     };
     for (const { gesture, text, item } of this.moves) {
       setText(text, texts[gesture]);

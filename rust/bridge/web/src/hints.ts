@@ -5,20 +5,23 @@ import type { Aim } from "./aim";
 import { plainName } from "./objects";
 import { capitalised, gestureOfCode, GESTURE_NAMES } from "./protocol";
 import type { GestureKey } from "./settings";
+import { strings } from "./strings";
+
+const words = strings.hints;
 
 /** A place marker this near to the target is on it, metres. */
 const ON_TARGET = 0.05;
 
 /** The eight steps of a transfer with methods that select by gaze. */
 export const STEPS: readonly { gesture: GestureKey | null; text: string }[] = [
-  { gesture: null, text: "Look at a block" },
-  { gesture: "wrist_flexion", text: "Lock it" },
-  { gesture: "wrist_extension", text: "Reach" },
-  { gesture: "hand_close", text: "Grip" },
-  { gesture: null, text: "Look at its target" },
-  { gesture: "wrist_flexion", text: "Lock it" },
-  { gesture: "wrist_extension", text: "Carry" },
-  { gesture: "hand_open", text: "Release" },
+  { gesture: null, text: words.steps.look },
+  { gesture: "wrist_flexion", text: words.steps.lock },
+  { gesture: "wrist_extension", text: words.steps.reach },
+  { gesture: "hand_close", text: words.steps.grip },
+  { gesture: null, text: words.steps.lookAtTarget },
+  { gesture: "wrist_flexion", text: words.steps.lock },
+  { gesture: "wrist_extension", text: words.steps.carry },
+  { gesture: "hand_open", text: words.steps.release },
 ];
 
 /** Where the target of an object is, metres in `world`; none if it has no place of its own. */
@@ -69,7 +72,7 @@ function of(code: string, now: Circumstances): string {
 
 /** What to do now, whatever the style of the method. */
 export function nextThing(frame: DisplayFrame, now: Circumstances): Advice {
-  if (frame.finished) return { step: null, hint: now.restarts ? "The trial is over. Restart begins another." : "The trial is over." };
+  if (frame.finished) return { step: null, hint: now.restarts ? words.overRestart : words.over };
   if (frame.stop) return { step: null, hint: afterStop(frame.stop, now) };
   const asked = confirmation(frame.planner);
   if (asked) return { step: frame.hand.holds !== null && !frame.mode ? 7 : null, hint: `${capitalised(spelled(asked, now))}.` };
@@ -84,25 +87,25 @@ function confirmation(planner: PlannerView): string | null {
 
 /** The way out of a stop. */
 export function afterStop(stop: Stop, now: Circumstances): string {
-  if (RETURNED.test(stop.reason)) return now.key("wrist_extension") ? "Let go of all keys to go on." : "Relax your hand to go on.";
+  if (RETURNED.test(stop.reason)) return now.key("wrist_extension") ? words.letGoOfKeys : words.relax;
   const ways: Record<InputSource, string> = {
-    armband: "Check the armband: it has to sit tight and be switched on.",
-    gesture_topic: "Start the program that sends the gestures.",
-    page: "Let go of all keys to go on.",
+    armband: words.armband,
+    gesture_topic: words.gestureTopic,
+    page: words.letGoOfKeys,
     eye_tracker: now.mouse
-      ? "Move the mouse onto the box."
+      ? words.mouseOntoBox
       : stop.cause === "lost"
-        ? "Sit so that the eye tracker sees your eyes."
-        : "Check that the eye tracker is connected.",
-    shoulder_tracker: "Move back to where the tracker sees your shoulder.",
-    limb_tracker: "Move back to where the tracker sees your arm.",
-    stage: "Start the part of the program that ended.",
+        ? words.eyesLost
+        : words.eyeTracker,
+    shoulder_tracker: words.shoulder,
+    limb_tracker: words.limb,
+    stage: words.stage,
   };
   return ways[stop.source];
 }
 
 function look(what: string, now: Circumstances): string {
-  return now.mouse ? `Move the mouse onto ${what}.` : `Look at ${what}.`;
+  return (now.mouse ? words.mouseOnto : words.lookAt)(what);
 }
 
 /** With methods that select by gaze. */
@@ -112,56 +115,56 @@ function selecting(frame: DisplayFrame, now: Circumstances): Advice {
   const extension = named("wrist_extension", now);
   const held = hand.holds !== null;
   const reach = held ? 6 : 2;
-  if (!held && hand.state === "closing") return { step: 3, hint: "Wait: the hand closes." };
-  if (hand.state === "opening") return { step: held ? 7 : null, hint: "Wait: the hand opens." };
+  if (!held && hand.state === "closing") return { step: 3, hint: words.closes };
+  if (hand.state === "opening") return { step: held ? 7 : null, hint: words.opens };
   if (!held && hand.state === "closed") {
-    return { step: null, hint: `The hand is closed around nothing: ${named("hand_open", now)} opens it.` };
+    return { step: null, hint: words.aroundNothing(named("hand_open", now)) };
   }
   if (planner.state === "failed" && !selection.locked && !held && selection.object === null) {
-    return { step: 0, hint: `Nothing is selected. ${look(wanted(frame), now)}` };
+    return { step: 0, hint: words.nothingSelected(look(wanted(frame), now)) };
   }
   if (planner.state === "failed") return { step: selection.locked ? reach : null, hint: afterFailure(frame, planner, now) };
   if (planner.state === "arrived" && planner.intermediate) {
-    const hint = now.lean ? "Out of reach from here: lean towards it." : `Out of reach from here: let go, then hold ${extension} again.`;
+    const hint = now.lean ? words.outOfReachLean : words.outOfReachAgain(extension);
     return { step: reach, hint };
   }
-  if (moving) return { step: reach, hint: `Keep holding ${extension} until the arm arrives.` };
+  if (moving) return { step: reach, hint: words.keepHolding(extension) };
   if (hand.holds !== null) {
     const block = plainName(hand.holds);
-    if (planner.state === "arrived") return { step: 7, hint: `${capitalised(named("hand_open", now))} puts ${block} down.` };
-    if (selection.locked) return { step: 6, hint: `Hold ${extension}: the arm carries ${block}.` };
-    const lock = `${capitalised(named("wrist_flexion", now))} locks the place under the marker.`;
+    if (planner.state === "arrived") return { step: 7, hint: capitalised(words.putsDown(named("hand_open", now), block)) };
+    if (selection.locked) return { step: 6, hint: words.holdToCarry(extension, block) };
+    const lock = capitalised(words.locksPlace(named("wrist_flexion", now)));
     const goal = now.target(hand.holds);
-    if (!goal) return { step: 5, hint: `${capitalised(named("wrist_flexion", now))} locks the place under the marker, beyond the partition.` };
+    if (!goal) return { step: 5, hint: capitalised(words.locksPlaceBeyond(named("wrist_flexion", now))) };
     const near = selection.place && Math.hypot(goal.x - selection.place[0], goal.y - selection.place[1]) < ON_TARGET;
-    return near ? { step: 5, hint: lock } : { step: 4, hint: look(`the target of ${block}`, now) };
+    return near ? { step: 5, hint: lock } : { step: 4, hint: look(words.targetOf(block), now) };
   }
-  if (planner.state === "arrived") return { step: 3, hint: `${capitalised(named("hand_close", now))} grips it.` };
-  if (selection.locked) return { step: 2, hint: `Hold ${extension}: the arm reaches for it.` };
+  if (planner.state === "arrived") return { step: 3, hint: capitalised(words.gripsIt(named("hand_close", now))) };
+  if (selection.locked) return { step: 2, hint: words.holdToReach(extension) };
   return selection.object !== null && (frame.next === null || selection.object === frame.next)
-    ? { step: 1, hint: `${capitalised(named("wrist_flexion", now))} locks what is highlighted.` }
+    ? { step: 1, hint: capitalised(words.locksHighlighted(named("wrist_flexion", now))) }
     : { step: 0, hint: look(wanted(frame), now) };
 }
 
 function wanted(frame: DisplayFrame): string {
-  return frame.next !== null ? plainName(frame.next) : "an object";
+  return frame.next !== null ? plainName(frame.next) : words.anObject;
 }
 
 /** The planner's reason, and the way out of it. */
 function afterFailure(frame: DisplayFrame, planner: Extract<PlannerView, { state: "failed" }>, now: Circumstances): string {
-  const reason = capitalised(spelled(planner.reason || "no way was found", now).replace(/\.$/, ""));
-  const again = `Let go, then hold ${named("wrist_extension", now)} again.`;
+  const reason = capitalised(spelled(planner.reason || words.noWay, now).replace(/\.$/, ""));
+  const again = words.again(named("wrist_extension", now));
   const other = frame.target.locked
-    ? `${capitalised(named("wrist_flexion", now))} unlocks it, so that you can choose another.`
-    : look(frame.hand.holds !== null ? "another place" : "another block", now);
+    ? capitalised(words.unlocks(named("wrist_flexion", now)))
+    : look(frame.hand.holds !== null ? words.anotherPlace : words.anotherBlock, now);
   const ways: Record<typeof planner.status, string> = {
     ok: again,
     intermediate: again,
     cancelled: again,
-    no_plan: now.lean ? "Lean a little, and the arm tries again." : again,
-    unreachable: now.lean ? "Lean towards it." : other,
+    no_plan: now.lean ? words.leanALittle : again,
+    unreachable: now.lean ? words.leanTowards : other,
     goal_in_collision: other,
-    start_in_collision: now.lean ? "Lean away from it." : now.restarts ? "Restart begins another trial." : "Ask for help.",
+    start_in_collision: now.lean ? words.leanAway : now.restarts ? words.restart : words.askForHelp,
     // A method's own refusal says itself what to do.
     invalid: "",
   };
@@ -174,8 +177,8 @@ function jogging(frame: DisplayFrame, now: Circumstances): Advice {
   const [open, close] = [named("hand_open", now), named("hand_close", now)];
   const advice = (hint: string) => ({ step: null, hint });
   if (planner.state === "failed") {
-    const reason = capitalised(spelled(planner.reason || "this way is closed", now).replace(/\.$/, ""));
-    return advice(`${reason}. ${capitalised(open)} goes to the next.`);
+    const reason = capitalised(spelled(planner.reason || words.closed, now).replace(/\.$/, ""));
+    return advice(words.goesToNext(reason, capitalised(open)));
   }
   if (hand.holds !== null) {
     const block = plainName(hand.holds);
@@ -183,12 +186,12 @@ function jogging(frame: DisplayFrame, now: Circumstances): Advice {
       const way = along(frame, now);
       if (way) return advice(way);
     }
-    return advice(hand.state === "opening" ? "Wait: the hand opens." : `Carry ${block} over the partition and lower it; ${close} lets go.`);
+    return advice(hand.state === "opening" ? words.opens : words.carryOver(block, close));
   }
-  if (hand.state === "closing") return advice("Wait: the hand closes.");
-  if (hand.state === "closed") return advice(`The hand is closed around nothing: ${close} opens it.`);
-  if (hand.state === "opening") return advice("Wait: the hand opens.");
-  return advice(along(frame, now) ?? `Bring the hand around ${wanted(frame)}; ${close} grips.`);
+  if (hand.state === "closing") return advice(words.closes);
+  if (hand.state === "closed") return advice(words.aroundNothing(close));
+  if (hand.state === "opening") return advice(words.opens);
+  return advice(along(frame, now) ?? words.bringAround(wanted(frame), close));
 }
 
 /** The next way with axes; with joints the distances alone are told. */
@@ -198,17 +201,17 @@ function along(frame: DisplayFrame, now: Circumstances): string | null {
   if (!aim || !frame.mode || !moves || "joint" in moves) return null;
   const close = capitalised(named("hand_close", now));
   const block = plainName(aim.object);
-  if (!aim.next) return frame.hand.holds === null ? `${close} grips ${block}.` : `${close} lets go of ${block}.`;
+  if (!aim.next) return (frame.hand.holds === null ? words.grips : words.letsGoOf)(close, block);
   const { kind, axis, amount } = aim.next;
   const [chosen, turns] = "rotation" in moves ? [moves.rotation, true] : [moves.translation, false];
   if (chosen !== axis || turns !== (kind === "turn")) {
-    return `${capitalised(named("hand_open", now))} until "${AXES[kind][axis]}" is chosen.`;
+    return capitalised(words.untilChosen(named("hand_open", now), AXES[kind][axis]));
   }
   const extends_ = amount * (frame.mode.we_sign < 0 ? -1 : 1) > 0;
   const gesture = named(extends_ ? "wrist_extension" : "wrist_flexion", now);
   const direction = frame.mode.directions[extends_ ? 0 : 1];
   const far = kind === "turn" ? `${Math.round((Math.abs(amount) * 180) / Math.PI)}°` : `${Math.max(Math.round(100 * Math.abs(amount)), 1)} cm`;
-  return `Hold ${gesture}: ${far} ${direction}.`;
+  return words.holdFar(gesture, far, direction);
 }
 
 /** As the profile calls the axes. */
@@ -219,12 +222,11 @@ const AXES = {
 
 /** How far the hand, or the block in it, is from where it has to go: `12 cm forward, 3 cm right, 21 cm down`. */
 export function distances({ off }: Aim): string {
-  const words: [string, string][] = [["forward", "backward"], ["left", "right"], ["up", "down"]];
-  const parts = words.map(([plus, minus], k) => {
+  const parts = words.directions.map(([plus, minus], k) => {
     const cm = Math.round(100 * (off[k] ?? 0));
     return cm === 0 ? "" : `${Math.abs(cm)} cm ${cm > 0 ? plus : minus}`;
   });
-  return parts.filter(Boolean).join(", ") || "there";
+  return parts.filter(Boolean).join(", ") || words.there;
 }
 
 /** A gesture of the model's own says what was made, else the command's name. */

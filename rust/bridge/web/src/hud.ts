@@ -8,18 +8,11 @@ import { objectColour, objectLabel, objectName, plainName } from "./objects";
 import type { Aim } from "./aim";
 import { distances, recognisedText } from "./hints";
 import { capitalised } from "./protocol";
+import { strings } from "./strings";
 
-const MARKING_NAMES: Record<Marking, string> = {
-  free: "Free",
-  locked: "Locked",
-  reachable: "Reachable",
-  unreachable: "Out of reach",
-};
-const EMG_NAMES: Record<string, string> = {
-  recording: "EMG: recording",
-  synthetic: "EMG: synthetic",
-  keys: "Gestures: keys",
-};
+const words = strings.hud;
+const MARKING_NAMES: Record<Marking, string> = words.markings;
+const EMG_NAMES: Record<string, string> = words.sources;
 /** More objects than these have no pips of their own. */
 const MOST_PIPS = 16;
 /** Lines of the event list. */
@@ -64,7 +57,7 @@ export class Hud {
   private readonly pipRow = element("div", "pips");
   private pips: HTMLElement[] = [];
   private briefing: Briefing | undefined;
-  private readonly scoreLabel = element("span", "label", "On target");
+  private readonly scoreLabel = element("span", "label");
   private readonly next = element("span", "next");
   private readonly link = element("span", "link");
   private readonly gesture = element("b", "value");
@@ -86,7 +79,7 @@ export class Hud {
   private readonly nextFill = element("i", "fill");
   private readonly nextBar = element("div", "bar", this.nextFill);
   private readonly selectionRow = element("div", "row");
-  private readonly plannerLabel = element("span", "label", "Arm");
+  private readonly plannerLabel = element("span", "label", words.arm);
   private readonly progress = element("i", "fill");
   private readonly progressBar = element("div", "bar", this.progress);
   private readonly events = element("ol", "events");
@@ -99,10 +92,10 @@ export class Hud {
   private readonly toast = element("div", "toast");
   private readonly over = element("div", "over card");
   private readonly pause = element("div", "over card");
-  private readonly clockLabel = element("span", "label", "Time left");
+  private readonly clockLabel = element("span", "label", words.timeLeft);
   private readonly chooser = element("div", "chooser");
   private titles: Record<string, string> = {};
-  private readonly settingsButton = element("button", "cog", "Settings");
+  private readonly settingsButton = element("button", "cog", words.settings);
   private readonly onTarget = new Set<ObjectId>();
   private lastTime = -1;
   private toastTimer = 0;
@@ -121,8 +114,8 @@ export class Hud {
     const meter = (label: string, fill: HTMLElement, text: HTMLElement) =>
       element("div", "meter", element("span", "label", label), element("div", "bar", fill), text);
     this.aimRow.append(this.aimLabel, this.aim);
-    this.modeBox.append(row("Moves", this.mode), this.modeNote, this.nextBar, this.aimRow);
-    this.selectionRow.append(element("span", "label", "Selection"), element("div", "line", this.selection, this.lock));
+    this.modeBox.append(row(words.moves, this.mode), this.modeNote, this.nextBar, this.aimRow);
+    this.selectionRow.append(element("span", "label", words.selection), element("div", "line", this.selection, this.lock));
     this.heard.setAttribute("aria-live", "polite");
     this.toast.setAttribute("role", "status");
     this.link.setAttribute("role", "status");
@@ -131,18 +124,18 @@ export class Hud {
     const brand = this.fold("brand", element("div", "logo", element("strong", "", "ProACT"), this.title), element("div", "methodline", this.method, this.methodName), this.chooser, element("div", "chips", this.setup, this.source));
     const status = this.fold(
       "status",
-      "Arm and hand",
-      row("Gesture", this.gesture),
-      meter("Confidence", this.confidence, this.confidenceText),
-      meter("Effort", this.effort, this.effortText),
+      words.armAndHand,
+      row(words.gesture, this.gesture),
+      meter(words.confidence, this.confidence, this.confidenceText),
+      meter(words.effort, this.effort, this.effortText),
       this.modeBox,
       this.selectionRow,
-      row("Hand", this.hand),
+      row(words.hand, this.hand),
       element("div", "row", this.plannerLabel, this.planner),
       this.progressBar,
       this.plannerNote,
     );
-    const log = this.fold("log", "Events", this.events);
+    const log = this.fold("log", words.events, this.events);
     this.left.append(brand, log);
     this.right.append(element("div", "card connection", this.link, wheel, this.corner), status);
     this.view.append(this.sceneTitle, this.stop.root, this.over, this.pause, this.toast);
@@ -176,7 +169,7 @@ export class Hud {
 
   setContent(content: PageContent): void {
     setText(this.title, content.title);
-    setText(this.setup, `Set-up: ${content.setup}`);
+    setText(this.setup, words.setup(content.setup));
     this.briefing = content.briefing;
     this.setup.title = content.briefing.text;
     setText(this.scoreLabel, capitalised(content.briefing.score_name));
@@ -195,7 +188,7 @@ export class Hud {
   private choice({ name, title }: MethodInfo): HTMLElement {
     const button = element("button", "methodbutton", name);
     button.type = "button";
-    button.title = `New trial with method ${name}: ${title}`;
+    button.title = words.newTrial(name, title);
     button.setAttribute("aria-label", button.title);
     button.addEventListener("click", (event) => {
       giveBack(event, button);
@@ -205,19 +198,17 @@ export class Hud {
   }
 
   setConnected(connected: boolean, ever: boolean): void {
-    setText(this.link, connected ? "Live" : "Offline");
+    setText(this.link, connected ? words.live : words.offline);
     setClass(this.link, "off", !connected);
     this.banner.hidden = connected;
     setText(
       this.banner,
-      ever
-        ? "The connection to ProACT is lost. This page comes back by itself as soon as the program runs again."
-        : "Connecting to ProACT …",
+      ever ? words.lost : words.connecting,
     );
   }
 
   setRate(framesPerSecond: number, drawnPerSecond: number, dropped: number): void {
-    this.link.title = `${Math.round(framesPerSecond)} frames a second received, ${Math.round(drawnPerSecond)} drawn, ${dropped} lost`;
+    this.link.title = words.rates(Math.round(framesPerSecond), Math.round(drawnPerSecond), dropped);
   }
 
   /** What a study calls the scene; empty if nothing. */
@@ -229,8 +220,8 @@ export class Hud {
   /** What the clock does, and why it stands still. */
   setStatus({ paused, held, waiting }: TrialStatus, drives: boolean): void {
     this.pause.hidden = !paused && !(held && !drives);
-    setText(this.pause, paused ? "Paused by the experimenter" : "Paused: who drives reads a dialog");
-    setText(this.clockLabel, waiting ? "Starts with you" : held ? "Paused" : "Time left");
+    setText(this.pause, paused ? words.paused : words.held);
+    setText(this.clockLabel, waiting ? words.startsWithYou : held ? words.stands : words.timeLeft);
     setClass(this.clock, "waits", waiting || held);
   }
 
@@ -256,7 +247,7 @@ export class Hud {
       if (event.event === "gesture_changed") continue;
       // Contact made and lost say the same.
       if (event.event === "grasp_made" || event.event === "grasp_ended") continue;
-      if (event.event === "base_held") this.keepSaying(`${eventText(event)}. Hold still, or move back`);
+      if (event.event === "base_held") this.keepSaying(words.holdStill(eventText(event)));
       if (event.event === "base_follows") this.say(eventText(event));
       const line = element(
         "li",
@@ -278,7 +269,7 @@ export class Hud {
     this.addEvents(frame.events);
     this.stop.show(frame.stop, way);
     setText(this.method, frame.method);
-    setText(this.methodName, this.titles[frame.method] ?? "Method");
+    setText(this.methodName, this.titles[frame.method] ?? words.method);
     this.chooser.hidden = !restarts;
     this.method.hidden = restarts;
     for (const button of this.chooser.children) setClass(button as HTMLElement, "now", button.textContent === frame.method);
@@ -294,8 +285,8 @@ export class Hud {
       setClass(pip, "done", this.onTarget.has(id));
       setClass(pip, "wanted", frame.next === id && !frame.finished);
     });
-    const free = this.briefing?.order === "any" ? "Any object" : (GOALS[frame.asked?.type ?? ""] ?? "All moved");
-    setText(this.next, frame.next !== null ? `Next: ${objectName(frame.next)}` : free);
+    const free = this.briefing?.order === "any" ? words.anyObject : (GOALS[frame.asked?.type ?? ""] ?? words.allMoved);
+    setText(this.next, frame.next !== null ? words.next(objectName(frame.next)) : free);
 
     setText(this.gesture, recognisedText(frame));
     setClass(this.gesture, "active", frame.gesture !== "no_motion");
@@ -306,15 +297,15 @@ export class Hud {
 
     this.aimRow.hidden = aim === null || frame.mode === null;
     if (aim) {
-      setText(this.aimLabel, `To ${frame.hand.holds !== null ? "the target of " : ""}${plainName(aim.object)}`);
+      setText(this.aimLabel, (frame.hand.holds !== null ? words.toTarget : words.toObject)(plainName(aim.object)));
       setText(this.aim, distances(aim));
     }
     this.modeBox.hidden = frame.mode === null;
     if (frame.mode) {
       const { name, directions, next_in_secs } = frame.mode;
       setText(this.mode, name);
-      const next = next_in_secs === null ? "" : ` · back in ${next_in_secs.toFixed(1)} s`;
-      setText(this.modeNote, `Wrist extension: ${directions[0]} · wrist flexion: ${directions[1]}${next}`);
+      const next = next_in_secs === null ? "" : words.backIn(next_in_secs.toFixed(1));
+      setText(this.modeNote, words.directions(directions[0], directions[1]) + next);
       setClass(this.nextBar, "idle", next_in_secs === null);
       setWidth(this.nextFill, 1 - (next_in_secs ?? 0));
     }
@@ -324,14 +315,13 @@ export class Hud {
     const something = held ? target.place !== null : target.object !== null;
     setText(
       this.selection,
-      held ? (something ? "Place" : "No place") : target.object !== null ? objectName(target.object) : "Nothing",
+      held ? (something ? words.place : words.noPlace) : target.object !== null ? objectName(target.object) : words.nothing,
     );
     const state = marking(frame);
     setText(this.lock, MARKING_NAMES[state]);
     this.lock.dataset["state"] = state;
     this.lock.hidden = !something;
-    const states = { open: "Open", closing: "Closing …", closed: "Closed", opening: "Opening …" };
-    setText(this.hand, hand.holds !== null ? `Holds ${objectName(hand.holds)}` : states[hand.state]);
+    setText(this.hand, hand.holds !== null ? words.holds(objectName(hand.holds)) : words.handStates[hand.state]);
 
     const jogs = frame.mode !== null;
     const { text, note, share, kind } = plannerText(frame.planner, jogs);
@@ -346,8 +336,8 @@ export class Hud {
     this.over.hidden = !frame.finished;
     if (frame.finished) {
       const result = scoreText(frame.score, this.briefing);
-      const more = restarts ? "Press R for a new trial" : "";
-      setText(this.over, [`Trial over`, result, more].filter(Boolean).join(" · "));
+      const more = restarts ? words.pressR : "";
+      setText(this.over, [words.over, result, more].filter(Boolean).join(" · "));
     }
   }
 
@@ -364,113 +354,94 @@ export class Hud {
 export function scoreText(score: number, briefing: Briefing | undefined): string {
   const most = briefing?.most ?? null;
   const name = briefing?.score_name ?? "";
-  return most === null ? `${score} ${name}` : `${score} of ${most} ${name}`;
+  return most === null ? `${score} ${name}` : words.scoreOf(score, most, name);
 }
 
 /** How a plan failed, in at most five words (those of the planner's `five_words`); the reason stands below. */
-const FAILED: Record<string, string> = {
-  no_plan: "No way was found",
-  unreachable: "Out of reach",
-  start_in_collision: "Arm is stuck on something",
-  goal_in_collision: "Something is in the way",
-};
+const FAILED: Record<string, string> = words.failed;
 
 function plannerText(planner: PlannerView, jogs: boolean): { text: string; note: string; share: number | null; kind: string } {
   switch (planner.state) {
     case "idle":
-      return { text: "At rest", note: "", share: null, kind: "idle" };
+      return { text: words.atRest, note: "", share: null, kind: "idle" };
     case "planning":
-      return { text: "Looking for a way …", note: "", share: null, kind: "busy" };
+      return { text: words.planning, note: "", share: null, kind: "busy" };
     case "executing":
       return {
-        text: "Moving",
-        note: planner.intermediate ? "Out of reach: moving as near as possible" : "",
+        text: words.moving,
+        note: planner.intermediate ? words.asNear : "",
         share: planner.progress,
         kind: "busy",
       };
     case "arrived":
       return {
-        text: planner.intermediate ? "Stopped on the way" : "Arrived",
-        note: planner.intermediate ? "The goal is out of reach from here" : "",
+        text: planner.intermediate ? words.onTheWay : words.arrived,
+        note: planner.intermediate ? words.goalOutOfReach : "",
         share: 1,
         kind: planner.intermediate ? "warn" : "good",
       };
     case "failed":
-      return { text: jogs ? "Refused" : (FAILED[planner.status] ?? "Not possible now"), note: "", share: null, kind: "bad" };
+      return { text: jogs ? words.refused : (FAILED[planner.status] ?? words.notPossible), note: "", share: null, kind: "bad" };
   }
 }
 
 /** How looking for a way ended, as an event. */
-const PLANNED: Record<PlanStatus, string> = {
-  ok: "A way was found",
-  intermediate: "A way was found, part of the way",
-  no_plan: "No way was found",
-  unreachable: "Out of reach",
-  start_in_collision: "Arm is stuck on something",
-  goal_in_collision: "Something is in the way",
-  invalid: "Not possible now",
-  cancelled: "Stopped looking for a way",
-};
-
-const GRASP_FAULTS: Record<GraspFault, string> = {
-  no_grasp: "the hand has no grasp for this width",
-  nothing: "nothing was between the fingers",
-  not_touched: "the fingers did not touch it",
-  one_digit: "one finger alone touched it",
-  not_opposing: "the fingers do not press against each other",
-  slipped: "it slipped out of the fingers",
-};
+const PLANNED: Record<PlanStatus, string> = { ...words.failed, ...words.planned };
+const GRASP_FAULTS: Record<GraspFault, string> = words.graspFaults;
+const happened = strings.events;
 
 /** What is next where the task asks for no object. */
-const GOALS: Record<string, string> = { ball: "Hand into the ball", posture: "Arm like its ghost" };
+const GOALS: Record<string, string> = words.goals;
 
 export function eventText(event: TrialEvent): string {
   const block = "object" in event && event.object !== null ? objectName(event.object) : "";
   switch (event.event) {
     case "object_attached":
-      return `Contact made: ${block}`;
+      return happened.contactMade(block);
     case "object_released":
-      return `Contact lost: ${block}`;
+      return happened.contactLost(block);
     case "grasp_failed":
-      return `Not held${block ? `: ${block}` : ""}, ${GRASP_FAULTS[event.reason]}`;
+      return happened.notHeld(block, GRASP_FAULTS[event.reason]);
     case "locked":
-      return block ? `Locked: ${block}` : "Place locked";
+      return block ? happened.locked(block) : happened.placeLocked;
     case "unlocked":
-      return "Lock off";
+      return happened.unlocked;
     case "plan_requested":
-      return "Looking for a way";
+      return happened.planning;
     case "plan_finished":
       return PLANNED[event.status];
     case "method_note":
       return event.text;
     case "motion_stopped":
-      return "Motion stopped";
+      return happened.motionStopped;
     case "motion_finished":
-      return "Motion finished";
+      return happened.motionFinished;
     case "object_on_target":
-      return `On target: ${block} (${(100 * event.distance).toFixed(1)} cm)`;
+      return happened.onTarget(block, (100 * event.distance).toFixed(1));
     case "object_off_target":
-      return `Off target: ${block}`;
+      return happened.offTarget(block);
     case "object_crossed":
-      return `Crossed: ${block}`;
+      return happened.crossed(block);
     case "goal_reached":
-      return `Goal ${event.number} reached`;
+      return happened.goalReached(event.number);
     case "goal_missed":
-      return `Goal ${event.number}: time is up`;
+      return happened.goalMissed(event.number);
     case "practice_finished":
-      return "Practice is over: from now on it counts";
+      return happened.practiceOver;
+    case "emg_gap":
+      return happened.emgGap;
     case "stopped":
-      return `Stopped: ${event.reason}`;
+      return happened.stopped(event.reason);
     case "rearmed":
-      return "Relaxed: gestures act again";
+      return happened.rearmed;
     case "base_held":
-      return `Paused: the shoulder jumped by ${(100 * event.distance).toFixed(0)} cm`;
+      return happened.baseHeld((100 * event.distance).toFixed(0));
     case "base_follows":
-      return "The arm follows the shoulder again";
+      return happened.baseFollows;
     case "contacts_unsolved":
-      return "The physics is inexact for a moment";
+      return happened.unsolved;
     case "trial_finished":
-      return "Trial over";
+      return happened.over;
     default:
       return event.event.replaceAll("_", " ");
   }

@@ -6,11 +6,14 @@ import "./style.css";
 import "./dialogs.css";
 import "./form.css";
 import "./participant.css";
+import "./signals.css";
+import "./scoreboard.css";
 import { Vector2, Vector3 } from "three";
 import { CAMERA_NAMES, type CameraKind } from "./cameras";
 import { Controls } from "./controls";
+import type { Debug } from "./debug";
 import { element } from "./dom";
-import { FrameCount } from "./framecount";
+import { FrameCount, ScriptTime } from "./framecount";
 import { GamepadInput } from "./gamepad";
 import { GazeCheckView } from "./gazecheckview";
 import { Access } from "./access";
@@ -27,15 +30,19 @@ import { Motion } from "./motion";
 import { Panel } from "./panel";
 import { ParticipantView } from "./participantview";
 import { Pointing } from "./pointing";
-import type { ObjectId, DisplayFrame, GhostArm, MethodInfo, PageContent, TrialStatus } from "./generated/types";
-import type { Triple } from "./protocol";
+import type { ObjectId, DisplayFrame, PageContent, TrialStatus } from "./generated/types";
+import { methodOf } from "./protocol";
 import { keyName, load, store, type Settings } from "./settings";
 import { choosePalette } from "./objects";
 import { mirrorText } from "./shapes";
+import { Refusal } from "./refusal";
 import { ResultView } from "./result";
+import { ScoresDoor } from "./scoresdoor";
+import { SignalsDrawer } from "./signalsdrawer";
 import { Sounds } from "./sounds";
 import { Stage, whyNotDrawn } from "./stage";
 import { STOPPED } from "./stopbanner";
+import { strings } from "./strings";
 import { Tutorial } from "./tutorial";
 import { ownName, Wheel, type Driver } from "./wheel";
 
@@ -47,29 +54,6 @@ const RELOAD_MS = 3000;
 const canvas = document.getElementById("scene") as HTMLCanvasElement;
 const overlay = document.getElementById("overlay") as HTMLElement;
 
-/** What tests and the curious can look at from the browser's console. */
-interface Debug {
-  frame: DisplayFrame | null;
-  framesReceived: number;
-  framesDrawn: number;
-  framesDropped: number;
-  cues: number;
-  worn: boolean;
-  ghost: GhostArm | null;
-  connected: boolean;
-  content: PageContent | null;
-  camera: CameraKind;
-  chooseCamera(kind: CameraKind): void;
-  /** Where an object or its target is on the screen, CSS pixels from the window's left top. */
-  project(what: "object" | "target", id: ObjectId): { x: number; y: number } | null;
-  /** Where the point of the gaze check is on the screen. */
-  gazePoint(): { x: number; y: number } | null;
-  /** What can be chosen on the headset's board, and where it is as the headset counts, metres. */
-  boardCells(): { label: string; chosen: boolean; at: Triple }[];
-  /** Middle of the table top in `world`, metres. */
-  tableMiddle(): Triple | null;
-}
-
 function start(): void {
   let settings = load();
   choosePalette(settings.palette);
@@ -79,8 +63,16 @@ function start(): void {
   const pointing = new Pointing();
   const motion = new Motion();
   const count = new FrameCount();
+  const [script, whole] = [new ScriptTime(), new ScriptTime()];
+  const signals = new SignalsDrawer((open, escaped) => {
+    live.send({ type: "watch", signals: open });
+    controls.setOpen("signals", open);
+    if (escaped) controls.focus("signals");
+  });
   const sounds = new Sounds();
   const guide = new Guide();
+  const refusal = new Refusal();
+  const scores = new ScoresDoor((open) => controls.setOpen("scores", open));
   let everConnected = false;
   let cursor: Vector2 | null = null;
   let gazeSource: string | null = null;
@@ -96,6 +88,12 @@ function start(): void {
     worn: false,
     ghost: null,
     connected: false,
+    script,
+    whole,
+    drawCalls: 0,
+    triangles: 0,
+    faded: 0,
+    signals,
     content: null,
     camera: cameras.kind,
     chooseCamera,
@@ -139,10 +137,17 @@ function start(): void {
         live.send({ type: "gesture", gesture });
       },
       alive: () => live.send({ type: "alive" }),
-      unread: () => hud.say("The controller was not read for a moment: let go, then press again"),
+      unread: () => hud.say(strings.controls.unread),
       trunk: (posture) => live.send({ type: "trunk", ...posture }),
       restart: () => restart(),
       camera: () => !study.covers && chooseCamera(cameras.next()),
+      signals: () => !study.active && signals.toggle(),
+      views() {
+        stage.toggleInsets();
+        controls.setOpen("views", stage.insets.on);
+      },
+      scores: () => !study.active && scores.toggle(stage.content),
+      turn: (code) => cameras.key(code),
       arrow: (code) => marks.key(code),
     },
     settings.keys,
@@ -176,15 +181,16 @@ function start(): void {
     camera: () => !study.covers && chooseCamera(cameras.next()),
     found(name) {
       controls.showGamepad();
-      hud.say(`Gamepad: ${name}`);
+      hud.say(strings.controls.found(name));
     },
-    lost: () => hud.say("The gamepad is disconnected"),
+    lost: () => hud.say(strings.controls.gone),
   });
   const live = new Live({
     reset() {
       motion.clear();
       count.restart();
       hud.startTrial();
+      signals.clear();
       stage.showGhost(null);
       debug.ghost = null;
       acted = false;
@@ -199,6 +205,7 @@ function start(): void {
       debug.frame = frame;
       debug.framesReceived = count.received;
       debug.framesDropped = count.dropped;
+      signals.frame(frame, methodOf(stage.content, frame));
       sounds.take(frame);
       debug.cues = sounds.given;
       present(frame);
@@ -210,6 +217,8 @@ function start(): void {
     status(status) {
       trial = status;
       hud.setStatus(status, interactive());
+      refusal.show(study.active ? null : status.refused);
+      if (status.results.length > 0) scores.results = status.results;
       showResult(status, motion.latest?.finished ?? false);
       gazeSource = status.gaze_source;
       checkIfAsked(status);
@@ -218,12 +227,13 @@ function start(): void {
       stage.showGhost(arm);
       debug.ghost = arm;
     },
+    signals: (next) => signals.take(next),
     participant: (screen) => study.show(screen),
     driver(next) {
       const before = driver;
       driver = next;
       wheel.show(next);
-      if (before?.you && !next.you && next.name !== null) hud.say(`${next.name} has taken over`);
+      if (before?.you && !next.you && next.name !== null) hud.say(strings.wheel.taken(next.name));
       if (!next.you) check.stop();
       // Another driver's dialogs let time go; a new name alone does not.
       if (before?.you !== next.you) held = false;
@@ -242,6 +252,7 @@ function start(): void {
       debug.connected = connected;
       hud.setConnected(connected, everConnected);
       study.connected(connected);
+      if (connected && signals.open) live.send({ type: "watch", signals: true });
       if (!connected) controls.releaseAll();
     },
     brace: (controller) => (headset.brace = controller),
@@ -296,8 +307,11 @@ function start(): void {
     overlay,
   );
   hud.corner.append(headset.root);
-  hud.view.append(access.root);
-  overlay.append(marks.root, hud.root, tutorial.root, check.root, result.root, study.root, hud.banner, panel.root);
+  hud.root.append(signals.root);
+  hud.view.append(access.root, stage.insets.root);
+  hud.view.prepend(refusal.root);
+  hud.view.querySelector(".toast")?.before(sounds.caption);
+  overlay.append(marks.root, signals.intent.overlay, hud.root, tutorial.root, check.root, result.root, study.root, hud.banner, panel.root, scores.root);
   /** What a study's screens lie over. */
   const behind: HTMLElement[] = [canvas, marks.root, hud.root, tutorial.root, check.root, result.root];
   hud.right.append(controls.root);
@@ -355,6 +369,7 @@ function start(): void {
     hud.setSceneTitle(study.sceneTitle);
     nameTab();
     if (study.active) tutorial.leave();
+    if (study.active && signals.open) signals.toggle();
     check.plain = study.active;
     if (study.covers) check.stop();
     suspend();
@@ -411,7 +426,7 @@ function start(): void {
   function chooseCamera(kind: CameraKind): void {
     cameras.choose(kind, stage.room);
     debug.camera = kind;
-    hud.say(`Camera: ${CAMERA_NAMES[kind]}${kind === "free" ? " — drag to turn, wheel to zoom" : ""}`);
+    hud.say(strings.views.camera(CAMERA_NAMES[kind], kind !== "shoulder"));
   }
 
   function show(content: PageContent, rebuild = false): void {
@@ -424,6 +439,7 @@ function start(): void {
     }
     debug.content = content;
     hud.setContent(content);
+    signals.show(content);
     nameTab();
     tutorial.setMethods(content.methods);
     if (content.interactive && driver === null) join();
@@ -439,7 +455,7 @@ function start(): void {
 
   /** While a dialog is open or the scene is covered, keys and mouse have nothing to do with the arm. Gestures are trained all the same. */
   function suspend(): void {
-    const suspended = panel.open || tutorial.asking || (study.covers && !study.trains);
+    const suspended = panel.open || scores.open || tutorial.asking || (study.covers && !study.trains);
     if (suspended && !controls.suspended) {
       controls.releaseAll();
       access.letGo();
@@ -450,7 +466,7 @@ function start(): void {
   /** While a dialog is open the trial's time stands still. A study's screens come between trials. */
   function reading(): void {
     suspend();
-    const open = panel.open || tutorial.asking;
+    const open = panel.open || scores.open || tutorial.asking;
     if (open === held || !interactive()) return;
     held = open;
     live.send({ type: "hold", on: open });
@@ -478,7 +494,6 @@ function start(): void {
     controls.setKeys(settings.keys);
     access.change(settings);
     tutorial.setKeys(settings.keys);
-    sounds.cues = settings.cues;
     choosePalette(settings.palette);
     mirrorText(settings.leftArm);
     applyMirror();
@@ -490,10 +505,13 @@ function start(): void {
     canvas.classList.toggle("mirrored", settings.leftArm);
     controls.mirrored = settings.leftArm;
     stage.fit(hud.view.getBoundingClientRect(), settings.leftArm);
-    sounds.cues = settings.cues;
+    Object.assign(sounds, { cues: settings.cues, captioned: settings.captions });
   }
 
   window.addEventListener("pointermove", (event) => look(event));
+  canvas.addEventListener("pointermove", (event) => {
+    if (event.shiftKey && event.buttons === 1) cameras.drag(settings.leftArm ? -event.movementX : event.movementX, event.movementY);
+  });
   canvas.addEventListener("pointerdown", (event) => look(event));
   function look(event: PointerEvent): void {
     // Over a card the eyes stay where they were.
@@ -508,6 +526,7 @@ function start(): void {
   let before = performance.now();
   let drawnAt = 0;
   function draw(wall: number): void {
+    const began = performance.now();
     const seconds = Math.max((wall - before) / 1000, 0);
     before = wall;
     reading();
@@ -536,6 +555,7 @@ function start(): void {
         live.send({ type: "drawn" });
       }
       marks.follow(debug.project);
+      signals.intent.follow(debug.project, signals.open);
       const looked = check.followed ?? marks.point();
       if (frame && room && interactive() && (check.followed || (acted && (cursor || looked))) && !controls.suspended && !headset.worn) {
         const eye = new Vector3(...frame.world_from_head.translation);
@@ -544,14 +564,19 @@ function start(): void {
         live.send({ type: "gaze", origin: eye.toArray(), direction: direction.toArray() });
       }
     }
+    signals.draw();
     if (wall - shown.since > 1000) measure(wall);
+    const took = performance.now() - began;
+    whole.take(took);
+    script.take(took - stage.drawingMs);
+    Object.assign(debug, { drawCalls: stage.drawCalls, triangles: stage.triangles, faded: stage.fading.count });
   }
 
   /** The line above the hint on the headset's board. */
   function boardTitle(frame: DisplayFrame): string {
     const score = scoreText(frame.score, stage.content?.briefing);
-    const left = `${Math.max(Math.round(frame.time_left_secs), 0)} s left`;
-    const first = study.active ? study.sceneTitle : `Method ${frame.method}`;
+    const left = strings.hud.left(Math.max(Math.round(frame.time_left_secs), 0));
+    const first = study.active ? study.sceneTitle : strings.hud.byMethod(frame.method);
     return [first, score, study.timed ? left : ""].filter(Boolean).join(" · ");
   }
 
@@ -570,9 +595,4 @@ try {
   start();
 } catch (error) {
   overlay.append(element("div", "banner", whyNotDrawn(error)));
-}
-
-/** What is told of the method by which the frame was made. */
-function methodOf(content: PageContent | null, frame: DisplayFrame): MethodInfo | undefined {
-  return content ? [content.method, ...content.methods].find(({ name }) => name === frame.method) : undefined;
 }

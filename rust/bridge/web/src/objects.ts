@@ -24,7 +24,11 @@ export function choosePalette(next: Palette): void {
 
 /** As read by a person: `red1` is "red 1". */
 export function plainName(id: ObjectId): string {
-  const name = things[id]?.name ?? `object ${id}`;
+  return readName(things[id]?.name ?? `object ${id}`);
+}
+
+/** A name as read by a person. */
+export function readName(name: string): string {
   return name.replace(/[_-]+/g, " ").replace(/([a-z])(\d+)$/i, "$1 $2");
 }
 

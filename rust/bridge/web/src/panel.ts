@@ -5,22 +5,18 @@ import { button, element, setText } from "./dom";
 import type { Gesture } from "./generated/types";
 import { GESTURE_NAMES } from "./protocol";
 import { COMMANDS, DEFAULT_KEYS, DWELLS_MS, keyName, MOST_NAME, SCANS_MS, remap, type Command, type Settings } from "./settings";
+import { strings } from "./strings";
 import { ownName } from "./wheel";
 
-const NAMES: Record<string, string> = {
-  turn_left: "Turn left",
-  ahead: "Lean ahead",
-  turn_right: "Turn right",
-  left: "Lean left",
-  back: "Lean back",
-  right: "Lean right",
-  upright: "Sit up",
-  camera: "Next camera",
-  restart: "New trial",
-};
+const words = strings.settings;
+const NAMES: Record<string, string> = words.commands;
 
 function timeText(ms: number): string {
-  return ms === 0 ? "off" : `${(ms / 1000).toFixed(1)} s`;
+  return ms === 0 ? words.off : `${(ms / 1000).toFixed(1)} s`;
+}
+
+function timesOf(times: number[]): Record<string, string> {
+  return Object.fromEntries(times.map((ms) => [timeText(ms), timeText(ms)]));
 }
 
 export interface PanelHandlers {
@@ -40,7 +36,7 @@ export class Panel {
     private settings: Settings,
     private readonly handlers: PanelHandlers,
   ) {
-    const title = element("h2", "", "Settings");
+    const title = element("h2", "", words.title);
     this.dialog = new Dialog("settings", title, () => this.close());
     this.root = this.dialog.root;
     const keys = element("div", "keymap");
@@ -54,40 +50,41 @@ export class Panel {
       this.keyButtons.set(command, node);
       keys.append(element("span", hidden, gesture ? gesture.name : (NAMES[command] ?? command)), node);
     }
-    const reset = button("Standard keys", () => this.change({ keys: structuredClone(DEFAULT_KEYS) }), "plain");
+    const reset = button(words.standardKeys, () => this.change({ keys: structuredClone(DEFAULT_KEYS) }), "plain");
     this.root.append(
-      element("div", "dialoghead", title, button("Close", () => this.close(), "plain close")),
+      element("div", "dialoghead", title, button(words.close, () => this.close(), "plain close")),
       element(
         "div",
         "columns",
-        element("section", "", element("h3", "", "Keys"), element("p", "note", "Choose one, then press the new key."), keys, reset),
+        element("section", "", element("h3", "", words.keys), element("p", "note", words.chooseKey), keys, reset),
         element(
           "section",
           "",
-          element("h3", "", "Display"),
-          this.choice("Colours", ["standard", "colour-blind"], settings.palette, (palette) =>
+          element("h3", "", words.display),
+          this.choice("colours", words.palettes, settings.palette, (palette) =>
             this.change({ palette: palette as Settings["palette"] }),
           ),
-          this.choice("Cues", ["chimes", "speech", "off"], settings.cues, (cues) => this.change({ cues: cues as Settings["cues"] })),
-          this.choice("Arm", ["right", "left (mirrored)"], settings.leftArm ? "left (mirrored)" : "right", (side) =>
+          this.choice("cues", words.cueKinds, settings.cues, (cues) => this.change({ cues: cues as Settings["cues"] })),
+          this.choice("captions", words.offOn, settings.captions ? "on" : "off", (on) => this.change({ captions: on === "on" })),
+          this.choice("arm", words.sides, settings.leftArm ? "left" : "right", (side) =>
             this.change({ leftArm: side !== "right" }),
           ),
-          element("h3", "", "Without keys"),
-          this.choice("Mouse buttons and wheel make gestures", ["on", "off"], settings.mouseGestures ? "on" : "off", (on) =>
+          element("h3", "", words.withoutKeys),
+          this.choice("mouse", words.onOff, settings.mouseGestures ? "on" : "off", (on) =>
             this.change({ mouseGestures: on === "on" }),
           ),
-          element("p", "note", "On the scene: left wrist extension, right wrist flexion; wheel towards you hand close, away hand open."),
-          this.choice("Resting the pointer acts", DWELLS_MS.map(timeText), timeText(settings.dwellMs), (time) =>
+          element("p", "note", words.mouseNote),
+          this.choice("resting", timesOf(DWELLS_MS), timeText(settings.dwellMs), (time) =>
             this.change({ dwellMs: DWELLS_MS.find((each) => timeText(each) === time) ?? 0 }),
           ),
-          this.choice("One switch (Space, Enter or a click)", SCANS_MS.map(timeText), timeText(settings.scanMs), (time) =>
+          this.choice("one", timesOf(SCANS_MS), timeText(settings.scanMs), (time) =>
             this.change({ scanMs: SCANS_MS.find((each) => timeText(each) === time) ?? 0 }),
           ),
-          element("h3", "", "Driver"),
+          element("h3", "", words.driver),
           this.nameField(),
-          element("h3", "not-in-study", "Gaze"),
+          element("h3", "not-in-study", words.gaze),
           button(
-            "Check the gaze (five points)",
+            words.checkGaze,
             () => {
               this.close();
               this.handlers.gazeCheck();
@@ -95,16 +92,16 @@ export class Panel {
             "plain wide not-in-study",
           ),
           button(
-            "Calibrate the gaze (five points)",
+            words.calibrateGaze,
             () => {
               this.close();
               this.handlers.gazeCalibration();
             },
             "plain wide not-in-study",
           ),
-          element("h3", "not-in-study", "Help"),
+          element("h3", "not-in-study", words.help),
           button(
-            "Show me how to move a block",
+            words.showMe,
             () => {
               this.close();
               this.handlers.tutorial();
@@ -159,8 +156,8 @@ export class Panel {
 
   private show(): void {
     for (const [command, button] of this.keyButtons) {
-      const keys = this.settings.keys[command].map(keyName).join("  ") || "none";
-      setText(button, this.listening === command ? "press a key …" : keys);
+      const keys = this.settings.keys[command].map(keyName).join("  ") || words.noKey;
+      setText(button, this.listening === command ? words.pressKey : keys);
     }
   }
 
@@ -172,16 +169,18 @@ export class Panel {
     field.value = this.settings.name;
     field.placeholder = ownName(navigator.userAgent);
     field.addEventListener("change", () => this.change({ name: field.value.trim() }));
-    return element("label", "choice", element("span", "", "Your name, as others see it"), field);
+    return element("label", "choice", element("span", "", words.yourName), field);
   }
 
-  private choice(label: string, options: string[], chosen: string, changed: (value: string) => void): HTMLElement {
-    const select = element("select", "", ...options.map((option) => element("option", "", option)));
+  /** `options`: what each value is called. */
+  private choice(name: keyof typeof words.choices, options: Record<string, string>, chosen: string, changed: (value: string) => void): HTMLElement {
+    const option = ([value, text]: [string, string]) => Object.assign(element("option", "", text), { value });
+    const select = element("select", "", ...Object.entries(options).map(option));
     select.value = chosen;
-    select.name = label.toLowerCase().split(" ")[0] ?? "";
+    select.name = name;
     select.addEventListener("change", () => {
       changed(select.value);
     });
-    return element("label", "choice", element("span", "", label), select);
+    return element("label", "choice", element("span", "", words.choices[name]), select);
   }
 }

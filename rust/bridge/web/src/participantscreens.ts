@@ -2,6 +2,9 @@
 
 import type { ParticipantScreen, PromptScreen } from "./generated/types";
 import { gestureText } from "./hand";
+import { strings } from "./strings";
+
+const texts = strings.forms;
 
 /** The end of a break is put off only by messages that differ from the clock here by more than this, ms: they take time too. */
 const SAME_MS = 1000;
@@ -15,15 +18,15 @@ export interface Sentence {
 export function sentenceOf(screen: ParticipantScreen, leftSecs = 0): Sentence | null {
   switch (screen.show) {
     case "wait":
-      return { title: "One moment", text: "There is nothing to do now." };
+      return { title: texts.wait, text: texts.waitAbout };
     case "listen":
-      return { title: "Please listen", text: "The experimenter tells you what comes next." };
+      return { title: texts.listen, text: texts.listenAbout };
     case "rest":
       return leftSecs > 0
-        ? { title: "Take a break", text: "Relax your arm and your eyes." }
-        : { title: "The break is over", text: "Say when you are ready." };
+        ? { title: texts.rest, text: texts.restAbout }
+        : { title: texts.restOver, text: texts.restOverAbout };
     case "thanks":
-      return { title: "Thank you", text: "The session is over." };
+      return { title: texts.thanks, text: texts.over };
     default:
       return null;
   }
@@ -38,8 +41,8 @@ export function placeOf(screen: ParticipantScreen): string {
 export function promptTexts({ recognised, in_a_row, wanted, passed, recording }: PromptScreen): { recognised: string; row: string } {
   const row = wanted === null ? (in_a_row > 0 ? `${in_a_row} in a row` : "") : `In a row: ${in_a_row} of ${wanted}`;
   return {
-    recognised: recognised === null ? (recording ? "Recording" : "") : `Recognised: ${gestureText(recognised)}`,
-    row: passed ? "Passed" : row,
+    recognised: recognised === null ? (recording ? texts.recording : "") : texts.recognised(gestureText(recognised)),
+    row: passed ? texts.passed : row,
   };
 }
 

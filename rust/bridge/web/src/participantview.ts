@@ -7,6 +7,9 @@ import { FormView } from "./formview";
 import type { ParticipantScreen, PromptScreen } from "./generated/types";
 import { gestureText, handPicture } from "./hand";
 import { clockText, Countdown, placeOf, promptTexts, sentenceOf } from "./participantscreens";
+import { strings } from "./strings";
+
+const texts = strings.forms;
 
 /** A program that conducts a study says so within this time of a connection, ms. */
 const SAYS_SO_MS = 3000;
@@ -58,8 +61,8 @@ export class ParticipantView {
     this.form = new FormView(handlers);
     this.clock.setAttribute("role", "timer");
     this.title.tabIndex = this.gesture.tabIndex = -1;
-    this.corner.append(button("Settings", () => handlers.settings(), "cog"));
-    this.root.setAttribute("aria-label", "Study");
+    this.corner.append(button(texts.settings, () => handlers.settings(), "cog"));
+    this.root.setAttribute("aria-label", texts.study);
     this.root.append(
       element("header", "studyhead", element("div", "logo", element("strong", "", "ProACT")), this.corner),
       element("div", "studybody", this.words, this.prompt, this.form.root),

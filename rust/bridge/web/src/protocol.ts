@@ -1,6 +1,6 @@
 // What the page says of the types that the server gives it.
 
-import type { Gesture, Stop } from "./generated/types";
+import type { DisplayFrame, Gesture, MethodInfo, PageContent, Stop } from "./generated/types";
 
 /** x, y, z. */
 export type Triple = [number, number, number];
@@ -13,6 +13,11 @@ export const GESTURE_NAMES: Record<Gesture, { short: string; name: string }> = {
   hand_open: { short: "HO", name: "Hand open" },
   no_motion: { short: "NM", name: "No motion" },
 };
+
+/** A gesture as a person reads it at the beginning of a line; models have names of their own. */
+export function gestureTitle(name: string): string {
+  return GESTURE_NAMES[name as Gesture]?.name ?? capitalised(name.replaceAll("_", " "));
+}
 
 export function gestureOfCode(code: string): Exclude<Gesture, "no_motion"> | null {
   for (const gesture of ["wrist_extension", "wrist_flexion", "hand_close", "hand_open"] as const) {
@@ -28,4 +33,9 @@ export function stopText({ reason }: Pick<Stop, "reason">): string {
 
 export function capitalised(text: string): string {
   return `${text.slice(0, 1).toUpperCase()}${text.slice(1)}`;
+}
+
+/** What is told of the method by which the frame was made. */
+export function methodOf(content: PageContent | null, frame: DisplayFrame): MethodInfo | undefined {
+  return content ? [content.method, ...content.methods].find(({ name }) => name === frame.method) : undefined;
 }

@@ -1,251 +1,391 @@
-// Recorded trials: scrub, play, put two side by side, save a picture or a video.
+// Recorded trials as a laboratory sees them: scenes and signals on one time axis, two trials laid over each other at an event,
+// slow motion, pictures, videos, and links to a moment.
 
 import "./theme.css";
 import "./desk.css";
+import "./replay.css";
 import { CAMERA_KINDS, CAMERA_NAMES, type CameraKind } from "./cameras";
 import { button, element, setClass, setText } from "./dom";
-import type { RecordedTrial, TrialSummary } from "./generated/types";
-import { eventText, scoreText } from "./hud";
-import { objectName } from "./objects";
-import { GESTURE_NAMES } from "./protocol";
-import { Recorder, compose, saveAs } from "./export";
-import { Stage, whyNotDrawn } from "./stage";
-import { Timeline } from "./timeline";
+import { Recorder, saveAs } from "./export";
+import type { TrialEvent, TrialSummary } from "./generated/types";
+import { EventList, timeOf } from "./replayevents";
+import { momentOf, queryOf, type ReplayMoment } from "./replaylink";
+import { CanvasPen, SvgPen, drawPicture, sizeOf } from "./replaypicture";
+import { ReplayView } from "./replayview";
+import { whyNotDrawn } from "./stage";
+import { strings } from "./strings";
 
-const SPEEDS = [0.25, 0.5, 1, 2, 5, 10];
+const words = strings.replay;
+
+const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
 /** A step of the arrow keys, ms. */
 const STEP_MS = 100;
+/** One step of zooming, and the shortest part of the axis on display, ms. */
+const ZOOM = 2;
+const SHORTEST_MS = 200;
+/** Pixels of a saved PNG a CSS pixel. */
+const PNG_SCALE = 2;
 
 const desk = document.getElementById("desk") as HTMLDivElement;
-
-/** One trial on display. */
-class View {
-  readonly root: HTMLElement;
-  readonly canvas = element("canvas");
-  timeline: Timeline | null = null;
-  readonly stage: Stage;
-  private readonly select = element("select");
-  private readonly facts = element("div", "facts");
-  private readonly now = element("div", "facts");
-  private readonly verdict = element("span", "chip");
-  private readonly marks = element("div", "marks");
-  private readonly here = element("i", "here");
-  private wanted = -1;
-
-  constructor(
-    trials: TrialSummary[],
-    private readonly loaded: () => void,
-    private readonly jump: (time: number) => void,
-  ) {
-    this.select.setAttribute("aria-label", "Trial");
-    trials.forEach((trial, k) => {
-      const seed = trial.seed === null ? "" : `, seed ${trial.seed}`;
-      const option = element("option", "", `${trial.name} · ${trial.method}, ${trial.setup}${seed}`);
-      option.value = String(k);
-      this.select.append(option);
-    });
-    this.select.addEventListener("change", () => void this.load(Number(this.select.value)));
-    this.root = element(
-      "section",
-      "trial",
-      element("div", "pane head", this.select, this.verdict),
-      element("div", "pane view", this.canvas),
-      element("div", "pane", this.facts, this.now, this.marks),
-    );
-    this.marks.append(this.here);
-    this.stage = new Stage(this.canvas, true);
-  }
-
-  async load(number: number): Promise<void> {
-    this.wanted = number;
-    this.select.value = String(number);
-    setText(this.verdict, "Loading …");
-    const answer = await fetch(`/api/trials/${number}`);
-    if (!answer.ok) {
-      setText(this.verdict, "Cannot be shown");
-      throw new Error(`trial ${number}: ${(await answer.text()) || answer.status}`);
-    }
-    const record = (await answer.json()) as RecordedTrial;
-    if (this.wanted !== number) return;
-    this.timeline = new Timeline(record);
-    this.stage.show(record.content);
-    this.stage.resize();
-    const verdicts = { true: "Digest agrees", false: "Digest DIFFERS: not the recorded trial", null: "From a bag" };
-    setText(this.verdict, verdicts[`${record.agrees}`]);
-    setClass(this.verdict, "live", record.agrees === true);
-    setClass(this.verdict, "off", record.agrees === false);
-    const fact = (name: string, value: string) => element("span", "", `${name} `, element("b", "", value));
-    this.facts.replaceChildren(
-      fact("Method", `${record.method} · ${record.content.method.title}`),
-      fact("Score", scoreText(record.score, record.content.briefing)),
-      fact("Length", `${(this.timeline.end / 1000).toFixed(1)} s${record.finished ? "" : ", unfinished"}`),
-    );
-    this.loaded();
-  }
-
-  /** Puts the events where they are on a ruler of `length` ms. */
-  rule(length: number): void {
-    const events = this.timeline?.events.filter(({ event }) => event !== "gesture_changed") ?? [];
-    this.marks.replaceChildren(
-      ...events.map((event) => {
-        const mark = element("i", event.event);
-        mark.style.left = `${(100 * event.time) / Math.max(length, 1)}%`;
-        mark.title = `${(event.time / 1000).toFixed(1)} s: ${eventText(event)}`;
-        mark.addEventListener("click", () => this.jump(event.time));
-        return mark;
-      }),
-      this.here,
-    );
-  }
-
-  draw(time: number, length: number, seconds: number, wall: number): void {
-    const now = this.timeline?.at(Math.min(time, this.timeline.end));
-    this.here.style.left = `${(100 * time) / Math.max(length, 1)}%`;
-    if (!now) return;
-    const { frame, drawn } = now;
-    this.stage.draw(drawn, frame, seconds, wall);
-    const event = this.timeline?.lastEvent(time);
-    const target = frame.target.object !== null ? objectName(frame.target.object) : "nothing";
-    const parts = [
-      GESTURE_NAMES[frame.gesture].name,
-      frame.mode ? `moves ${frame.mode.name}` : `selects ${target}${frame.target.locked ? ", locked" : ""}`,
-      frame.hand.holds !== null ? `holds ${objectName(frame.hand.holds)}` : `hand ${frame.hand.state}`,
-      frame.mode ? "" : `planner ${frame.planner.state}`,
-      frame.stop ? `stopped: ${frame.stop.reason}` : "",
-      event ? `last: ${eventText(event)}` : "",
-    ];
-    setText(this.now, parts.filter(Boolean).join(" · "));
-  }
-
-  /** What stands under its picture in an export. */
-  caption(time: number): string {
-    const record = this.timeline?.record;
-    return record ? `${record.name} · method ${record.method} · ${(time / 1000).toFixed(2)} s` : "";
-  }
-}
-
-/** The trials that the address names, as `?trial=3&trial=5`; without one the first two. */
-function asked(count: number): number[] {
-  const named = new URLSearchParams(location.search).getAll("trial").map(Number);
-  const known = named.filter((number) => Number.isInteger(number) && number >= 0 && number < count);
-  return known.length > 0 ? known.slice(0, 2) : count > 1 ? [0, 1] : [0];
-}
 
 async function start(): Promise<void> {
   const answer = await fetch("/api/trials", { cache: "no-store" });
   const trials = answer.ok ? ((await answer.json()) as TrialSummary[]) : [];
   if (trials.length === 0) {
-    desk.append(element("p", "pane", "No trial is loaded. Start this page with: proact replay TRIAL_DIRECTORY [ANOTHER] --page"));
+    desk.append(element("p", "pane", words.none));
     return;
   }
-  const views: View[] = [];
-  const shown = element("div", "trials");
-  const range = element("input");
-  const now = element("span", "now");
-  const speed = element("select", "", ...SPEEDS.map((value) => element("option", "", `${value}×`)));
-  const state = { time: 0, length: 0, playing: false };
-  const recorder = new Recorder();
-  range.type = "range";
-  range.min = "0";
-  range.step = "10";
-  range.setAttribute("aria-label", "Time");
-  speed.value = "1×";
-  speed.setAttribute("aria-label", "Speed");
-  range.addEventListener("input", () => (state.time = Number(range.value)));
-  const play = button("Play", () => setPlaying(!state.playing), "primary");
-  const compare = button("Compare with another", () => (views.length === 1 ? add(trials.length > 1 ? 1 : 0) : remove()));
-  const video = button("Record video", () => void toggleVideo());
-  const cameras = CAMERA_KINDS.map((kind) => button(CAMERA_NAMES[kind], () => chooseCamera(kind)));
-  desk.append(
-    element(
-      "header",
-      "deskbar",
-      element("div", "logo", element("strong", "", "ProACT"), element("span", "title", "Replay")),
-      ...cameras,
-      element("span", "push"),
-      compare,
-      button("Save picture", () => void compose(views, state.time).then((picture) => saveAs(picture, `replay-${(state.time / 1000).toFixed(2)}s.png`))),
-      video,
-    ),
-    shown,
-    element("div", "pane scrub", play, speed, range, now),
-  );
+  (window as unknown as { __proact: object }).__proact = new Replay(trials);
+}
 
-  function add(number: number): void {
-    const view = new View(trials, measure, (time) => (state.time = time));
-    views.push(view);
-    shown.append(view.root);
-    for (const each of views) each.stage.resize();
-    setText(compare, views.length === 1 ? "Compare with another" : "Show one");
+class Replay {
+  /** `time` is on the common axis, whose zero is the start of the trials, or the event that they are aligned by; ms. */
+  readonly state: ReplayMoment & { playing: boolean; begin: number; length: number };
+  readonly views: ReplayView[] = [];
+  readonly recorder = new Recorder();
+  private readonly shown = element("div", "trials");
+  private readonly events: EventList;
+  private readonly range = element("input");
+  private readonly now = element("span", "now");
+  private readonly speed = element("select", "", ...SPEEDS.map((value) => element("option", "", `${value}×`)));
+  private readonly align = element("select");
+  private readonly alignNumber = element("input");
+  private readonly told = element("span", "small told");
+  private readonly play = button(words.play, () => this.setPlaying(!this.state.playing), "primary");
+  private readonly compare = button(words.compare, () => this.toggleSecond());
+  private readonly below = button(words.below, () => this.setBelow(!this.state.below));
+  private readonly video = button(words.video, () => void this.toggleVideo());
+  private readonly cameras = CAMERA_KINDS.map((kind) => button(CAMERA_NAMES[kind], () => this.chooseCamera(kind)));
+  /** The address that is in the bar. */
+  private linked = "";
+
+  constructor(private readonly trials: TrialSummary[]) {
+    const asked = momentOf(new URLSearchParams(location.search), trials.length, SPEEDS);
+    this.state = { ...asked, playing: false, begin: 0, length: 0 };
+    this.events = new EventList(asked.hidden, (time) => this.seek(time), () => this.filter());
+    this.build();
+    for (const number of asked.trials) this.add(number);
+    this.chooseCamera(asked.camera);
+    this.setBelow(asked.below);
+    let before = performance.now();
+    const draw = (wall: number) => {
+      const seconds = Math.min(Math.max((wall - before) / 1000, 0), 0.25);
+      before = wall;
+      this.draw(seconds, wall);
+      requestAnimationFrame(draw);
+    };
+    requestAnimationFrame(draw);
+  }
+
+  private build(): void {
+    const { range, speed, align, alignNumber } = this;
+    Object.assign(range, { type: "range", step: "1" });
+    range.setAttribute("aria-label", words.time);
+    range.addEventListener("input", () => this.seek(Number(range.value)));
+    speed.value = `${this.state.speed}×`;
+    speed.setAttribute("aria-label", words.speed);
+    speed.addEventListener("change", () => (this.state.speed = Number.parseFloat(speed.value)));
+    Object.assign(alignNumber, { type: "number", min: "1", value: String(this.state.align?.number ?? 1) });
+    alignNumber.setAttribute("aria-label", words.alignNumber);
+    for (const node of [align, alignNumber]) node.addEventListener("change", () => this.alignBy());
+    this.told.setAttribute("role", "status");
+    const zoom = (label: string, name: string, act: () => void) => {
+      const node = button(label, act);
+      node.title = name;
+      node.setAttribute("aria-label", name);
+      return node;
+    };
+    desk.append(
+      element(
+        "header",
+        "deskbar replaybar",
+        element("div", "logo", element("strong", "", "ProACT"), element("span", "title", words.title)),
+        ...this.cameras,
+        element("span", "push"),
+        this.compare,
+        this.below,
+        element("label", "align", words.align, align),
+        alignNumber,
+        button(words.picture, () => void this.savePng()),
+        button(words.drawing, () => this.saveSvg()),
+        this.video,
+        button(words.link, () => void this.copyLink()),
+        this.told,
+      ),
+      element("div", "replay", this.shown, this.events.root),
+      element(
+        "div",
+        "pane scrub",
+        this.play,
+        speed,
+        zoom("|◂", words.previousEvent, () => this.toEvent(-1)),
+        zoom("▸|", words.nextEvent, () => this.toEvent(1)),
+        range,
+        zoom("−", words.zoomOut, () => this.zoom(ZOOM)),
+        zoom("+", words.zoomIn, () => this.zoom(1 / ZOOM)),
+        zoom("⤢", words.whole, () => this.show(null)),
+        this.now,
+      ),
+    );
+    this.events.root.append(element("p", "small keys", words.keys));
+    window.addEventListener("keydown", (event) => this.key(event));
+  }
+
+  private add(number: number): void {
+    const view = new ReplayView(this.trials, {
+      loaded: () => this.measure(),
+      jump: (time) => this.seek(time),
+      isFolded: (lane) => this.state.folded.includes(lane),
+      folded: (lane, fold) => {
+        const others = this.state.folded.filter((other) => other !== lane);
+        this.state.folded = fold ? [...others, lane] : others;
+      },
+      shows: (event) => this.events.shows(event),
+    });
+    this.views.push(view);
+    this.shown.append(view.root);
     view.load(number).catch((error: unknown) => desk.append(element("p", "pane", String(error))));
+    this.arrange();
   }
 
-  function remove(): void {
-    const view = views.pop();
-    view?.stage.renderer.dispose();
-    view?.root.remove();
-    for (const each of views) each.stage.resize();
-    setText(compare, "Compare with another");
-    measure();
-  }
-
-  function measure(): void {
-    state.length = Math.max(...views.map((view) => view.timeline?.end ?? 0));
-    range.max = String(state.length);
-    for (const view of views) view.rule(state.length);
-  }
-
-  function chooseCamera(kind: CameraKind): void {
-    for (const view of views) view.stage.cameras.choose(kind, view.stage.room);
-    cameras.forEach((node, k) => setClass(node, "now", CAMERA_KINDS[k] === kind));
-  }
-
-  function setPlaying(playing: boolean): void {
-    if (playing && state.time >= state.length) state.time = 0;
-    state.playing = playing;
-    setText(play, playing ? "Pause" : "Play");
-  }
-
-  async function toggleVideo(): Promise<void> {
-    if (recorder.running) {
-      setText(video, "Record video");
-      saveAs(await recorder.stop(), "replay.webm");
-      setPlaying(false);
-      return;
+  private toggleSecond(): void {
+    if (this.views.length === 1) {
+      this.add(this.trials.length > 1 ? (this.views[0]?.number === 1 ? 0 : 1) : 0);
+      this.chooseCamera(this.state.camera);
+    } else {
+      this.views.pop()?.dispose();
+      this.arrange();
+      this.measure();
     }
-    recorder.start(views);
-    setText(video, "Stop and save");
-    setPlaying(true);
   }
 
-  window.addEventListener("keydown", (event) => {
-    if (event.target instanceof HTMLSelectElement) return;
-    const step = event.code === "ArrowRight" ? STEP_MS : event.code === "ArrowLeft" ? -STEP_MS : 0;
-    if (step !== 0) state.time = Math.min(Math.max(state.time + step, 0), state.length);
-    if (event.code === "Space") setPlaying(!state.playing);
-    if (step !== 0 || event.code === "Space") event.preventDefault();
-  });
+  private arrange(): void {
+    setText(this.compare, this.views.length === 1 ? words.compare : words.one);
+    this.below.hidden = this.views.length === 1;
+    setClass(this.shown, "two", this.views.length > 1);
+    for (const each of this.views) each.stage.resize();
+  }
 
-  for (const number of asked(trials.length)) add(number);
-  chooseCamera("shoulder");
-  let before = performance.now();
-  requestAnimationFrame(function draw(wall: number) {
-    const seconds = Math.min(Math.max((wall - before) / 1000, 0), 0.25);
-    before = wall;
-    if (state.playing) {
-      state.time = Math.min(state.time + 1000 * seconds * Number.parseFloat(speed.value), state.length);
-      if (state.time >= state.length) {
-        setPlaying(false);
-        if (recorder.running) void toggleVideo();
+  private setBelow(below: boolean): void {
+    this.state.below = below;
+    setText(this.below, below ? words.beside : words.below);
+    setClass(this.shown, "below", below);
+    for (const each of this.views) each.stage.resize();
+  }
+
+  private get timelines() {
+    return this.views.flatMap(({ timeline }) => (timeline ? [timeline] : []));
+  }
+
+  /** After another trial, another alignment, another choice of events. */
+  private measure(): void {
+    const { align } = this.state;
+    const missing: string[] = [];
+    for (const view of this.views) {
+      const time = align && view.timeline ? timeOf(view.timeline.events, align.event, align.number) : 0;
+      view.zero = time ?? 0;
+      const { timeline } = view;
+      if (align && timeline && time === null) {
+        const count = timeline.events.filter(({ event }) => event === align.event).length;
+        missing.push(words.alignMissing(timeline.record.name, count));
       }
     }
-    for (const view of views) view.draw(state.time, state.length, seconds, wall);
-    recorder.draw(views, state.time);
-    if (document.activeElement !== range || state.playing) range.value = String(state.time);
-    setText(now, `${(state.time / 1000).toFixed(2)} / ${(state.length / 1000).toFixed(1)} s`);
-    requestAnimationFrame(draw);
-  });
-  (window as unknown as { __proact: object }).__proact = { state, views, recorder };
+    setText(this.told, missing.join("; "));
+    const extents = this.views.filter(({ timeline }) => timeline).map(({ extent }) => extent);
+    if (extents.length === 0) return;
+    const begin = Math.min(...extents.map(([from]) => from));
+    const end = Math.max(...extents.map(([, to]) => to));
+    Object.assign(this.state, { begin, length: end - begin });
+    Object.assign(this.range, { min: String(begin), max: String(end) });
+    // Until all trials are there, a moment that lies further off is kept.
+    if (extents.length === this.views.length) this.state.time = Math.min(Math.max(this.state.time, begin), end);
+    this.offerKinds();
+    this.filter();
+  }
+
+  private offerKinds(): void {
+    const kinds = new Set(this.timelines.flatMap(({ events }) => events.map(({ event }) => event)));
+    if (this.state.align) kinds.add(this.state.align.event);
+    const option = (value: string, text: string) => Object.assign(element("option", "", text), { value });
+    this.align.replaceChildren(option("", words.alignStart), ...[...kinds].sort().map((kind) => option(kind, words.kinds[kind])));
+    this.align.value = this.state.align?.event ?? "";
+    this.alignNumber.hidden = this.state.align === null;
+  }
+
+  private alignBy(): void {
+    const event = this.align.value as TrialEvent["event"] | "";
+    const number = Math.max(Math.round(Number(this.alignNumber.value)) || 1, 1);
+    this.alignNumber.value = String(number);
+    // What is on display of the first trial stays on display.
+    const own = this.state.time + (this.views[0]?.zero ?? 0);
+    this.state.align = event === "" ? null : { event, number };
+    this.state.window = null;
+    this.measure();
+    this.seek(event === "" ? own : 0);
+  }
+
+  private filter(): void {
+    this.state.hidden = this.events.hiddenGroups;
+    const placed = this.views.flatMap(({ timeline, zero }, view) => timeline?.events.map((event) => ({ event, time: event.time - zero, view })) ?? []);
+    this.events.put(placed, this.views.length);
+    this.show(this.state.window);
+  }
+
+  /** Shows this part of the axis; null for all of it. */
+  private show(part: [number, number] | null): void {
+    this.state.window = part;
+    for (const view of this.views) view.rule(part ?? this.whole, this.whole);
+  }
+
+  private get whole(): [number, number] {
+    return [this.state.begin, this.state.begin + this.state.length];
+  }
+
+  private zoom(factor: number): void {
+    const [from, to] = this.state.window ?? this.whole;
+    const span = Math.max((to - from) * factor, SHORTEST_MS);
+    this.show(span >= this.state.length ? null : this.around(this.state.time, span));
+  }
+
+  /** A part of the axis about `time`. */
+  private around(time: number, span: number): [number, number] {
+    const [begin, end] = this.whole;
+    const from = Math.min(Math.max(time - span / 2, begin), end - span);
+    return [from, from + span];
+  }
+
+  private seek(time: number): void {
+    const [begin, end] = this.whole;
+    this.state.time = Math.min(Math.max(time, begin), end);
+    this.follow();
+  }
+
+  /** A part of the axis that the cursor has left moves on. */
+  private follow(): void {
+    const { window: part, time } = this.state;
+    if (!part || (time >= part[0] && time <= part[1])) return;
+    const span = part[1] - part[0];
+    this.show(this.state.playing ? this.around(time + span / 2, span) : this.around(time, span));
+  }
+
+  private toEvent(direction: 1 | -1): void {
+    const time = this.events.beside(this.state.time, direction);
+    if (time !== null) this.seek(time);
+  }
+
+  private chooseCamera(kind: CameraKind): void {
+    const { eye, at } = this.state;
+    this.state.camera = kind;
+    for (const { stage } of this.views) {
+      stage.cameras.choose(kind, stage.room);
+      if (kind === "free" && eye && at) stage.cameras.put(eye, at);
+    }
+    this.cameras.forEach((node, k) => setClass(node, "now", CAMERA_KINDS[k] === kind));
+  }
+
+  private setPlaying(playing: boolean): void {
+    const [begin, end] = this.whole;
+    if (playing && this.state.time >= end) this.state.time = begin;
+    this.state.playing = playing;
+    setText(this.play, playing ? words.pause : words.play);
+  }
+
+  private draw(seconds: number, wall: number): void {
+    const { state } = this;
+    const [begin, end] = this.whole;
+    if (state.playing) {
+      state.time = Math.min(state.time + 1000 * seconds * state.speed, end);
+      this.follow();
+      if (state.time >= end) {
+        this.setPlaying(false);
+        if (this.recorder.running) void this.toggleVideo();
+      }
+    }
+    for (const view of this.views) view.draw(state.time, this.whole, seconds, wall);
+    this.recorder.draw(this.views, state.time);
+    this.events.moveTo(state.time);
+    if (document.activeElement !== this.range || state.playing) this.range.value = String(state.time);
+    setText(this.now, `${(state.time / 1000).toFixed(2).replace("-", "−")} / ${((begin + state.length) / 1000).toFixed(1)} s`);
+    if (!state.playing && this.views.every(({ timeline }) => timeline)) this.keepLink();
+  }
+
+  /** The address bar has the link to what is on display. */
+  private keepLink(): void {
+    this.state.trials = this.views.map(({ number }) => number);
+    const place = this.views[0]?.stage.cameras.place ?? null;
+    Object.assign(this.state, { eye: place?.eye ?? null, at: place?.at ?? null });
+    const query = queryOf(this.state, new URLSearchParams(location.search)).toString();
+    if (query === this.linked) return;
+    this.linked = query;
+    history.replaceState(null, "", `?${query}`);
+  }
+
+  private async copyLink(): Promise<void> {
+    this.keepLink();
+    try {
+      await navigator.clipboard.writeText(location.href);
+      setText(this.told, words.linkCopied);
+    } catch {
+      setText(this.told, words.linkShown);
+    }
+  }
+
+  private get axis(): string {
+    const { align } = this.state;
+    return align ? words.axisFrom(`${words.kinds[align.event]} ${align.number}`) : words.axis;
+  }
+
+  private fileName(ending: string): string {
+    return `replay-${(this.state.time / 1000).toFixed(2)}s.${ending}`;
+  }
+
+  private async savePng(): Promise<void> {
+    const pictured = this.views.map((view) => view.pictured(this.state.time));
+    const { width, height } = sizeOf(pictured);
+    const canvas = element("canvas");
+    Object.assign(canvas, { width: PNG_SCALE * width, height: PNG_SCALE * height });
+    const context = canvas.getContext("2d");
+    if (!context) return;
+    drawPicture(new CanvasPen(context, PNG_SCALE), pictured, this.axis);
+    const blob = await new Promise<Blob | null>((resolve) => canvas.toBlob(resolve, "image/png"));
+    if (blob) saveAs(blob, this.fileName("png"));
+  }
+
+  private saveSvg(): void {
+    const pictured = this.views.map((view) => view.pictured(this.state.time));
+    const { width, height } = sizeOf(pictured);
+    const pen = new SvgPen(width, height, pictured.map(({ caption }) => caption).join(" · "));
+    drawPicture(pen, pictured, this.axis);
+    saveAs(new Blob([pen.toString()], { type: "image/svg+xml" }), this.fileName("svg"));
+  }
+
+  private async toggleVideo(): Promise<void> {
+    if (this.recorder.running) {
+      setText(this.video, words.video);
+      saveAs(await this.recorder.stop(), "replay.webm");
+      this.setPlaying(false);
+      return;
+    }
+    this.recorder.start(this.views);
+    setText(this.video, words.stopVideo);
+    this.setPlaying(true);
+  }
+
+  private key(event: KeyboardEvent): void {
+    const { target } = event;
+    if (event.ctrlKey || event.metaKey || event.altKey || target instanceof HTMLSelectElement) return;
+    if (target instanceof HTMLInputElement && target.type === "number") return;
+    const direction = event.code === "ArrowRight" ? 1 : event.code === "ArrowLeft" ? -1 : 0;
+    // Space is the button's or the box's that has the focus.
+    const plays = event.code === "Space" && (target === document.body || target === this.range);
+    if (direction !== 0 && event.shiftKey) this.toEvent(direction);
+    else if (direction !== 0) this.seek(this.state.time + direction * STEP_MS);
+    else if (plays) this.setPlaying(!this.state.playing);
+    else if (event.key === "+") this.zoom(1 / ZOOM);
+    else if (event.key === "-") this.zoom(ZOOM);
+    else return;
+    event.preventDefault();
+  }
 }
 
 start().catch((error: unknown) => desk.append(element("div", "banner", whyNotDrawn(error))));

@@ -2,18 +2,15 @@
 
 import { Dialog } from "./dialog";
 import { button, element, setText } from "./dom";
+import { strings } from "./strings";
 import type { AfterTrial, ResultCard, TrialStatus } from "./generated/types";
 
 /** What became of an object, in words. */
-const OUTCOMES: Record<string, string> = {
-  on_target: "on target",
-  crossed_off_target: "beside its target",
-  dropped_table_side: "dropped on the table",
-  dropped_floor: "dropped on the floor",
-  moved_not_crossed: "moved, not across",
-  not_attempted: "not moved",
-};
-const OFFERS: Record<AfterTrial, string> = { watch_again: "Watch again", drive: "Now you drive" };
+const words = strings.result;
+const OUTCOMES: Record<string, string> = words.outcomes;
+const OFFERS: Record<AfterTrial, string> = words.offers;
+/** Trials that are compared, this one included. */
+const MOST_COMPARED = 4;
 
 const seconds = (value: number | null) => (value === null ? "–" : `${value.toFixed(1)} s`);
 const centimetres = (value: number | null) => (value === null ? "–" : `${(100 * value).toFixed(1)} cm`);
@@ -23,8 +20,8 @@ export function summary(card: ResultCard): { who: string; score: string; time: s
   const placed = card.objects.filter(({ place_s, error_m }) => place_s !== null && error_m !== null);
   const error = placed.reduce((sum, { error_m }) => sum + (error_m ?? 0), 0) / Math.max(placed.length, 1);
   return {
-    who: `${card.who}, method ${card.method}`,
-    score: card.most === null ? `${card.score}` : `${card.score} of ${card.most}`,
+    who: words.who(card.who, card.method),
+    score: card.most === null ? `${card.score}` : words.scoreOf(card.score, card.most),
     time: seconds(card.seconds),
     error: centimetres(placed.length > 0 ? error : null),
     path: `${card.path_m.toFixed(1)} m`,
@@ -34,11 +31,10 @@ export function summary(card: ResultCard): { who: string; score: string; time: s
 /** How the newest trial compares with the one before it, in a sentence; empty without one. */
 export function comparison([now, before]: ResultCard[]): string {
   if (!now || !before || now.score_name !== before.score_name) return "";
-  const who = `${before.who === now.who ? "the trial before" : before.who.toLowerCase()} (method ${before.method})`;
+  const who = words.compared(before.who === now.who ? words.trialBefore : before.who.toLowerCase(), before.method);
   const [more, faster] = [now.score - before.score, before.seconds - now.seconds];
-  const score = more === 0 ? "As many" : more > 0 ? `${more} more` : `${-more} fewer`;
-  const time = Math.abs(faster) < 0.05 ? "in the same time" : `in ${Math.abs(faster).toFixed(1)} s ${faster > 0 ? "less" : "more"}`;
-  return `${score} ${now.score_name} ${more === 0 ? "as" : "than"} ${who}, ${time}.`;
+  const time = Math.abs(faster) < 0.05 ? words.sameTime : (faster > 0 ? words.lessTime : words.moreTime)(Math.abs(faster).toFixed(1));
+  return words.comparison(more, now.score_name, who, time);
 }
 
 function table(classes: string, head: string[], rows: string[][]): HTMLElement {
@@ -80,7 +76,7 @@ export class ResultView {
       this.dismissed = "";
       return;
     }
-    const text = JSON.stringify([status.results, status.offers, drives]);
+    const text = JSON.stringify([status.results.slice(0, MOST_COMPARED), status.offers, drives]);
     if (text !== this.shown) this.fill(status, card, drives);
     this.shown = text;
     if (this.dismissed !== text) this.dialog.show();
@@ -99,22 +95,22 @@ export class ResultView {
       seconds(place_s),
       centimetres(error_m),
     ]);
-    const rows = results.map((each, k) => {
+    const rows = results.slice(0, MOST_COMPARED).map((each, k) => {
       const { who, score, time, error, path } = summary(each);
-      return [k === 0 ? `This trial: ${who}` : who, score, time, error, path];
+      return [k === 0 ? words.thisTrial(who) : who, score, time, error, path];
     });
     this.body.replaceChildren(
-      ...(objects.length > 0 ? [table("figures-table", ["Block", "", "To the grip", "To the release", "From its target"], objects)] : []),
-      table("figures-table", ["", capital(card.score_name), "Time", "Mean error", "Path of the wrist"], rows),
+      ...(objects.length > 0 ? [table("figures-table", words.blockColumns, objects)] : []),
+      table("figures-table", ["", capital(card.score_name), ...words.trialColumns], rows),
       element("p", "verdict", comparison(results)),
       ...card.norms.map((norm) => element("p", "norm", capital(norm))),
     );
     this.buttons.replaceChildren(
       ...offers.map((offer) => button(OFFERS[offer], () => this.after(offer), offer === "drive" ? "primary" : "plain")),
       ...(drives
-        ? [button("New trial", () => this.restart(false), "primary"), button("Same blocks again", () => this.restart(true), "plain")]
+        ? [button(words.newTrial, () => this.restart(false), "primary"), button(words.again, () => this.restart(true), "plain")]
         : []),
-      button("Look at the scene", () => {
+      button(words.look, () => {
         this.dismissed = this.shown;
         this.dialog.close();
       }, "plain"),

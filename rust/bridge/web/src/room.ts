@@ -16,6 +16,7 @@ import {
   Vector3,
 } from "three";
 import { Crowd } from "./crowd";
+import { LARGE_ONLY } from "./insets";
 import type { DrawnPose } from "./motion";
 import type { ObjectId, Scene, Shape, TaskGoal } from "./generated/types";
 import { knowObjects, objectColour, objectLabel } from "./objects";
@@ -126,6 +127,7 @@ function fixed(object: { name: string; shape: Shape; pose: Parameters<typeof pla
     return floor(object.pose.translation[2] + object.shape.size[2] / 2);
   }
   const mesh = new Mesh(shapeGeometry(object.shape), wood(object.name));
+  if (object.name.startsWith("leg")) mesh.layers.set(LARGE_ONLY);
   place(mesh, object.pose);
   mesh.castShadow = true;
   mesh.receiveShadow = true;
@@ -190,6 +192,8 @@ function floor(height: number): Object3D {
   );
   const shadow = new Mesh(new CircleGeometry(3, 64), new ShadowMaterial({ opacity: 0.16 }));
   shadow.receiveShadow = true;
+  disc.layers.set(LARGE_ONLY);
+  shadow.layers.set(LARGE_ONLY);
   disc.position.z = height - 0.002;
   shadow.position.z = height;
   group.add(disc, shadow);

@@ -4,7 +4,7 @@ import type { Gesture } from "./generated/types";
 
 export type GestureKey = Exclude<Gesture, "no_motion">;
 export type LeanKey = "turn_left" | "ahead" | "turn_right" | "left" | "back" | "right";
-export type ActionKey = "upright" | "camera" | "restart";
+export type ActionKey = "upright" | "camera" | "signals" | "views" | "scores" | "restart";
 export type Command = GestureKey | LeanKey | ActionKey;
 
 export type Palette = "standard" | "colour-blind";
@@ -15,6 +15,8 @@ export interface Settings {
   keys: Record<Command, string[]>;
   palette: Palette;
   cues: Cues;
+  /** Each sound is named on the page. */
+  captions: boolean;
   /** Shows the scene mirrored, as someone with a left prosthesis meets it. */
   leftArm: boolean;
   /** The tutorial was done or skipped. */
@@ -42,6 +44,9 @@ export const DEFAULT_KEYS: Settings["keys"] = {
   right: ["KeyL"],
   upright: ["KeyP"],
   camera: ["KeyC"],
+  signals: ["KeyG"],
+  views: ["KeyV"],
+  scores: ["KeyB"],
   restart: ["KeyR"],
 };
 export const COMMANDS = Object.keys(DEFAULT_KEYS) as Command[];
@@ -78,6 +83,7 @@ export function readSettings(text: string | null): Settings {
     keys,
     palette: stored.palette === "colour-blind" ? "colour-blind" : "standard",
     cues: stored.cues === "speech" || stored.cues === "off" ? stored.cues : "chimes",
+    captions: stored.captions === true,
     leftArm: stored.leftArm === true,
     welcomed: stored.welcomed === true,
     mouseGestures: stored.mouseGestures !== false,

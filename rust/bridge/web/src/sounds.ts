@@ -1,14 +1,26 @@
-// What is heard: short tones made here, or spoken words. A browser lets a page sound only after a first touch.
+// What is heard: short tones made here, or spoken words, each with a caption for those who do not hear it. A browser lets a page sound
+// only after a first touch.
+//
+// Sounds differ in timbre and course and not in pitch alone: ticks for locks, buzzes for what cannot be, a bell with an overtone for what
+// counts, tones that glide for the hand.
 
 import type { Cue as Occasion, DisplayFrame, FeedbackCue, Tone, TrialEvent } from "./generated/types";
+import { element, setText } from "./dom";
 import type { Cues } from "./settings";
+import { strings } from "./strings";
 
 /** Notes as [frequency in hertz, start in seconds, length in seconds]. */
 type Note = [number, number, number];
-interface Cue {
+export interface Cue {
   notes: Note[];
+  timbre: OscillatorType;
   words: string;
+  caption: string;
 }
+
+/** A caption stays for so long, ms. */
+const CAPTION_MS = 1800;
+const { captions } = strings;
 
 /** What the testbed's own cues are in words. Those that go on are heard as tones only. */
 export const SPOKEN: Partial<Record<Occasion, string>> = {
@@ -22,15 +34,20 @@ export const SPOKEN: Partial<Record<Occasion, string>> = {
 export function cueOf(event: TrialEvent): Cue | null {
   switch (event.event) {
     case "locked":
-      return { notes: [[1175, 0, 0.06]], words: "locked" };
+      return { notes: [[1568, 0, 0.05]], timbre: "square", words: "locked", caption: captions.locked };
     case "unlocked":
-      return { notes: [[880, 0, 0.06]], words: "free" };
+      return { notes: [[622, 0, 0.05], [466, 0.06, 0.06]], timbre: "square", words: "free", caption: captions.unlocked };
     case "plan_finished":
       return event.status === "ok" || event.status === "intermediate" || event.status === "cancelled"
         ? null
-        : { notes: [[196, 0, 0.12], [196, 0.17, 0.16]], words: "no plan" };
+        : { notes: [[147, 0, 0.12], [147, 0.17, 0.16]], timbre: "sawtooth", words: "no plan", caption: captions.no_plan };
     case "trial_finished":
-      return { notes: [[523, 0, 0.15], [659, 0.14, 0.15], [784, 0.28, 0.15], [1047, 0.42, 0.4]], words: "trial over" };
+      return {
+        notes: [[523, 0, 0.15], [659, 0.14, 0.15], [784, 0.28, 0.15], [1047, 0.42, 0.4]],
+        timbre: "triangle",
+        words: "trial over",
+        caption: captions.trial_over,
+      };
     default:
       return null;
   }
@@ -38,12 +55,19 @@ export function cueOf(event: TrialEvent): Cue | null {
 
 export class Sounds {
   cues: Cues = "chimes";
+  /** Captions are shown, whatever is heard. */
+  captioned = false;
+  readonly caption = element("div", "caption");
   /** Cues given so far. */
   given = 0;
+  private captionTimer = 0;
   private context: AudioContext | null = null;
   private held: { tone: OscillatorNode; volume: GainNode; until: number } | null = null;
 
   constructor() {
+    this.caption.hidden = true;
+    // What happens is announced already.
+    this.caption.setAttribute("aria-hidden", "true");
     const wake = () => {
       this.context ??= new AudioContext();
       void this.context.resume();
@@ -52,14 +76,17 @@ export class Sounds {
   }
 
   take(frame: DisplayFrame): void {
-    if (this.cues === "off") return;
     for (const event of frame.events) {
       const cue = cueOf(event);
       if (!cue) continue;
+      this.say(cue.caption);
+      if (this.cues === "off") continue;
       this.given += 1;
       if (this.cues === "speech") this.speak(cue.words);
-      else this.play(cue.notes);
+      else this.play(cue);
     }
+    for (const { cue, sound } of frame.feedback) if (sound || SPOKEN[cue]) this.say(captions[cue]);
+    if (this.cues === "off") return;
     for (const cue of frame.feedback) this.give(cue);
   }
 
@@ -77,21 +104,31 @@ export class Sounds {
     }
   }
 
+  private say(text: string): void {
+    if (!this.captioned) return;
+    setText(this.caption, `♪ ${text}`);
+    this.caption.hidden = false;
+    window.clearTimeout(this.captionTimer);
+    this.captionTimer = window.setTimeout(() => (this.caption.hidden = true), CAPTION_MS);
+  }
+
   private speak(words: string): void {
     if (!("speechSynthesis" in window)) return;
     window.speechSynthesis.cancel();
     window.speechSynthesis.speak(new SpeechSynthesisUtterance(words));
   }
 
-  private play(notes: Note[]): void {
+  private play({ notes, timbre }: Cue): void {
     const context = this.context;
     if (!context || context.state !== "running") return;
     for (const [hertz, start, seconds] of notes) {
-      const { tone, volume } = voice(context, hertz);
+      const { tone, volume } = voice(context, hertz, timbre);
       const from = context.currentTime + start;
+      // Square and saw are louder at the same height.
+      const loud = timbre === "triangle" ? 0.16 : 0.07;
       // Soft edges: a tone that is cut off clicks.
       volume.gain.setValueAtTime(0, from);
-      volume.gain.linearRampToValueAtTime(0.16, from + 0.012);
+      volume.gain.linearRampToValueAtTime(loud, from + 0.012);
       volume.gain.exponentialRampToValueAtTime(0.001, from + seconds);
       tone.start(from);
       tone.stop(from + seconds + 0.02);
@@ -135,10 +172,10 @@ export class Sounds {
   }
 }
 
-function voice(context: AudioContext, hertz: number): { tone: OscillatorNode; volume: GainNode } {
+function voice(context: AudioContext, hertz: number, timbre: OscillatorType = "triangle"): { tone: OscillatorNode; volume: GainNode } {
   const tone = context.createOscillator();
   const volume = context.createGain();
-  tone.type = "triangle";
+  tone.type = timbre;
   tone.frequency.value = hertz;
   tone.connect(volume).connect(context.destination);
   return { tone, volume };

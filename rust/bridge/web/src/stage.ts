@@ -16,6 +16,9 @@ import { Arm, Meshes } from "./arm";
 import { aim } from "./aim";
 import { AxisDisplay } from "./axes";
 import { Cameras } from "./cameras";
+import { Depth } from "./depth";
+import { Fading } from "./fading";
+import { Insets } from "./insets";
 import { Markers } from "./markers";
 import type { Drawn } from "./motion";
 import type { DisplayFrame, GhostArm, ObjectId, PageContent } from "./generated/types";
@@ -50,6 +53,8 @@ export class Stage {
   room: Room | null = null;
   /** Pictures drawn so far. */
   drawn = 0;
+  /** What the graphics library took for the last picture, ms. */
+  drawingMs = 0;
   /** The room is drawn without the arm, which would be in the way of something to read. */
   roomOnly = false;
   private arm: Arm | null = null;
@@ -60,6 +65,9 @@ export class Stage {
   private markers: Markers | null = null;
   private axes: AxisDisplay | null = null;
   private plumb: Plumb | null = null;
+  private depth: Depth | null = null;
+  readonly fading = new Fading();
+  readonly insets = new Insets();
   private readonly meshes = new Meshes();
   private readonly sun = new DirectionalLight("#fff4e2", 2.3);
   private readonly fill = new DirectionalLight("#dbe9ff", 0.55);
@@ -80,6 +88,8 @@ export class Stage {
     this.renderer.toneMappingExposure = 1.02;
     this.renderer.shadowMap.type = PCFShadowMap;
     this.renderer.setClearColor(0x000000, 0);
+    // A picture may take several passes, which count together.
+    this.renderer.info.autoReset = false;
 
     const environment = new PMREMGenerator(this.renderer);
     this.surroundings = environment.fromScene(new RoomEnvironment(), 0.04).texture;
@@ -120,12 +130,24 @@ export class Stage {
     this.axes = new AxisDisplay(this.arm);
     this.cameras.side = next.arm.side === "left" ? 1 : -1;
     this.plumb = new Plumb();
-    this.things.add(this.room.root, this.arm.root, this.ghost.root, this.markers.root, this.axes.root, this.plumb.root);
+    this.depth = new Depth(next.arm);
+    this.fading.clear();
+    this.insets.show(next.arm);
+    this.things.add(this.room.root, this.arm.root, this.ghost.root, this.markers.root, this.axes.root, this.plumb.root, this.depth.root);
     const { centre } = this.room;
     this.sun.position.copy(centre).add(new Vector3(-0.55, -0.75, 1.9));
     this.sun.target.position.copy(centre);
     this.fill.position.copy(centre).add(new Vector3(-1.4, 1.2, 0.7));
     this.fill.target.position.copy(centre);
+  }
+
+  /** Of the last picture, shadows included. */
+  get drawCalls(): number {
+    return this.renderer.info.render.calls;
+  }
+
+  get triangles(): number {
+    return this.renderer.info.render.triangles;
   }
 
   /** Draws one picture; false if there is nothing to draw yet. */
@@ -143,13 +165,19 @@ export class Stage {
     axes.update(frame, drawn);
     const aimed = frame.mode && !frame.finished && this.content ? aim(frame, this.content.arm, this.content.scene) : null;
     this.plumb?.update(aimed, room.tableHeight);
+    this.depth?.update(frame, drawn, room, aimed !== null);
     markers.root.visible = !this.roomOnly;
     if (this.roomOnly) {
-      for (const part of [arm, ghost, this.shade, axes, this.plumb]) if (part) part.root.visible = false;
+      for (const part of [arm, ghost, this.shade, axes, this.plumb, this.depth]) if (part) part.root.visible = false;
     }
     this.cameras.update(drawn, room, seconds);
     this.cameras.camera.updateMatrixWorld();
+    this.fading.update(arm.root, this.cameras.camera, this.cameras.worn ? null : wanted(frame, room), seconds);
+    const began = performance.now();
+    this.renderer.info.reset();
     this.renderer.render(this.world, this.cameras.camera);
+    if (!this.cameras.worn) this.insets.draw(this.renderer, this.world, drawn, room);
+    this.drawingMs = performance.now() - began;
     this.drawn += 1;
     return true;
   }
@@ -212,8 +240,15 @@ export class Stage {
     this.applyQuality();
   }
 
+  /** Shows or hides the small pictures. They take the place of the lamp's shadows: both together are too much to draw. */
+  toggleInsets(): void {
+    this.insets.toggle();
+    this.applyQuality();
+  }
+
   private applyQuality(): void {
-    const { pixels, shadows, reflections } = QUALITY[this.quality] ?? QUALITY[0];
+    const { pixels, shadows: allowed, reflections } = QUALITY[this.quality] ?? QUALITY[0];
+    const shadows = allowed && !this.insets.on;
     this.renderer.setPixelRatio(pixels < 1 ? pixels : Math.min(window.devicePixelRatio, pixels));
     this.renderer.shadowMap.enabled = shadows;
     this.sun.castShadow = shadows;
@@ -231,6 +266,14 @@ export function whyNotDrawn(error: unknown): string {
     `The scene cannot be drawn: ${reason}. ProACT's page needs WebGL 2; try a current Firefox, Chrome or Edge, ` +
     "with hardware acceleration switched on."
   );
+}
+
+/** What the hand is to go to and the eye has to see: what is selected, else what is next. */
+function wanted({ hand, target, next, finished }: DisplayFrame, room: Room): Vector3 | null {
+  if (finished) return null;
+  if (hand.holds !== null) return target.place ? new Vector3(...target.place) : (room.target(hand.holds) ?? null);
+  const object = target.object ?? next;
+  return object === null ? null : (room.object(object)?.position ?? null);
 }
 
 /** Angles of the ghost: where the plan ends, or the posture that is asked for; none if there is neither. */

@@ -3,8 +3,9 @@
 import { element, setText } from "./dom";
 import type { Stop } from "./generated/types";
 import { stopText } from "./protocol";
+import { strings } from "./strings";
 
-export const STOPPED = "The arm is stopped";
+export const STOPPED = strings.hud.stopped;
 
 export class StopBanner {
   readonly root = element("div", "stop-banner");

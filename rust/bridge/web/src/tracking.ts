@@ -22,6 +22,9 @@ import {
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { element, setClass, setText } from "./dom";
 import type { Pose, ReachPicture, StreamFigures, TrackingReport } from "./generated/types";
+import { strings } from "./strings";
+
+const words = strings.tracking;
 
 /** From report to report, ms. */
 const EVERY_MS = 100;
@@ -33,12 +36,12 @@ const link = element("span", "muted", "connecting");
 const scene = element("div", "scene");
 const canvas = element("canvas");
 canvas.setAttribute("role", "img");
-canvas.setAttribute("aria-label", "Frames of the tracking system and of the shoulder in space; the figures beside say the same");
+canvas.setAttribute("aria-label", words.pictureLabel);
 const legend = element("p", "legend muted", "x red, y green, z blue. Longest axes: world; next: tracking system; with a ring: the body. Tiles: what the hand reaches, green without leaning, yellow by leaning, red not.");
 scene.append(canvas, legend);
 const cards = element("section");
-cards.setAttribute("aria-label", "Sources");
-document.getElementById("page")?.append(element("header", "", element("h1", "", "Tracking"), link), scene, cards);
+cards.setAttribute("aria-label", words.sources);
+document.getElementById("page")?.append(element("header", "", element("h1", "", words.title), link), scene, cards);
 
 /** The figures of one source. */
 class Card {
@@ -55,26 +58,26 @@ class Card {
 
   show(report: TrackingReport): void {
     setText(this.title, report.source);
-    setText(this.verdict, report.fault === null ? "Good: the arm can follow" : report.fault);
+    setText(this.verdict, report.fault === null ? words.good : report.fault);
     setClass(this.verdict, "bad", report.fault !== null);
-    this.set("Body", report.body);
-    this.set("Rate", `${report.rate_hz.toFixed(0)} Hz`);
-    this.set("Age", report.age_secs === null ? "no pose yet" : `${(1000 * report.age_secs).toFixed(0)} ms`);
+    this.set(words.body, report.body);
+    this.set(words.rate, `${report.rate_hz.toFixed(0)} Hz`);
+    this.set(words.age, report.age_secs === null ? words.noPose : `${(1000 * report.age_secs).toFixed(0)} ms`);
     const { stream, noise_m, noise_rad } = report;
-    this.set("Lag", stream ? `${ms(stream.lag_secs)} behind the quickest pose` : UNKNOWN);
-    this.set("Jitter", stream ? ms(stream.jitter_secs) : UNKNOWN);
+    this.set(words.lag, stream ? words.behind(ms(stream.lag_secs)) : UNKNOWN);
+    this.set(words.jitter, stream ? ms(stream.jitter_secs) : UNKNOWN);
     this.set("Drop-outs", stream ? dropouts(stream) : UNKNOWN);
-    this.set("Noise", noise_m === null || noise_rad === null ? UNKNOWN : `${(1000 * noise_m).toFixed(2)} mm, ${((180 * noise_rad) / Math.PI).toFixed(2)} degrees`);
-    this.set("In tracking", place(report.tracking_from_body));
-    this.set("Shoulder in world", place(report.world_from_shoulder));
-    for (const { kind, line, usable } of report.calibrations) this.set(`Calibrated ${kind}`, usable ? line : `not used: ${line}`);
-    if (report.calibrations.length === 0) this.set("Calibration", "none: the arm hangs where the set-up has the shoulder");
-    if (report.headset !== null) this.set("Headset", report.headset);
-    if (report.posture !== null) this.set("Posture", report.posture);
-    if (report.reach !== null) this.set("In reach", report.reach.line);
-    if (report.limb !== null) this.set("Limb", report.limb);
-    this.set("Unreadable", String(report.malformed));
-    this.set("Bodies seen", report.bodies.join(", ") || "none");
+    this.set(words.noise, noise_m === null || noise_rad === null ? UNKNOWN : `${(1000 * noise_m).toFixed(2)} mm, ${((180 * noise_rad) / Math.PI).toFixed(2)} degrees`);
+    this.set(words.inTracking, place(report.tracking_from_body));
+    this.set(words.inWorld, place(report.world_from_shoulder));
+    for (const { kind, line, usable } of report.calibrations) this.set(words.calibrated(kind), usable ? line : words.notUsed(line));
+    if (report.calibrations.length === 0) this.set(words.calibration, words.noCalibration);
+    if (report.headset !== null) this.set(words.headset, report.headset);
+    if (report.posture !== null) this.set(words.posture, report.posture);
+    if (report.reach !== null) this.set(words.inReach, report.reach.line);
+    if (report.limb !== null) this.set(words.limb, report.limb);
+    this.set(words.unreadable, String(report.malformed));
+    this.set(words.bodies, report.bodies.join(", ") || "none");
   }
 
   private set(name: string, value: string): void {
@@ -98,7 +101,7 @@ function ms(secs: number): string {
 
 /** Of the last ten seconds. */
 function dropouts({ dropouts: count, longest_secs: longest, missing }: StreamFigures): string {
-  return count === 0 ? "none in 10 s" : `${count} in 10 s, the longest ${ms(longest)}, ${(100 * missing).toFixed(1)} % of the time`;
+  return count === 0 ? words.noDropouts : words.dropouts(count, ms(longest), 100 * missing);
 }
 
 /** The frames of one source in `world`. */
@@ -188,14 +191,14 @@ function makeView(): { world: Scene; draw: () => void } | null {
     window.addEventListener("resize", draw);
     return { world, draw };
   } catch {
-    scene.replaceChildren(element("p", "muted", "This browser draws no 3D; the figures say the same."));
+    scene.replaceChildren(element("p", "muted", words.noPicture));
     return null;
   }
 }
 
 const view = makeView();
 const shown = new Map<string, { card: Card; frames: Frames }>();
-const none = element("p", "card", "No motion capture in this trial. Start the program with --mocap, such as: proact serve --mocap vrpn:192.168.1.5/Shoulderpad");
+const none = element("p", "card", words.none);
 
 function show(reports: TrackingReport[]): void {
   none.hidden = reports.length > 0;

@@ -2,29 +2,16 @@
 
 import { Dialog } from "./dialog";
 import { button, element, setClass, setText } from "./dom";
-import { nextThing, type Circumstances } from "./hints";
+import { nextThing, STEPS, type Circumstances } from "./hints";
 import { objectName } from "./objects";
 import type { DisplayFrame, MethodInfo, ObjectId } from "./generated/types";
-import { keyName, type GestureKey, type Settings } from "./settings";
+import { keyName, type Settings } from "./settings";
+import { strings } from "./strings";
 
-interface Lesson {
-  title: string;
-  text: string;
-  gesture: GestureKey | null;
-  hold?: boolean;
-}
+const words = strings.tutorial;
 
-/** One for each step of the guide. */
-const LESSONS: Lesson[] = [
-  { title: "Look at the block", text: "Your mouse is your gaze. Point at the block under the arrow.", gesture: null },
-  { title: "Lock it", text: "The block that you look at is highlighted. Wrist flexion locks it:", gesture: "wrist_flexion" },
-  { title: "Reach for it", text: "With wrist extension the arm moves by itself until you let go:", gesture: "wrist_extension", hold: true },
-  { title: "Grip", text: "The hand is around the block. Hand close grips it:", gesture: "hand_close" },
-  { title: "Look at the target", text: "Point at the disc with the same number, across the partition.", gesture: null },
-  { title: "Lock the place", text: "The shadow of the block shows where it will go. Wrist flexion locks the place:", gesture: "wrist_flexion" },
-  { title: "Carry it across", text: "The arm finds its way over the partition with wrist extension:", gesture: "wrist_extension", hold: true },
-  { title: "Release", text: "Hand open puts the block down:", gesture: "hand_open" },
-];
+/** One for each step of the guide, by whose gesture it is done. */
+const LESSONS = words.lessons.map((lesson, k) => ({ ...lesson, gesture: STEPS[k]?.gesture ?? null }));
 
 export interface TutorialHandlers {
   /** Begin a trial with this method. */
@@ -45,7 +32,7 @@ export class Tutorial {
   private readonly dots = LESSONS.map(() => element("i"));
   private readonly pointer = element("div", "pointer", "▼");
   private readonly done: Dialog;
-  private readonly doneTitle = element("h2", "", "You moved a block");
+  private readonly doneTitle = element("h2", "", words.done);
   private active = false;
   /** Name of the method that the lessons are about. */
   private taught: string | undefined;
@@ -54,26 +41,21 @@ export class Tutorial {
     private readonly handlers: TutorialHandlers,
     private keys: Settings["keys"],
   ) {
-    const title = element("h2", "", "Drive a prosthetic arm");
+    const title = element("h2", "", words.title);
     this.welcome = new Dialog("welcome", title, () => this.end());
     this.welcome.root.append(
       title,
-      element(
-        "p",
-        "",
-        "You are about to move blocks across a box with an arm that you steer by gaze and muscle. Here your mouse is " +
-          "the gaze, and four keys are the muscles of the forearm.",
-      ),
+      element("p", "", words.welcome),
       element(
         "div",
         "buttons",
-        button("Show me how (1 minute)", () => this.start(), "primary"),
-        button("I know how", () => this.end(), "plain"),
+        button(words.show, () => this.start(), "primary"),
+        button(words.know, () => this.end(), "plain"),
       ),
     );
     this.done = new Dialog("welcome", this.doneTitle, () => this.end());
     this.card.append(
-      element("div", "lessonhead", this.number, this.title, element("span", "dots", ...this.dots), button("Skip", () => this.end(), "plain")),
+      element("div", "lessonhead", this.number, this.title, element("span", "dots", ...this.dots), button(words.skip, () => this.end(), "plain")),
       element("p", "lessontext", this.text, " ", this.key),
       this.hint,
     );
@@ -96,9 +78,9 @@ export class Tutorial {
       );
     this.done.root.replaceChildren(
       this.doneTitle,
-      element("p", "", `That was method ${this.taught}: gaze and task context. The other methods ask for more of you and assume less:`),
+      element("p", "", words.others(this.taught ?? "")),
       element("div", "choices", ...methods.filter(({ name }) => name !== this.taught).map(choice)),
-      element("div", "buttons", button(`Go on with ${this.taught}`, () => this.end(), "primary")),
+      element("div", "buttons", button(words.goOn(this.taught ?? ""), () => this.end(), "primary")),
     );
   }
 
@@ -158,13 +140,13 @@ export class Tutorial {
     this.card.hidden = false;
     const block = frame.hand.holds ?? frame.next;
     setText(this.number, step === null ? "!" : String(step + 1));
-    setText(this.title, lesson ? lesson.title : "One moment");
+    setText(this.title, lesson ? lesson.title : words.moment);
     setText(this.text, lesson ? lesson.text : hint);
     const code = lesson?.gesture ? this.keys[lesson.gesture][0] : undefined;
     this.key.hidden = !code;
-    if (code) setText(this.key, `${lesson?.hold ? "hold" : "tap"} ${keyName(code)}`);
+    if (code) setText(this.key, (lesson?.gesture === "wrist_extension" ? words.hold : words.tap)(keyName(code)));
     const stuck = frame.planner.state === "failed" || (frame.planner.state === "arrived" && frame.planner.intermediate);
-    setText(this.hint, stuck && lesson ? hint : block !== null && step === 0 ? `Next is ${objectName(block)}.` : "");
+    setText(this.hint, stuck && lesson ? hint : block !== null && step === 0 ? words.next(objectName(block)) : "");
     this.dots.forEach((dot, k) => {
       setClass(dot, "now", k === step);
       setClass(dot, "past", step !== null && k < step);

@@ -1,7 +1,10 @@
 // Who drives, by name, and the button that takes over.
 
 import { button, element, setClass, setText } from "./dom";
+import { strings } from "./strings";
 import type { ServerMessage } from "./generated/types";
+
+const words = strings.wheel;
 
 export type Driver = Omit<Extract<ServerMessage, { type: "driver" }>, "type">;
 
@@ -16,8 +19,8 @@ export function ownName(agent: string): string {
 
 /** What a page says of who drives. */
 export function wheelText({ name, you }: Driver): string {
-  if (you) return "You drive";
-  return name === null ? "Nobody drives" : `${name} drives. You watch.`;
+  if (you) return words.you;
+  return name === null ? words.nobody : words.other(name);
 }
 
 export class Wheel {
@@ -26,7 +29,7 @@ export class Wheel {
   private readonly take: HTMLButtonElement;
 
   constructor(takeOver: () => void) {
-    this.take = button("Take over", takeOver, "primary");
+    this.take = button(words.takeOver, takeOver, "primary");
     this.text.setAttribute("role", "status");
     this.root.append(this.text, this.take);
     this.root.hidden = true;
@@ -34,7 +37,7 @@ export class Wheel {
 
   show(driver: Driver): void {
     setText(this.text, wheelText(driver));
-    setText(this.take, driver.name === null ? "Drive" : "Take over");
+    setText(this.take, driver.name === null ? words.drive : words.takeOver);
     this.take.hidden = driver.you || !driver.may_drive;
     setClass(this.root, "watches", !driver.you);
     this.root.hidden = false;

@@ -220,7 +220,7 @@ density: Array<number>, };
 /** A message of the page on the WebSocket. */
 export type ClientMessage = { "type": "gesture", gesture: Gesture, } | { "type": "gaze", origin: [number, number, number], direction: [number, number, number], measured?: boolean, } | { "type": "trunk", forward: number, lateral: number, axial: number, } | { "type": "head", position: [number, number, number],
 /** x, y, z, w. */
-quaternion: [number, number, number, number], } | { "type": "controller" } & ControllerPose | { "type": "restart", method?: string, again?: boolean, } | { "type": "study", action: StudyAction, } | { "type": "gaze_check" } & GazeCheck | { "type": "join", name: string, } | { "type": "take_over", } | { "type": "drawn", } | { "type": "hold", on: boolean, } | { "type": "after", ask: AfterTrial, } | { "type": "conduct" } & StudyRequest | { "type": "answer" } & GivenAnswer | { "type": "submit", step: number, } | { "type": "alive", } | { "type": "ping", id: number, };
+quaternion: [number, number, number, number], } | { "type": "controller" } & ControllerPose | { "type": "restart", method?: string, again?: boolean, } | { "type": "study", action: StudyAction, } | { "type": "gaze_check" } & GazeCheck | { "type": "join", name: string, } | { "type": "take_over", } | { "type": "drawn", } | { "type": "hold", on: boolean, } | { "type": "watch", signals: boolean, } | { "type": "after", ask: AfterTrial, } | { "type": "conduct" } & StudyRequest | { "type": "answer" } & GivenAnswer | { "type": "submit", step: number, } | { "type": "alive", } | { "type": "ping", id: number, };
 
 /** A collision shape of a link. */
 export type CollisionShape = {
@@ -625,6 +625,21 @@ value: number | null, };
 /** What gives gestures or measurements to a trial, and may die while the arm moves. */
 export type InputSource = "armband" | "gesture_topic" | "page" | "eye_tracker" | "shoulder_tracker" | "limb_tracker" | "stage";
 
+/** What gaze and task say of what is meant, each for itself and both together. Lists have the order of the scene and sum to
+ * one, rounded. */
+export type Intent = {
+/** Of what. */
+over: IntentOver,
+/** By the gaze alone, without task context: what method C goes by. */
+likelihood: Array<number>,
+/** By the task alone. */
+prior: Array<number>,
+/** By both: what method D goes by. */
+posterior: Array<number>, };
+
+/** What an [`Intent`] is spread over. */
+export type IntentOver = "objects" | "places";
+
 /** A joint. */
 export type Joint = {
 /** Unique name. */
@@ -737,7 +752,7 @@ style: MethodStyle,
 help: MethodHelp, };
 
 /** How a person drives a method. The page's hints and the simulated participant go by it. */
-export type MethodStyle = "jogging" | "selecting";
+export type MethodStyle = "jogging" | "selecting" | "imitating";
 
 /** A joint that another one takes along. */
 export type Mimic = {
@@ -1046,6 +1061,21 @@ armed: boolean,
 /** Why the stream is dead, as a sentence; none while it lives. */
 fault: string | null, };
 
+/** EMG of a recorded trial, thinned for a picture, and what the EMG model made of it. */
+export type RecordedEmg = {
+/** Nominal sampling rate, hertz. */
+rate_hz: number,
+/** Length of a step of `lowest` and `highest`, milliseconds; the first begins at zero. */
+step_ms: number,
+/** Lowest value of each channel in each step, `[n_steps][n_channels]`, in the device's unit; a step without samples is empty. */
+lowest: Array<Array<number>>,
+/** The highest ones. */
+highest: Array<Array<number>>,
+/** The gestures that the model tells apart. */
+gestures: Array<GestureName>,
+/** What it made of each window, times ascending. */
+windows: Array<RecordedWindow>, };
+
 /** A recorded trial with everything that its replay shows. */
 export type RecordedTrial = {
 /** Name of its directory. */
@@ -1067,7 +1097,20 @@ agrees: boolean | null,
 /** The record has a result; a trial that crashed has none. */
 finished: boolean,
 /** What was displayed, times ascending. */
-frames: Array<DisplayFrame>, };
+frames: Array<DisplayFrame>,
+/** The muscles; none without an armband, and for a bag. */
+emg: RecordedEmg | null, };
+
+/** What the EMG model made of a window. */
+export type RecordedWindow = {
+/** When the window ended. */
+time: SimTime,
+/** Probability of each gesture, in the order of [`RecordedEmg::gestures`]; zeros while the stream is dead. */
+posterior: Array<number>,
+/** The gesture in force then, by the decision rule. */
+in_force: GestureName,
+/** How hard it is made, 0 to 1. */
+effort: number, };
 
 /** An answer that cannot be. */
 export type RefusedAnswer = {
@@ -1109,6 +1152,8 @@ score_name: string,
 seconds: number,
 /** Length of the wrist's path, metres. */
 path_m: number,
+/** How often the hand closed to take something. */
+attempts: number,
 /** What became of each object, for tasks that tell. */
 objects: Array<ResultLine>,
 /** What people with two sound hands reach, a line each, where that is known. */
@@ -1267,6 +1312,8 @@ faults: Array<string | null>,
 emg_lost_share: number,
 /** What the muscles say; none without an armband. */
 recognition: Recognition | null,
+/** What gaze and task say; none for methods that do not go by the gaze, and while there is nothing to mean. */
+intent: Intent | null,
 /** Milliseconds since the last valid gaze; none if there was none yet. */
 gaze_age_ms: number | null,
 /** Gaze samples a second. */
@@ -1595,7 +1642,9 @@ gaze_source: string | null,
 /** How often the experimenter has asked for a gaze check. With each, the participant's page begins one. */
 gaze_checks: number,
 /** The same for a calibration of the gaze. */
-gaze_calibrations: number, };
+gaze_calibrations: number,
+/** Why what was chosen on the page did not begin, as a sentence; none if it did. */
+refused: string | null, };
 
 /** What the list says of a trial. */
 export type TrialSummary = {

@@ -1,0 +1,242 @@
+// The rows of the drawer of signals, one below the other over the same stretch of time.
+
+import { drawBand, type BandLook } from "./bands";
+import { element, setClass, setText } from "./dom";
+import { EmgColumns } from "./emgcolumns";
+import { Raster, drawTraces, inksOf, type Shown } from "./emgpictures";
+import type { DisplayFrame, PageContent, Signals } from "./generated/types";
+import { percent } from "./intentview";
+import { LEFT_PX, LineChart, RIGHT_PX } from "./linechart";
+import { objectName } from "./objects";
+import { gestureTitle } from "./protocol";
+import { shownName } from "./jointnames";
+import { SignalHistory } from "./signalhistory";
+import { strings } from "./strings";
+import { BACK_SECS, WINDOW_SECS } from "./timewindow";
+
+const words = strings.signals;
+/** Frames, and messages of signals, a second; a little more than come. */
+const FRAME_HZ = 62;
+const SIGNAL_HZ = 20;
+const KEPT_SECS = BACK_SECS + WINDOW_SECS + 2;
+/** Streams of more channels are a raster; as on the page of EMG. */
+const MOST_TRACES = 16;
+/** As on the page of EMG. */
+const LEAST_RANGE = 4;
+/** Fewer missing samples are the jitter of messages, seconds. */
+const GAP_SECS = 0.02;
+const RASTER_SHARE = 0.5;
+/** Series of a frame; the gaze has two, and joints follow. */
+const [GESTURE, MEANT, GAZE, FIRST_JOINT] = [0, 1, 2, 4];
+const DEGREES = 180 / Math.PI;
+
+interface JointRange {
+  name: string;
+  /** rad; none where it turns without end. */
+  limits: [number, number] | null;
+}
+
+export class SignalRows {
+  readonly nodes: HTMLElement[];
+  private readonly emg = new EmgColumns(WINDOW_SECS, BACK_SECS + 2);
+  private readonly raster = new Raster();
+  private readonly emgCanvas = element("canvas");
+  private readonly channels = element("ol", "lanes");
+  private readonly emgRow = element("div", "signalrow emg");
+  private readonly none = element("p", "note", words.noEmg);
+  private readonly classes = new LineChart({ label: words.classes, range: [0, 1], ticks: { at: [0, 0.5, 1], text: percent } });
+  private readonly gestureCanvas = element("canvas");
+  private readonly meantCanvas = element("canvas");
+  private readonly gaze = new LineChart({ label: words.gaze });
+  private readonly joints = new LineChart({
+    label: words.joints,
+    range: [-0.04, 1.04],
+    ticks: { at: [0, 1], text: (share) => (share === 0 ? words.lowLimit : words.highLimit) },
+    timeAxis: true,
+  });
+  private readonly frames = new SignalHistory(KEPT_SECS * FRAME_HZ);
+  private readonly recognised = new SignalHistory(KEPT_SECS * SIGNAL_HZ);
+  private gestures: string[] = [];
+  private classNames: string[] = [];
+  private ranges: JointRange[] = [];
+  private tableHeight = 0;
+  private emgUntil = 0;
+  /** When the rows began, seconds, and how many were taken. */
+  private emgBegan: number | undefined;
+  private emgRows = 0;
+  private lastRow: number[] | undefined;
+  private shown: Shown | null = null;
+  private readonly dark = window.matchMedia("(prefers-color-scheme: dark)");
+
+  constructor() {
+    const band = (label: string, canvas: HTMLCanvasElement) => {
+      canvas.setAttribute("role", "img");
+      canvas.setAttribute("aria-label", label);
+      return element("div", "signalrow band", element("h4", "", label), element("div", "holder", canvas));
+    };
+    this.emgCanvas.setAttribute("role", "img");
+    this.emgCanvas.setAttribute("aria-label", words.emg);
+    this.emgRow.append(element("h4", "", words.emg), element("div", "holder", this.channels, this.emgCanvas));
+    this.emgRow.hidden = this.classes.root.hidden = true;
+    this.joints.root.classList.add("joints");
+    for (const canvas of [this.emgCanvas, this.gestureCanvas, this.meantCanvas]) {
+      canvas.style.left = `${LEFT_PX}px`;
+      canvas.style.width = `calc(100% - ${LEFT_PX + RIGHT_PX}px)`;
+    }
+    this.nodes = [
+      this.none,
+      this.emgRow,
+      this.classes.root,
+      band(words.gesture, this.gestureCanvas),
+      band(words.meant, this.meantCanvas),
+      this.gaze.root,
+      this.joints.root,
+    ];
+  }
+
+  clear(): void {
+    this.emg.clear();
+    this.frames.clear();
+    this.recognised.clear();
+    this.emgUntil = this.emgRows = 0;
+    this.emgBegan = this.lastRow = undefined;
+    this.shown = null;
+  }
+
+  show({ arm, scene }: PageContent): void {
+    this.tableHeight = scene.table_height;
+    this.ranges = arm.arm.map((k) => {
+      const joint = arm.joints[k];
+      return { name: joint ? shownName(arm, joint.name) : "", limits: joint?.kind === "revolute" ? [joint.limits.lower, joint.limits.upper] : null };
+    });
+  }
+
+  frame(frame: DisplayFrame): void {
+    const { target, hand } = frame;
+    let gesture = this.gestures.indexOf(frame.recognised);
+    if (gesture < 0) gesture = this.gestures.push(frame.recognised) - 1;
+    const meant = hand.holds === null ? (target.object === null ? 0 : target.object + 1) : target.place ? -1 : 0;
+    const looked = this.onTable(frame) ?? this.frames.at(Infinity).slice(GAZE, FIRST_JOINT);
+    const joints = this.ranges.map(({ limits }, k) => shareOf(frame.joints[k] ?? 0, limits));
+    // A lock is a half: names stay whole numbers.
+    this.frames.push(frame.time / 1000, [gesture, meant === 0 ? 0 : meant + (target.locked ? 0.5 : 0), looked[0] ?? 0, looked[1] ?? 0, ...joints]);
+  }
+
+  signals(signals: Signals): void {
+    const { recognition } = signals;
+    this.none.hidden = signals.emg_rate_hz > 0;
+    this.emgRow.hidden = this.classes.root.hidden = !this.none.hidden;
+    this.emg.take(this.inStep(signals), signals.emg_row_hz);
+    this.emgUntil = signals.time / 1000;
+    if (recognition) {
+      this.classNames = recognition.gestures.map(gestureTitle);
+      if (recognition.posterior.length > 0) this.recognised.push(this.emgUntil, recognition.posterior);
+    }
+    if (this.emg.channels > 0) this.measure(signals.lights);
+  }
+
+  draw(from: number, to: number): void {
+    const inks = inksOf(this.emgRow);
+    const axis = { from, to, inks, dark: this.dark.matches };
+    this.drawEmg(to, inks);
+    if (!this.classes.root.hidden) this.classes.draw(this.recognised.between(from, to), this.classNames, axis);
+    const stretch = this.frames.between(from, to);
+    drawBand(this.gestureCanvas, stretch, GESTURE, { ...axis, look: (value) => this.gestureLook(value) });
+    drawBand(this.meantCanvas, stretch, MEANT, { ...axis, look: meantLook });
+    this.gaze.draw({ times: stretch.times, series: stretch.series.slice(GAZE, FIRST_JOINT) }, [words.gazeAhead, words.gazeSide], axis);
+    this.joints.draw({ times: stretch.times, series: stretch.series.slice(FIRST_JOINT) }, this.ranges.map(({ name }) => name), axis);
+  }
+
+  /** Writes the values of one instant beside the names. */
+  tell(time: number): void {
+    const values = this.frames.at(time);
+    const centimetres = (metres: number) => `${Math.round(100 * metres) || 0} cm`;
+    this.gaze.tell(values.slice(GAZE, FIRST_JOINT).map(centimetres));
+    this.joints.tell(values.slice(FIRST_JOINT).map((share, k) => angleText(share, this.ranges[k]?.limits ?? null)));
+    this.classes.tell(this.recognised.at(time).map(percent));
+  }
+
+  /** Where the pictures lie on the screen, all of them alike. */
+  picture(): { left: number; width: number } {
+    const bounds = this.gestureCanvas.getBoundingClientRect();
+    return { left: bounds.left, width: bounds.width };
+  }
+
+  private gestureLook(value: number): BandLook {
+    const name = this.gestures[value] ?? "no_motion";
+    return { text: gestureTitle(name), strong: name !== "no_motion" };
+  }
+
+  private drawEmg(to: number, inks: ReturnType<typeof inksOf>): void {
+    const { emg, shown } = this;
+    if (!shown || emg.channels === 0) return;
+    // The newest column is of the last message; the axis goes on until the next.
+    const edge = emg.begun + (to - this.emgUntil) * (emg.count / WINDOW_SECS);
+    if (emg.channels > MOST_TRACES) this.raster.draw(this.emgCanvas, { ...shown, edge, range: RASTER_SHARE * shown.range }, inks);
+    else drawTraces(this.emgCanvas, { ...shown, edge }, [...Array(emg.channels).keys()], inks);
+  }
+
+  /** The rows of a message so that columns, which are counted, keep step with time: a gap is a flat line, and of what came too quickly,
+   * since the trial cannot keep up with the armband, the oldest is left out. */
+  private inStep({ emg, emg_row_hz, time }: Signals): number[][] {
+    const still = this.lastRow ?? emg[0];
+    if (!still) return emg;
+    this.lastRow = emg[emg.length - 1] ?? still;
+    this.emgBegan ??= time / 1000 - emg.length / emg_row_hz;
+    const missing = Math.round((time / 1000 - this.emgBegan) * emg_row_hz) - this.emgRows - emg.length;
+    let rows = emg;
+    if (missing > GAP_SECS * emg_row_hz) rows = [...Array<number[]>(Math.min(missing, KEPT_SECS * emg_row_hz)).fill(still), ...emg];
+    else if (-missing > GAP_SECS * emg_row_hz) rows = emg.slice(-missing);
+    this.emgRows += rows.length;
+    return rows;
+  }
+
+  /** Levels and a common scale; a bad channel does not make the others flat. */
+  private measure(lights: string[]): void {
+    const { emg } = this;
+    const all = [...Array(emg.channels).keys()];
+    const levels = all.map((channel) => emg.level(channel));
+    const peaks = levels.map((level, channel) => emg.peak(channel, level));
+    const sound = peaks.filter((_, channel) => lights[channel] !== "red");
+    this.shown = { columns: emg, edge: 0, range: Math.max(LEAST_RANGE, ...(sound.length > 0 ? sound : peaks)), levels, selected: -1 };
+    setClass(this.emgRow, "many", emg.channels > MOST_TRACES);
+    const labelled = emg.channels > MOST_TRACES ? [0, emg.channels - 1] : all;
+    while (this.channels.children.length > labelled.length) this.channels.lastElementChild?.remove();
+    while (this.channels.children.length < labelled.length) this.channels.append(element("li", "", element("i", "light"), element("span")));
+    labelled.forEach((channel, place) => {
+      const [light, text] = this.channels.children[place]?.children ?? [];
+      if (!light || !text) return;
+      setText(text, String(channel + 1));
+      for (const name of ["green", "amber", "red"]) setClass(light, name, lights[channel] === name);
+    });
+  }
+
+  /** Where the gaze meets the table, metres ahead and to the left. */
+  private onTable({ gaze }: DisplayFrame): [number, number] | null {
+    if (!gaze?.valid) return null;
+    const [dx, dy, dz] = gaze.direction;
+    const way = (this.tableHeight - gaze.origin[2]) / dz;
+    return Number.isFinite(way) && way > 0 ? [gaze.origin[0] + way * dx, gaze.origin[1] + way * dy] : null;
+  }
+}
+
+function meantLook(value: number): BandLook {
+  const locked = value !== Math.floor(value);
+  const whole = Math.floor(value);
+  if (whole === 0) return { text: "", strong: false, empty: true };
+  const name = whole < 0 ? words.place : objectName(whole - 1);
+  return { text: locked ? words.locked(name) : name, strong: locked };
+}
+
+/** From the lower limit, 0, to the upper one, 1; where there is none, of a whole turn. */
+function shareOf(angle: number, limits: [number, number] | null): number {
+  const [low, high] = limits ?? [-Math.PI, Math.PI];
+  return (angle - low) / Math.max(high - low, 1e-9);
+}
+
+function angleText(share: number, limits: [number, number] | null): string {
+  const [low, high] = limits ?? [-Math.PI, Math.PI];
+  const degrees = (value: number) => (value * DEGREES).toFixed(0);
+  const range = limits ? ` (${degrees(low)} to ${degrees(high)})` : "";
+  return `${degrees(low + share * (high - low))}°${range}`;
+}
