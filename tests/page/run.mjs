@@ -67,6 +67,7 @@ const { values: options } = parseArgs({
     minutes: { type: "string", default: "20" },
     hands: { type: "string", default: "keys" },
     pictures: { type: "string" },
+    only: { type: "string", default: "" },
   },
 });
 
@@ -121,6 +122,7 @@ try {
     screenshotOf: screenshot,
     hands: options.hands.split(","),
     pictures: options.pictures,
+    only: options.only.split(",").filter(Boolean),
     program: options.program,
     out: options.out,
     problems,
