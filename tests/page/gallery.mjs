@@ -1,6 +1,6 @@
 // Pictures of every page in three sizes, each from a real run, and docs/gallery.md, which shows them.
 //
-//   node tests/page/run.mjs --mode gallery --program target/release/proact --out build/gallery
+//   node tests/page/run.mjs --mode gallery --program target/release/proact --out build/gallery [--only replay,report]
 
 import { execFile } from "node:child_process";
 import { mkdir, readdir, rm, stat, writeFile } from "node:fs/promises";
@@ -44,10 +44,10 @@ trials = 2
 begin = [{ do = "form", form = "nasa_tlx", minutes = 2 }]
 `;
 
-export async function gallery(page, { program, out, tab, check }) {
+export async function gallery(page, { program, out, tab, check, only }) {
   if (!program) throw new Error("--mode gallery needs --program PATH_OF_PROACT");
   await page.goto("about:blank");
-  await rm(PICTURES, { recursive: true, force: true });
+  if (only.length === 0) await rm(PICTURES, { recursive: true, force: true });
   await mkdir(PICTURES, { recursive: true });
   const work = `${out}/work`;
   await rm(work, { recursive: true, force: true });
@@ -61,16 +61,17 @@ export async function gallery(page, { program, out, tab, check }) {
   };
   /** A page in all sizes, as soon as `ready` holds there; `act` brings it to where it is pictured. */
   const take = async (name, title, command, url, ready, act = async () => {}) => {
+    entries.push({ name, title, command });
+    if (only.length > 0 && !only.includes(name)) return;
     for (const { name: size, ...device } of SIZES) {
       const opened = await tab(device);
       await opened.goto(url);
-      await opened.waitForFunction(ready, null, { timeout: 60_000 });
+      await opened.waitForFunction(ready, null, { timeout: 180_000 });
       await act(opened);
       await opened.waitForTimeout(1_500);
       await opened.screenshot({ path: `${PICTURES}/${name}-${size}.jpg`, type: "jpeg", quality: QUALITY });
       await opened.context().close();
     }
-    entries.push({ name, title, command });
     console.log(`    ${name}`);
   };
   const drawn = () => window.__proact?.framesDrawn > 3;

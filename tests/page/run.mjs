@@ -69,6 +69,7 @@ const { values: options } = parseArgs({
     minutes: { type: "string", default: "20" },
     hands: { type: "string", default: "keys" },
     pictures: { type: "string" },
+    only: { type: "string", default: "" },
   },
 });
 
@@ -123,6 +124,7 @@ try {
     screenshotOf: screenshot,
     hands: options.hands.split(","),
     pictures: options.pictures,
+    only: options.only.split(",").filter(Boolean),
     program: options.program,
     out: options.out,
     problems,

@@ -293,6 +293,8 @@ class Replay {
   private draw(seconds: number, wall: number): void {
     const { state } = this;
     const [begin, end] = this.whole;
+    // Where drawing takes all of the processor, a trial of megabytes would not come through.
+    if (this.views.some(({ loading }) => loading)) return;
     if (state.playing) {
       state.time = Math.min(state.time + 1000 * seconds * state.speed, end);
       this.follow();

@@ -43,6 +43,8 @@ export class ReplayView {
   zero = 0;
   /** Number of its trial in the server's list. */
   number = -1;
+  /** Its trial is on its way. */
+  loading = false;
   private readonly select = element("select");
   private readonly facts = element("div", "facts");
   private readonly now = element("div", "facts now");
@@ -86,6 +88,15 @@ export class ReplayView {
   }
 
   async load(number: number): Promise<void> {
+    this.loading = true;
+    try {
+      await this.take(number);
+    } finally {
+      if (this.number === number) this.loading = false;
+    }
+  }
+
+  private async take(number: number): Promise<void> {
     this.number = number;
     this.select.value = String(number);
     setText(this.verdict, words.loading);
