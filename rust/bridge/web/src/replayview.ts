@@ -34,6 +34,9 @@ interface LaneView {
   plot: SignalPlot | null;
 }
 
+/** Times that a trial is asked for whose answer breaks off. */
+const TRIES = 3;
+
 export class ReplayView {
   readonly root: HTMLElement;
   readonly canvas = element("canvas");
@@ -100,12 +103,10 @@ export class ReplayView {
     this.number = number;
     this.select.value = String(number);
     setText(this.verdict, words.loading);
-    const answer = await fetch(`/api/trials/${number}`);
-    if (!answer.ok) {
+    const record = await recordOf(number).catch((error: unknown) => {
       setText(this.verdict, words.failed);
-      throw new Error(`trial ${number}: ${(await answer.text()) || answer.status}`);
-    }
-    const record = (await answer.json()) as RecordedTrial;
+      throw error;
+    });
     if (this.number !== number) return;
     this.timeline = new Timeline(record);
     this.stage.show(record.content);
@@ -234,4 +235,17 @@ export class ReplayView {
 
 function titleOf({ title, note }: Lane): string {
   return note ? `${title}, ${note}` : title;
+}
+
+/** A recorded trial, asked for again where the connection broke off on its way. */
+async function recordOf(number: number): Promise<RecordedTrial> {
+  for (let left = TRIES - 1; ; left -= 1) {
+    const answer = await fetch(`/api/trials/${number}`);
+    if (!answer.ok) throw new Error(`trial ${number}: ${(await answer.text()) || answer.status}`);
+    try {
+      return (await answer.json()) as RecordedTrial;
+    } catch (error) {
+      if (left === 0) throw error;
+    }
+  }
 }
