@@ -22,7 +22,8 @@ const FALL_HEIGHT: f64 = 0.04;
 /// A participant whose own hand the arm imitates: brings it over what comes next and down, closes it, carries over, opens it. Sees each
 /// frame `reaction_ms` late. Deterministic for its seed. It is no evidence about people.
 ///
-/// Known weaknesses: the hand goes along straight lines at one speed, as people's do not; in tasks without objects it keeps still.
+/// Known weaknesses: the limb goes straight in its joints and at one speed, as people's do not; in tasks without objects it keeps
+/// still.
 pub struct ImitatingParticipant {
     habits: Habits,
     sense: ArmSense,
