@@ -47,7 +47,7 @@ def not_offered(_server, message):
 
 
 def cannot_begin(server, _message):
-    return "this trial cannot begin" in server.said() and "25000" in server.said()
+    return "This trial cannot begin" in server.said() and "25000" in server.said()
 
 
 def main():
