@@ -336,9 +336,10 @@ fn wait_for_wish(page: &PageServer, interrupted: &AtomicBool) -> Option<AfterTri
 
 /// What the page shows of a trial.
 fn content(registry: &Registry, session: &Session, arm: &Arm) -> PageContent {
+    let config = session.testbed().config();
     PageContent {
-        title: format!("Method {}, simulated participant", session.testbed().config().method_label()),
-        methods: registry.methods.infos(),
+        title: format!("Method {}, simulated participant", config.method_label()),
+        methods: registry.methods.fitting(&config.profile, arm.model()),
         ..page_content(session.testbed(), arm)
     }
 }

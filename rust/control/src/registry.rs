@@ -325,11 +325,6 @@ impl MethodRegistry {
         self.entries.iter().map(|entry| entry.info.name.as_str()).collect()
     }
 
-    /// What is told of them.
-    pub fn infos(&self) -> Vec<MethodInfo> {
-        self.entries.iter().map(|entry| entry.info.clone()).collect()
-    }
-
     /// What is told of those that `profile` and `model` allow.
     pub fn fitting(&self, profile: &Profile, model: &ArmModel) -> Vec<MethodInfo> {
         let fits = |entry: &&MethodEntry| entry.build(profile, model, NoProcess).is_ok();
