@@ -60,7 +60,8 @@ fn a_method_in_rust_is_chosen_by_its_name_and_its_trial_is_recorded_and_replayed
     assert!(help.contains("follow_gaze: Towards what you look at") && help.contains("log:PATH"), "{help}");
     let listed = said(&program, &["doctor", "--json"]);
     assert!(
-        listed.contains("A, B, C, D, vmpl, synergy, follow_gaze") && listed.contains("textband://HOST:PORT"),
+        listed.contains("A, B, C, D, vmpl, synergy, imitate, follow_gaze")
+            && listed.contains("textband://HOST:PORT"),
         "{listed}"
     );
 }

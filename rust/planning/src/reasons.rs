@@ -20,7 +20,7 @@ mod tests {
 
     #[test]
     fn the_page_says_the_same_of_a_plan_that_failed() {
-        let page = include_str!("../../bridge/web/src/hud.ts");
+        let page = include_str!("../../bridge/web/src/strings.ts");
         for status in [
             PlanStatus::NoPlan,
             PlanStatus::Unreachable,

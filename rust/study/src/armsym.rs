@@ -253,7 +253,7 @@ mod tests {
         let plan = Plan::from_text(&plan_from_armsym("mine", &[condition]).unwrap()).unwrap();
         assert_eq!((plan.name.as_str(), plan.title.as_str()), ("mine", "Imitate \"the hand\""));
         let choice = plan.choice(0);
-        assert_eq!((choice.method.as_deref(), choice.limit_secs), (Some("B"), Some(45.0)));
+        assert_eq!((choice.method.as_deref(), choice.limit_secs), (Some("imitate"), Some(45.0)));
         let session = &plan.sessions[0];
         assert_eq!((session.trials, session.within[0].after_trials.as_slice()), (7, [2, 6].as_slice()));
         let rests: Vec<_> = session.rests.iter().map(|rest| (rest.after_trial, rest.minutes)).collect();
