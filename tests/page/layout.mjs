@@ -85,8 +85,9 @@ export async function layout(page, { url, check, screenshot, limitMs }) {
     await page.waitForFunction((name) => window.__proact.frame?.method === name, method);
     for (const [width, height, zoom] of SIZES) {
       await page.setViewportSize({ width: Math.round((100 * width) / zoom), height: Math.round((100 * height) / zoom) });
-      // The camera goes to its new place softly.
-      await page.waitForTimeout(1500);
+      // Cards find their places, then a picture is drawn from the camera's.
+      await page.waitForTimeout(700);
+      await page.waitForFunction((drawn) => window.__proact.framesDrawn > drawn + 1, await page.evaluate(() => window.__proact.framesDrawn));
       const found = await page.evaluate(faults, { slack: SLACK });
       if (found.length > 0) await screenshot(`fault-${width}x${height}-${zoom}`);
       check(found.length === 0, `method ${method}, ${width}x${height} at ${zoom} %: ${found.length ? found.join("; ") : "all in its place"}`);

@@ -117,7 +117,10 @@ export class Cameras {
   /** A picture of this size, CSS pixels, in whose part `free` the scene is to be seen: without it, in the whole. */
   resize(width: number, height: number, free: DOMRect | null): void {
     const { left, top, width: across, height: down } = free ?? { left: 0, top: 0, width, height };
-    this.camera.aspect = Math.max(across, 1) / Math.max(down, 1);
+    const aspect = Math.max(across, 1) / Math.max(down, 1);
+    // Another window is seen rightly at once; going there softly takes seconds where pictures are slow.
+    if (aspect !== this.camera.aspect) this.settled = false;
+    this.camera.aspect = aspect;
     // The picture goes beyond the free part on all sides, as if that were a window in it.
     this.camera.setViewOffset(Math.max(across, 1), Math.max(down, 1), -left, -top, Math.max(width, 1), Math.max(height, 1));
   }
