@@ -5,8 +5,9 @@ export async function afterwards(page, { url, check, screenshot, limitMs }) {
   const card = page.getByRole("dialog").filter({ has: page.locator("table") });
   const shown = () => card.waitFor({ timeout: limitMs });
   await page.goto(new URL("?quality=3&tutorial=0&pictures=20", url).href);
-  await page.waitForFunction(() => window.__proact?.frame && window.__proact.framesDrawn > 0);
-  const first = await time();
+  // Asked for in one go: a second question takes seconds on a busy machine.
+  const drawn = await page.waitForFunction(() => window.__proact?.frame && window.__proact.framesDrawn > 0 && { time: window.__proact.frame.time });
+  const first = (await drawn.jsonValue()).time;
   check(first < 5_000, `the trial waits for the page: ${first / 1000} s of it are over when it is drawn`);
   await shown();
   await screenshot("result");

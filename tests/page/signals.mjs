@@ -123,7 +123,7 @@ async function looksBack(page, { check, screenshot }) {
   const state = page.locator(".drawerhead .state");
   check(/^\d+\.\d s back$/.test(await state.textContent()), `and says how far back that is: ${await state.textContent()}`);
   check((await page.evaluate(() => window.__proact.frame.gesture)) === "no_motion", "while arrow keys of the drawer make no gesture");
-  const edge = () => page.evaluate(() => window.__proact.signals.time.edge);
+  const edge = () => page.evaluate(() => window.__proact.signals.drawer.time.edge);
   const [stood, now] = [await edge(), await page.evaluate(() => window.__proact.frame.time)];
   await page.waitForFunction((time) => window.__proact.frame.time > time + 500, now);
   check((await edge()) === stood, "it stands still while the trial goes on");

@@ -4,7 +4,7 @@ import type { CameraKind } from "./cameras";
 import type { ScriptTime } from "./framecount";
 import type { DisplayFrame, GhostArm, ObjectId, PageContent } from "./generated/types";
 import type { Triple } from "./protocol";
-import type { SignalsDrawer } from "./signalsdrawer";
+import type { SignalsDoor } from "./signalsdoor";
 
 /** What tests and the curious can look at from the browser's console. */
 export interface Debug {
@@ -24,7 +24,7 @@ export interface Debug {
   triangles: number;
   /** Parts of the arm that are seen through. */
   faded: number;
-  signals: SignalsDrawer;
+  signals: SignalsDoor;
   content: PageContent | null;
   camera: CameraKind;
   chooseCamera(kind: CameraKind): void;

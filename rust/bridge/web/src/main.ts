@@ -38,7 +38,7 @@ import { mirrorText } from "./shapes";
 import { Refusal } from "./refusal";
 import { ResultView } from "./result";
 import { ScoresDoor } from "./scoresdoor";
-import { SignalsDrawer } from "./signalsdrawer";
+import { SignalsDoor } from "./signalsdoor";
 import { Sounds } from "./sounds";
 import { Stage, whyNotDrawn } from "./stage";
 import { STOPPED } from "./stopbanner";
@@ -64,11 +64,14 @@ function start(): void {
   const motion = new Motion();
   const count = new FrameCount();
   const [script, whole] = [new ScriptTime(), new ScriptTime()];
-  const signals = new SignalsDrawer((open, escaped) => {
-    live.send({ type: "watch", signals: open });
-    controls.setOpen("signals", open);
-    if (escaped) controls.focus("signals");
-  });
+  const signals = new SignalsDoor(
+    () => stage.content,
+    (open, escaped) => {
+      live.send({ type: "watch", signals: open });
+      controls.setOpen("signals", open);
+      if (escaped) controls.focus("signals");
+    },
+  );
   const sounds = new Sounds();
   const guide = new Guide();
   const refusal = new Refusal();
@@ -190,7 +193,7 @@ function start(): void {
       motion.clear();
       count.restart();
       hud.startTrial();
-      signals.clear();
+      signals.drawer?.clear();
       stage.showGhost(null);
       debug.ghost = null;
       acted = false;
@@ -205,7 +208,7 @@ function start(): void {
       debug.frame = frame;
       debug.framesReceived = count.received;
       debug.framesDropped = count.dropped;
-      signals.frame(frame, methodOf(stage.content, frame));
+      signals.drawer?.frame(frame, methodOf(stage.content, frame));
       sounds.take(frame);
       debug.cues = sounds.given;
       present(frame);
@@ -227,7 +230,7 @@ function start(): void {
       stage.showGhost(arm);
       debug.ghost = arm;
     },
-    signals: (next) => signals.take(next),
+    signals: (next) => signals.drawer?.take(next),
     participant: (screen) => study.show(screen),
     driver(next) {
       const before = driver;
@@ -311,7 +314,7 @@ function start(): void {
   hud.view.append(access.root, stage.insets.root);
   hud.view.prepend(refusal.root);
   hud.view.querySelector(".toast")?.before(sounds.caption);
-  overlay.append(marks.root, signals.intent.overlay, hud.root, tutorial.root, check.root, result.root, study.root, hud.banner, panel.root, scores.root);
+  overlay.append(marks.root, signals.overlay, hud.root, tutorial.root, check.root, result.root, study.root, hud.banner, panel.root, scores.root);
   /** What a study's screens lie over. */
   const behind: HTMLElement[] = [canvas, marks.root, hud.root, tutorial.root, check.root, result.root];
   hud.right.append(controls.root);
@@ -439,7 +442,7 @@ function start(): void {
     }
     debug.content = content;
     hud.setContent(content);
-    signals.show(content);
+    signals.drawer?.show(content);
     nameTab();
     tutorial.setMethods(content.methods);
     if (content.interactive && driver === null) join();
@@ -555,7 +558,7 @@ function start(): void {
         live.send({ type: "drawn" });
       }
       marks.follow(debug.project);
-      signals.intent.follow(debug.project, signals.open);
+      signals.drawer?.intent.follow(debug.project, signals.open);
       const looked = check.followed ?? marks.point();
       if (frame && room && interactive() && (check.followed || (acted && (cursor || looked))) && !controls.suspended && !headset.worn) {
         const eye = new Vector3(...frame.world_from_head.translation);
@@ -564,7 +567,7 @@ function start(): void {
         live.send({ type: "gaze", origin: eye.toArray(), direction: direction.toArray() });
       }
     }
-    signals.draw();
+    signals.drawer?.draw();
     if (wall - shown.since > 1000) measure(wall);
     const took = performance.now() - began;
     whole.take(took);
