@@ -7,6 +7,7 @@ import { labelOf } from "./marks";
 import { GESTURE_NAMES } from "./protocol";
 import { Scanner, type Choice } from "./scanning";
 import type { GestureKey, Settings } from "./settings";
+import { strings } from "./strings";
 
 /** A tap is so long, ms: the testbed takes a gesture at its next control step, 10 ms later. */
 const TAP_MS = 200;
@@ -48,7 +49,7 @@ export class Access {
     private readonly handlers: AccessHandlers,
     private settings: Settings,
   ) {
-    this.root.append(element("span", "label", "Switch"), this.offer);
+    this.root.append(element("span", "label", strings.access.switch), this.offer);
     this.root.setAttribute("role", "status");
     this.root.hidden = true;
     canvas.addEventListener("pointerdown", (event) => this.button(event, true));

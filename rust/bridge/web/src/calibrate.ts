@@ -14,7 +14,7 @@ const words = strings.calibration;
 /** What there is to show, of one kind. */
 type Screen<Kind extends CalibrationScreen["type"]> = Extract<CalibrationScreen, { type: Kind }>;
 
-const connection = element("span", "muted", "connecting");
+const connection = element("span", "muted", words.connecting);
 const source = element("span", "muted");
 const picture = element("div", "picture");
 const name = element("div", "name");
@@ -61,10 +61,10 @@ function send(message: CalibrationCommand): void {
 function connect(): void {
   const opened = new WebSocket(`${location.origin.replace("http", "ws")}/calibration`);
   socket = opened;
-  opened.addEventListener("open", () => setText(connection, "connected"));
+  opened.addEventListener("open", () => setText(connection, words.connected));
   opened.addEventListener("message", (event) => show(JSON.parse(String(event.data)) as CalibrationMessage));
   opened.addEventListener("close", () => {
-    setText(connection, "the program is gone; waiting for it");
+    setText(connection, words.gone);
     setTimeout(connect, 1000);
   });
 }
@@ -128,7 +128,7 @@ function showCalibration(message: Screen<"calibration">): void {
   const wanted = message.channels.map(({ light, fault }, k) => ({ light, text: `${k + 1} ${fault ?? ""}`.trim() }));
   const { stream } = message;
   const rate = stream.rate_hz === null ? "" : ` ${stream.rate_hz.toFixed(0)} Hz`;
-  wanted.push({ light: stream.light, text: `stream${rate}${stream.lost_share > 0 ? ", losing samples" : ""}` });
+  wanted.push({ light: stream.light, text: words.stream(rate, stream.lost_share > 0) });
   while (lightList.children.length < wanted.length) lightList.append(element("span", "light"));
   wanted.forEach(({ light, text }, k) => {
     const node = lightList.children[k];
@@ -143,7 +143,7 @@ function showCalibration(message: Screen<"calibration">): void {
 
 /** How far each degree of freedom of a regressor follows what was asked for. */
 function driveTable(drives: DriveScore[]): HTMLElement {
-  const head = element("tr", "", element("th", "", "degree of freedom"), element("th", "", "R²"), element("th", "", "mean absolute error"));
+  const head = element("tr", "", ...[words.drive, words.r2, words.meanError].map((text) => element("th", "", text)));
   const rows = drives.map(({ drive, r2, mean_absolute_error: off }) =>
     element("tr", "", element("th", "", drive), element("td", "", r2.toFixed(3)), element("td", "", off.toFixed(3))),
   );
@@ -156,15 +156,15 @@ function showReport(report: CalibrationReport | null, target: number, targetR2: 
   if (report === null || key === shownReport) return;
   shownReport = key;
   const percent = (share: number) => `${(100 * share).toFixed(1)} %`;
-  const head = element("tr", "", element("th", "", "asked"), ...report.classes.map((g) => element("th", "", gestureText(g))));
-  head.append(element("th", "", "recognised"));
+  const head = element("tr", "", element("th", "", words.asked), ...report.classes.map((g) => element("th", "", gestureText(g))));
+  head.append(element("th", "", words.recognised));
   const rows = report.classes.map((gesture, row) => {
     const cells = (report.confusion[row] ?? []).map((n) => element("td", "", String(n)));
     return element("tr", "", element("th", "", gestureText(gesture)), ...cells, element("td", "", percent(report.recall[row] ?? 0)));
   });
   const drives = report.drives ?? [];
-  const aim = drives.length > 0 ? `the aim is an R² of ${targetR2.toFixed(2)} for each degree of freedom` : `the aim is ${percent(target)}`;
-  const verdict = report.good_enough ? "good enough" : aim;
+  const aim = drives.length > 0 ? words.aimR2(targetR2.toFixed(2)) : words.aim(percent(target));
+  const verdict = report.good_enough ? words.goodEnough : aim;
   const warnings = report.repetitions
     .filter((r) => r.outlier)
     .map((r) => element("p", "warning", words.differs(r.repetition + 1, gestureText(r.gesture))));
@@ -252,9 +252,9 @@ function showTest(message: Screen<"test">): void {
   setButtons("none", () => []);
   const progress =
     message.test === "sequence"
-      ? `${message.report.in_a_row} sequences in a row without a mistake`
-      : `${message.report.prompts} prompts, ${(100 * message.report.accuracy).toFixed(0)} % right`;
-  showPrompt(message.prompt ?? "no_motion", `recognised: ${gestureText(message.in_force)}. ${progress}`, 0, false);
+      ? words.inARow(message.report.in_a_row)
+      : words.prompts(message.report.prompts, `${(100 * message.report.accuracy).toFixed(0)} %`);
+  showPrompt(message.prompt ?? "no_motion", words.inForce(gestureText(message.in_force), progress), 0, false);
 }
 
 function showCursor(message: Screen<"cursor">): void {
@@ -280,9 +280,15 @@ function showCursor(message: Screen<"cursor">): void {
   const { report } = message;
   setText(
     figures,
-    `${report.movements.length} of ${report.asked} targets; ${report.throughput_bits_per_s.toFixed(2)} bit/s, path ` +
-      `${(100 * report.path_efficiency).toFixed(0)} %, ${report.overshoots.toFixed(2)} overshoots, ` +
-      `${(100 * report.completion_rate).toFixed(0)} % completed; recognised: ${gestureText(message.in_force)}`,
+    words.cursorFigures(
+      report.movements.length,
+      report.asked,
+      report.throughput_bits_per_s.toFixed(2),
+      (100 * report.path_efficiency).toFixed(0),
+      report.overshoots.toFixed(2),
+      (100 * report.completion_rate).toFixed(0),
+      gestureText(message.in_force),
+    ),
   );
 }
 
@@ -302,7 +308,7 @@ function showEnd(message: Screen<"end">): void {
   prompt.hidden = tables.length > 0;
   // A test names the model that it was given, a calibration the one that it wrote.
   const model = String(result.model ?? "");
-  const heading = "passed" in result ? `Results with ${model}` : model ? `The model is in ${model}` : "Result";
+  const heading = "passed" in result ? words.resultsWith(model) : model ? words.modelIn(model) : words.result;
   figures.open = tables.length === 0 && pictures.length === 0;
   judged.replaceChildren(
     element("h2", "accuracy", heading),

@@ -2,6 +2,7 @@
 
 import type { EmgColumns } from "./emgcolumns";
 import type { Spectrum } from "./spectrum";
+import { strings } from "./strings";
 
 /** Colours of the page as it is now, light or dark. */
 export interface Inks {
@@ -190,7 +191,7 @@ export function drawSpectrum(canvas: HTMLCanvasElement, spectrum: Spectrum | nul
   if (MAINS_HZ.every((mains) => mains < most)) {
     context.textAlign = "left";
     context.fillStyle = inks.bad;
-    context.fillText("mains 50, 60", Math.max(x(50) - 36, 0), 6);
+    context.fillText(strings.emg.mains, Math.max(x(50) - 36, 0), 6);
   }
   context.strokeStyle = inks.accent;
   context.fillStyle = inks.accent;

@@ -5,6 +5,7 @@ import "./emgview.css";
 import { button, element, setClass, setText, setWidth } from "./dom";
 import { EmgColumns, SPAN_SECS } from "./emgcolumns";
 import { Raster, drawSpectrum, drawTraces, inksOf, type Shown } from "./emgpictures";
+import { strings } from "./strings";
 import { medianFrequency, powerSpectrum, type Spectrum } from "./spectrum";
 import { capitalised, gestureTitle } from "./protocol";
 import type { Recognition, Signals } from "./generated/types";
@@ -26,14 +27,7 @@ const NARROW = 900;
 /** From picture to picture, ms. */
 const PICTURE_MS = 45;
 
-const FAULTS: Record<string, { short: string; long: string }> = {
-  flat: { short: "flat", long: "flat: it does not touch the skin, or is defective" },
-  railed: { short: "cut off", long: "cut off at the ends of the converter's range: gain or fit" },
-  drift: { short: "drifted", long: "far from where it rested in the calibration: it has moved" },
-  mains: { short: "mains hum", long: "mains hum: poor contact, or a charger or cable nearby" },
-  lift_off: { short: "lifted off", long: "louder than any gesture: it has lost the skin" },
-};
-const LIGHT_WORDS: Record<string, string> = { green: "good", amber: "usable", red: "bad" };
+const words = strings.emg;
 
 export class EmgView {
   readonly root = element("section", "emgview");
@@ -43,7 +37,7 @@ export class EmgView {
   /** The column at the right edge of the picture. */
   edge = 0;
   private readonly verdict = element("p", "verdict");
-  private readonly freeze = button("Freeze", () => this.setFrozen(!this.frozen));
+  private readonly freeze = button(words.freeze, () => this.setFrozen(!this.frozen));
   private readonly list = element("ul", "channels");
   private readonly canvas = element("canvas");
   private readonly scale = element("p", "small");
@@ -70,27 +64,27 @@ export class EmgView {
   constructor() {
     const { root, list } = this;
     this.verdict.setAttribute("role", "status");
-    this.freeze.title = "Key F: the picture stands still, nothing else does";
+    this.freeze.title = words.freezeTitle;
     // Models of many gestures scroll.
     this.bars.tabIndex = 0;
-    this.bars.setAttribute("aria-label", "Probability of each gesture");
+    this.bars.setAttribute("aria-label", words.probabilitiesLabel);
     list.tabIndex = 0;
     list.setAttribute("role", "listbox");
-    list.setAttribute("aria-label", "Channels: arrow keys choose the one of the spectrum");
+    list.setAttribute("aria-label", words.channelsLabel);
     list.addEventListener("click", ({ target }) => {
       const place = [...list.children].findIndex((item) => item.contains(target as Node));
       if (place >= 0) this.select(place);
     });
-    for (const [canvas, label] of [[this.canvas, "Signals of all channels; the list beside names what is wrong"], [this.trace, "Signal of the chosen channel"], [this.spectrum, "Spectrum of the chosen channel; the line below has its figures"]] as const) {
+    for (const [canvas, label] of [[this.canvas, words.signalsLabel], [this.trace, words.signalLabel], [this.spectrum, words.spectrumLabel]] as const) {
       canvas.setAttribute("role", "img");
       canvas.setAttribute("aria-label", label);
     }
     const pane = (classes: string, ...children: HTMLElement[]) => element("section", `part ${classes}`, ...children);
-    const effort = element("div", "effort", element("span", "", "Effort"), element("div", "bar", this.effort), this.effortText);
+    const effort = element("div", "effort", element("span", "", words.effort), element("div", "bar", this.effort), this.effortText);
     root.append(
       element("div", "emgbar", this.verdict, this.freeze),
-      pane("signalpart", element("h2", "", `Channels, last ${SPAN_SECS} s`), element("div", "lanes", list, element("div", "pictures", this.canvas, this.trace)), this.scale, this.inertial),
-      pane("gesturepart", element("h2", "", "Gesture in force"), this.inForce, this.newest, effort, element("h2", "", "Probabilities, newest window"), this.bars),
+      pane("signalpart", element("h2", "", words.channels(SPAN_SECS)), element("div", "lanes", list, element("div", "pictures", this.canvas, this.trace)), this.scale, this.inertial),
+      pane("gesturepart", element("h2", "", words.inForceTitle), this.inForce, this.newest, effort, element("h2", "", words.probabilities), this.bars),
       pane("spectrumpart", this.spectrumTitle, this.spectrum, this.spectrumText),
     );
     root.addEventListener("keydown", (event) => {
@@ -169,7 +163,7 @@ export class EmgView {
 
   private setFrozen(frozen: boolean): void {
     this.frozen = frozen;
-    setText(this.freeze, frozen ? "Go on" : "Freeze");
+    setText(this.freeze, frozen ? words.goOn : words.freeze);
     setClass(this.freeze, "primary", frozen);
     setClass(this.root, "frozen", frozen);
   }
@@ -182,9 +176,9 @@ export class EmgView {
     const sound = peaks.filter((_, channel) => signals?.lights[channel] !== "red");
     const range = Math.max(LEAST_RANGE, ...(sound.length > 0 ? sound : peaks));
     this.shown = { columns, edge: this.edge, range, levels, selected: this.selected };
-    const units = (value: number) => `${Number(value.toPrecision(2))} units of the device`;
+    const units = (value: number) => words.units(Number(value.toPrecision(2)));
     const many = columns.channels > MOST_TRACES;
-    setText(this.scale, many ? `Strongest shade: a mean of ${units(RASTER_SHARE * range)}. Below: channel ${this.selected + 1}, half its height ${units(range)}` : `Half a lane: ${units(range)}, the same for all channels`);
+    setText(this.scale, many ? words.shade(units(RASTER_SHARE * range), this.selected + 1, units(range)) : words.lane(units(range)));
   }
 
   private showChannels({ lights, faults, emg_lost_share, emg_rate_hz, recognition }: Signals): void {
@@ -202,29 +196,29 @@ export class EmgView {
     [...list.children].forEach((item, channel) => {
       const light = lights[channel] ?? "";
       const fault = faults[channel] ?? null;
-      const word = fault ? (FAULTS[fault]?.short ?? fault.replaceAll("_", " ")) : (LIGHT_WORDS[light] ?? "no verdict yet");
+      const word = fault ? shortOf(fault) : (words.lights[light] ?? words.noVerdict);
       // A grid has room for a mark only; the name of the option says the same in words.
       setText(item.children[2] as HTMLElement, !many ? word : light === "red" ? "!!" : light === "amber" ? "!" : "");
-      const label = `Channel ${channel + 1}: ${fault ? `${word}, ${LIGHT_WORDS[light] ?? light}` : word}`;
+      const label = words.channel(channel + 1, fault ? `${word}, ${words.lights[light] ?? light}` : word);
       if (item.getAttribute("aria-label") !== label) item.setAttribute("aria-label", label);
       for (const name of ["green", "amber", "red"]) setClass(item.children[0] as HTMLElement, name, light === name);
       setClass(item as HTMLElement, "selected", channel === this.selected);
       item.setAttribute("aria-selected", String(channel === this.selected));
     });
-    const lost = emg_lost_share > 0 ? `, ${(100 * emg_lost_share).toFixed(1)} % lost` : "";
-    const stream = `${columns.channels} channels at ${emg_rate_hz.toFixed(0)} Hz${lost}`;
+    const lost = emg_lost_share > 0 ? words.lost((100 * emg_lost_share).toFixed(1)) : "";
+    const stream = words.stream(columns.channels, emg_rate_hz.toFixed(0), lost);
     const dead = recognition?.fault ?? null;
-    const waits = recognition && !recognition.armed ? " Gestures act again after a relaxed hand." : "";
-    setText(this.verdict, dead ? `Stopped: ${dead}.${waits}` : `${stream}. ${faultText(lights, faults)}${waits}`);
+    const waits = recognition && !recognition.armed ? words.waits : "";
+    setText(this.verdict, dead ? words.stopped(dead, waits) : `${stream}. ${faultText(lights, faults)}${waits}`);
     setClass(this.verdict, "bad", dead !== null || lights.includes("red"));
     setClass(this.verdict, "warn", dead === null && !lights.includes("red") && (lights.includes("amber") || waits !== ""));
   }
 
   /** Newest values of an inertial measurement unit, by name. */
   private showInertial({ inertial }: Signals): void {
-    const said = inertial.map(({ name, unit, value }) => `${name.replaceAll("_", " ")} ${value === null ? "nothing" : value.toFixed(2)}${value === null || unit === "1" ? "" : ` ${unit}`}`);
+    const said = inertial.map(({ name, unit, value }) => `${name.replaceAll("_", " ")} ${value === null ? words.nothing : value.toFixed(2)}${value === null || unit === "1" ? "" : ` ${unit}`}`);
     this.inertial.hidden = said.length === 0;
-    setText(this.inertial, `Inertial measurement unit: ${said.join(", ")}`);
+    setText(this.inertial, words.inertial(said.join(", ")));
   }
 
   private showRecognition({ gestures, posterior, in_force, window_class, effort, fault }: Recognition): void {
@@ -233,8 +227,7 @@ export class EmgView {
     const likeliest = posterior.length > 0 && most > 0 ? posterior.indexOf(most) : -1;
     const name = gestures[likeliest];
     const percent = (share: number) => `${Math.round(100 * share)} %`;
-    const rejected = window_class === null ? ", rejected" : "";
-    setText(this.newest, fault || name === undefined ? "No window yet, or the stream stands" : `Newest window: ${gestureTitle(name)}, ${percent(most)}${rejected}`);
+    setText(this.newest, fault || name === undefined ? words.noWindow : words.newest(gestureTitle(name), percent(most), window_class === null));
     setWidth(this.effort, effort);
     setText(this.effortText, percent(effort));
     if (this.gestures !== gestures.join()) {
@@ -247,7 +240,7 @@ export class EmgView {
       const [, bar, text, mark] = item.children as unknown as HTMLElement[];
       setWidth(bar?.firstElementChild as HTMLElement, posterior[k] ?? 0);
       setText(text as HTMLElement, posterior.length > 0 ? percent(posterior[k] ?? 0) : "–");
-      setText(mark as HTMLElement, gestures[k] === in_force ? "in force" : "");
+      setText(mark as HTMLElement, gestures[k] === in_force ? words.inForce : "");
       setClass(item as HTMLElement, "now", gestures[k] === in_force);
     });
   }
@@ -255,29 +248,33 @@ export class EmgView {
   private showSpectrum(): void {
     const { signals, selected } = this;
     if (!signals) return;
-    setText(this.spectrumTitle, `Spectrum of channel ${selected + 1}`);
+    setText(this.spectrumTitle, words.spectrum(selected + 1));
     const fault = signals.faults[selected];
-    const finding = fault ? ` Channel ${selected + 1} is ${FAULTS[fault]?.long ?? fault.replaceAll("_", " ")}.` : "";
+    const finding = fault ? words.finding(selected + 1, words.faults[fault]?.long ?? fault.replaceAll("_", " ")) : "";
     // Lowest and highest values are no samples: the program takes their spectra.
     const whole = Math.abs(signals.emg_row_hz - signals.emg_rate_hz) < 1;
     const spectrum = whole ? powerSpectrum(this.recent.map((row) => row[selected] ?? 0), signals.emg_rate_hz) : (this.spectra.get(selected) ?? null);
     drawSpectrum(this.spectrum, spectrum, inksOf(this.root));
     const median = spectrum && medianFrequency(spectrum);
-    const figures = median ? `Median frequency ${median.toFixed(0)} Hz; lines ${spectrum.stepHz.toFixed(1)} Hz apart.` : "No signal to take one of.";
-    setText(this.spectrumText, (whole || spectrum ? figures : "The spectrum of this channel comes within seconds.") + finding);
+    const figures = median ? words.median(median.toFixed(0), spectrum.stepHz.toFixed(1)) : words.noSignal;
+    setText(this.spectrumText, (whole || spectrum ? figures : words.spectrumComes) + finding);
   }
+}
+
+function shortOf(fault: string): string {
+  return words.faults[fault]?.short ?? fault.replaceAll("_", " ");
 }
 
 /** What is wrong, channel by channel; of many channels those with the same finding together. */
 function faultText(lights: string[], faults: (string | null)[]): string {
-  if (lights.length === 0) return "No verdict on the channels yet.";
+  if (lights.length === 0) return words.noVerdicts;
   const found = new Map<string, number[]>();
   faults.forEach((fault, channel) => {
     if (fault) found.set(fault, [...(found.get(fault) ?? []), channel + 1]);
   });
-  if (found.size === 0) return "All channels are good.";
+  if (found.size === 0) return words.allGood;
   return [...found].map(([fault, channels]) => {
-    const some = channels.length > 8 ? `${channels.slice(0, 8).join(", ")} and ${channels.length - 8} more` : channels.join(", ");
-    return `${capitalised(FAULTS[fault]?.short ?? fault.replaceAll("_", " "))}: channel${channels.length > 1 ? "s" : ""} ${some}.`;
+    const some = channels.length > 8 ? words.more(channels.slice(0, 8).join(", "), channels.length - 8) : channels.join(", ");
+    return words.found(capitalised(shortOf(fault)), some, channels.length > 1);
   }).join(" ");
 }

@@ -4,6 +4,7 @@ import { Dialog } from "./dialog";
 import { button, element, setText } from "./dom";
 import { FormView } from "./formview";
 import type { Answer, FormScreen } from "./generated/types";
+import { strings } from "./strings";
 
 export interface FillInHandlers {
   answer(step: number, key: string, answer: Answer | null): void;
@@ -20,7 +21,7 @@ export class FillIn {
   constructor(handlers: FillInHandlers) {
     this.view = new FormView(handlers);
     this.dialog.root.append(
-      element("div", "dialoghead", this.title, button("Close", () => this.dialog.close(), "plain close")),
+      element("div", "dialoghead", this.title, button(strings.fillIn.close, () => this.dialog.close(), "plain close")),
       this.view.root,
     );
   }
@@ -40,7 +41,7 @@ export class FillIn {
     if (wanted !== this.wanted) this.view.clear();
     this.wanted = wanted;
     this.view.show(screen);
-    setText(this.title, `For ${whose}`);
+    setText(this.title, strings.fillIn.whose(whose));
     this.dialog.show();
   }
 

@@ -226,7 +226,7 @@ export class FormView {
   private update(): void {
     const missing = this.draft.missing();
     const { kept, of } = this.draft.progress();
-    const progress = of > 0 ? `${kept} of ${of} answered` : "";
+    const progress = of > 0 ? texts.progress(kept, of) : "";
     for (const { question, root, control, mark, clear, refusal } of this.rows) {
       const { key } = question;
       const answer = this.draft.answer(key);
@@ -236,7 +236,7 @@ export class FormView {
       const marks = { none: open ? texts.notAnswered : "", sending: texts.saving, saved: texts.saved, refused: "" };
       setText(mark, marks[state]);
       // An answer that was kept before the page came is no news.
-      if (state === "saved" && root.dataset["state"] === "sending") setText(this.heard, `Saved. ${progress}`);
+      if (state === "saved" && root.dataset["state"] === "sending") setText(this.heard, texts.heardSaved(progress));
       root.dataset["state"] = state;
       setClass(root, "missing", open);
       clear.hidden = answer === null || !clears(question);

@@ -6,6 +6,9 @@ import { correction, judge, total, type Look, type PointResult } from "./gazeche
 import type { DisplayFrame, GazeCheck } from "./generated/types";
 import type { Room } from "./room";
 import { drawnTexture } from "./shapes";
+import { strings } from "./strings";
+
+const words = strings.gazeCheck;
 
 /** The eye has this long to arrive at a point, ms. */
 const SETTLE_MS = 900;
@@ -58,6 +61,10 @@ export class GazeCheckView {
     this.root.append(this.title, this.body);
   }
 
+  private get what(): string {
+    return this.calibrates ? words.titles.calibration : words.titles.check;
+  }
+
   get active(): boolean {
     return this.running;
   }
@@ -82,9 +89,9 @@ export class GazeCheckView {
   start(room: Room, source: string, calibrates = false): void {
     Object.assign(this, { room, source, calibrates, done: [], looks: [], running: true, follows: false, began: null, pictures: 0 });
     this.root.hidden = false;
-    this.body.replaceChildren(element("p", "", "Look at the ring until it moves on. Keep still."));
+    this.body.replaceChildren(element("p", "", words.look));
     if (source !== "mouse") return;
-    const follow = button("Without a mouse: let the gaze follow the ring", () => this.follow(), "plain follow");
+    const follow = button(words.follow, () => this.follow(), "plain follow");
     this.body.append(follow);
     follow.focus({ preventScroll: true });
   }
@@ -124,7 +131,7 @@ export class GazeCheckView {
     const settling = Math.max(1 - (now - (this.began ?? now)) / SETTLE_MS, 0);
     this.mark.position.copy(point);
     this.mark.scale.setScalar(0.03 + 0.05 * settling);
-    setText(this.title, `Gaze ${this.calibrates ? "calibration" : "check"}: point ${this.done.length + 1} of ${POINTS.length}`);
+    setText(this.title, words.pointOf(this.what, this.done.length + 1, POINTS.length));
   }
 
   private show(): void {
@@ -139,7 +146,7 @@ export class GazeCheckView {
       element("tr", "", element("th", "", name), ...cells.map((cell) => element("td", "", cell)));
     const rows = this.done.map((point, k) =>
       row(
-        `Point ${k + 1}`,
+        words.point(k + 1),
         degrees(point.accuracy_deg),
         degrees(point.precision_deg),
         `${Math.round(100 * point.lost_share)} %`,
@@ -147,17 +154,17 @@ export class GazeCheckView {
       ),
     );
     const good = accuracy !== null && accuracy <= GOOD_DEG && lost < 0.2;
-    const close = button("Done", () => this.stop(), "primary");
+    const close = button(words.done, () => this.stop(), "primary");
     const focused = this.body.contains(document.activeElement);
     const verdict = good
-      ? `Good: ${degrees(accuracy)} on average.`
-      : `Not good enough to tell neighbouring blocks apart: ${degrees(accuracy)} on average. Check the source and try again.`;
-    setText(this.title, `Gaze ${this.calibrates ? "calibration" : "check"}: ${this.source}`);
+      ? words.good(degrees(accuracy))
+      : words.bad(degrees(accuracy));
+    setText(this.title, words.titleOf(this.what, this.source));
     if (this.plain) {
       const well = Array.isArray(found) || (found === null && good);
-      setText(this.title, well ? "Thank you" : "Please tell the experimenter");
+      setText(this.title, well ? words.thanks : words.tell);
       this.body.replaceChildren(
-        element("p", well ? "verdict good" : "verdict bad", well ? "Your gaze was measured." : "Your gaze could not be followed well enough."),
+        element("p", well ? "verdict good" : "verdict bad", well ? words.measured : words.notFollowed),
         close,
       );
       if (focused) close.focus({ preventScroll: true });
@@ -165,17 +172,17 @@ export class GazeCheckView {
     }
     this.body.replaceChildren(
       Array.isArray(found)
-        ? element("p", "verdict good", `Calibrated: ${said(found)} of error are taken off from now on. Check the gaze to see what is left.`)
+        ? element("p", "verdict good", words.calibrated(said(found)))
         : typeof found === "string"
-          ? element("p", "verdict bad", `Not calibrated: ${found}. The gaze stays as it was.`)
+          ? element("p", "verdict bad", words.notCalibrated(found))
           : element("p", good ? "verdict good" : "verdict bad", verdict),
       element(
         "table",
         "",
-        element("thead", "", row("", "accuracy", "precision", "lost", "blinks")),
-        element("tbody", "", ...rows, row("All", degrees(accuracy), degrees(precision), `${Math.round(100 * lost)} %`, String(blinks))),
+        element("thead", "", row("", ...words.heads)),
+        element("tbody", "", ...rows, row(words.all, degrees(accuracy), degrees(precision), `${Math.round(100 * lost)} %`, String(blinks))),
       ),
-      element("p", "note", "Stored with the trial, if it is recorded."),
+      element("p", "note", words.stored),
       close,
     );
     if (focused) close.focus({ preventScroll: true });
@@ -184,5 +191,5 @@ export class GazeCheckView {
 
 /** An offset in words. */
 function said([left, up]: [number, number]): string {
-  return `${Math.abs(left).toFixed(2)}° to the ${left < 0 ? "right" : "left"} and ${Math.abs(up).toFixed(2)}° ${up < 0 ? "down" : "up"}`;
+  return words.offset(Math.abs(left).toFixed(2), left >= 0, Math.abs(up).toFixed(2), up < 0);
 }

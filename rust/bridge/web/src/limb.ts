@@ -3,12 +3,19 @@
 import { element, setClass, setText, setWidth } from "./dom";
 import type { CalibrationScreen, GestureName, TacAxisState } from "./generated/types";
 import { gestureText, handDrawing, handPicture, type HandPose, svg } from "./hand";
+import { strings } from "./strings";
+
+const words = strings.limb;
 
 type Motion = Extract<CalibrationScreen, { type: "motion" }>;
 type Tac = Extract<CalibrationScreen, { type: "tac" }>;
 
 /** How long the outcome of a motion or target is shown, ms. */
 const FLASH_MS = 1500;
+
+function meanText(seconds: number | null): string {
+  return seconds === null ? "" : words.mean(seconds.toFixed(1));
+}
 
 /** A place on an axis, with its unit. */
 export function withUnit(axis: string, value: number): string {
@@ -53,10 +60,10 @@ class Course {
   readonly foot = element("div", "", this.bar, this.recognised);
 
   show(left: number, limit: number, runs: boolean, gesture: GestureName, mark: string): void {
-    setText(this.left, runs ? `${left < 10 ? left.toFixed(1) : left.toFixed(0)} s left` : `${limit} s each`);
+    setText(this.left, runs ? words.left(left < 10 ? left.toFixed(1) : left.toFixed(0)) : words.each(limit));
     setWidth(this.fill, runs ? left / limit : 1);
     setClass(this.bar, "late", runs && left < 0.25 * limit);
-    setText(this.recognised, `Recognised: ${gestureText(gesture)}${mark}`);
+    setText(this.recognised, words.recognised(gestureText(gesture), mark));
   }
 }
 
@@ -80,8 +87,7 @@ export class MotionView {
     const { relaxing } = test;
     setText(
       this.course.count,
-      `Motion ${Math.min(attempts.length + 1, asked)} of ${asked}` +
-        (attempts.length > 0 ? `: ${complete} complete${mean === null ? "" : `, in ${mean.toFixed(1)} s`}` : ""),
+      words.motion(Math.min(attempts.length + 1, asked), asked) + (attempts.length > 0 ? words.complete(complete) + meanText(mean) : ""),
     );
     if (this.shown !== test.prompt) {
       this.shown = test.prompt;
@@ -90,13 +96,13 @@ export class MotionView {
     }
     while (this.dots.children.length < test.needed) this.dots.append(element("span"));
     [...this.dots.children].forEach((dot, k) => setClass(dot, "on", k < test.right));
-    setText(this.right, relaxing ? "then the next motion comes" : `${test.right} of ${test.needed} right decisions`);
+    setText(this.right, relaxing ? words.next : words.decisions(test.right, test.needed));
     const mark = relaxing ? "" : test.in_force === test.prompt ? " ✓" : "";
     this.course.show(test.left_secs, test.limit_secs, !relaxing, test.in_force, mark);
     const last = attempts.at(-1);
     const secs = last?.completion_secs ?? null;
-    const outcome = secs === null ? "time is up" : `complete in ${secs.toFixed(1)} s`;
-    this.flash.after(attempts.length, secs !== null, `${gestureText(last?.prompt ?? "")}: ${outcome}`);
+    const outcome = secs === null ? words.timeIsUp : words.completeIn(secs.toFixed(1));
+    this.flash.after(attempts.length, secs !== null, words.ended(gestureText(last?.prompt ?? ""), outcome));
   }
 }
 
@@ -119,7 +125,7 @@ class Gauge {
     const [low, high] = axis.range;
     const percent = (value: number) => (100 * (value - low)) / (high - low);
     const inside = isInside({ axis, position, target });
-    const value = `${withUnit(axis.name, position)}, target ${withUnit(axis.name, target)} ± ${axis.tolerance}`;
+    const value = words.gauge(withUnit(axis.name, position), withUnit(axis.name, target), axis.tolerance);
     setText(this.name, axis.name);
     setText(this.value, `${inside ? "✓ " : ""}${value}`);
     this.band.style.left = `${percent(target - axis.tolerance)}%`;
@@ -144,12 +150,6 @@ function isInside({ axis, position, target }: TacAxisState): boolean {
   return Math.abs(position - target) <= axis.tolerance;
 }
 
-const PHASES: Record<Tac["phase"], string> = {
-  relaxing: "Relax the hand",
-  ready: "Begin when you like: time runs from the first gesture",
-  moving: "Bring the hand onto its outline",
-};
-
 /** Target achievement control. */
 export class TacView {
   private readonly course = new Course();
@@ -166,11 +166,10 @@ export class TacView {
     const reached = trials.filter(({ secs }) => secs !== null).length;
     setText(
       this.course.count,
-      `Target ${Math.min(trials.length + 1, asked)} of ${asked}` +
-        (trials.length > 0 ? `: ${reached} reached${mean === null ? "" : `, in ${mean.toFixed(1)} s`}` : ""),
+      words.target(Math.min(trials.length + 1, asked), asked) + (trials.length > 0 ? words.reached(reached) + meanText(mean) : ""),
     );
     const inside = test.axes.length > 0 && test.axes.every(isInside);
-    setText(this.told, inside && test.phase === "moving" ? "In the target: relax and stay" : PHASES[test.phase]);
+    setText(this.told, inside && test.phase === "moving" ? words.inTarget : words.phases[test.phase]);
     this.limb.replaceChildren(limbPicture(test.axes, test.dwelt, inside));
     while (this.known.length < test.axes.length) this.known.push(new Gauge());
     this.known.length = test.axes.length;
@@ -178,7 +177,7 @@ export class TacView {
     this.gauges.replaceChildren(...this.known.map(({ root }) => root));
     this.course.show(test.left_secs, test.limit_secs, test.phase === "moving", test.in_force, "");
     const secs = trials.at(-1)?.secs ?? null;
-    this.flash.after(trials.length, secs !== null, secs === null ? "Not reached: time is up" : `Reached in ${secs.toFixed(1)} s`);
+    this.flash.after(trials.length, secs !== null, secs === null ? words.notReached : words.reachedIn(secs.toFixed(1)));
   }
 }
 
@@ -191,7 +190,7 @@ function limbPicture(axes: TacAxisState[], dwelt: number, inside: boolean): SVGS
   const picture = svg("svg", {
     viewBox: `${left} ${top} ${width + (turns ? 110 : 0)} ${height}`,
     role: "img",
-    "aria-label": `the hand and its target${inside ? ": in the target" : ""}`,
+    "aria-label": words.picture(inside),
   });
   const pose = (of: "position" | "target"): HandPose => {
     const grasp = place("grasp", of);

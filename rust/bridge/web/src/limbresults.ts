@@ -4,6 +4,9 @@ import { element, setWidth } from "./dom";
 import type { MotionReport, TacReport } from "./generated/types";
 import { gestureText } from "./hand";
 import { withUnit } from "./limb";
+import { strings } from "./strings";
+
+const words = strings.limb;
 
 /** One row: how many of how many were done, and the means that belong to it; none of nothing. */
 export type ResultRow = { name: string; done: number; all: number; means: (number | null)[] };
@@ -23,7 +26,7 @@ function rows<Item>(items: Item[], name: (item: Item, k: number) => string, done
     means: figures.map((figure) => mean(some.map(figure))),
   });
   const names = items.map(name);
-  return [...[...new Set(names)].map((one) => row(one, items.filter((_, k) => names[k] === one))), row("all", items)];
+  return [...[...new Set(names)].map((one) => row(one, items.filter((_, k) => names[k] === one))), row(words.all, items)];
 }
 
 /** A row a gesture: seconds to select and to complete it, decisions that were wrong. */
@@ -53,7 +56,7 @@ export function tacRows(report: TacReport): ResultRow[] {
   );
 }
 
-function table(title: string, what: string, done: string, heads: string[], found: ResultRow[]): HTMLElement {
+function table({ title, what, done, heads }: (typeof words.tables)["motion"], found: ResultRow[]): HTMLElement {
   const head = element("tr", "", ...[what, done, ...heads].map((text) => columnHead(text)));
   const body = found.map(({ name, done: count, all, means }) => {
     const fill = element("div");
@@ -61,7 +64,7 @@ function table(title: string, what: string, done: string, heads: string[], found
     const rowHead = element("th", "", name);
     rowHead.scope = "row";
     const cells = means.map((value) => element("td", "", value === null ? "–" : value.toFixed(value < 10 ? 2 : 0)));
-    return element("tr", name === "all" ? "all" : "", rowHead, element("td", "share", element("div", "bar", fill), `${count} of ${all}`), ...cells);
+    return element("tr", name === words.all ? "all" : "", rowHead, element("td", "share", element("div", "bar", fill), words.share(count, all)), ...cells);
   });
   const scroll = element("div", "scroll", element("table", "results", element("thead", "", head), element("tbody", "", ...body)));
   // What can be scrolled must be within reach of the keys.
@@ -80,14 +83,9 @@ function columnHead(text: string): HTMLTableCellElement {
 /** The tables of those of the tests that are in `result`. */
 export function limbResults(result: Record<string, unknown>): HTMLElement[] {
   const tables: HTMLElement[] = [];
-  if (result.motion) {
-    const heads = ["select, s", "complete, s", "wrong decisions"];
-    tables.push(table("Motion test", "motion", "completed", heads, motionRows(result.motion as MotionReport)));
-  }
-  for (const [name, title] of [["tac1", "Target achievement, one joint at a time"], ["tac3", "Target achievement, joints together"]] as const) {
-    if (!result[name]) continue;
-    const heads = ["time, s", "overshoots", "path, %"];
-    tables.push(table(title, name === "tac1" ? "axis" : "target", "reached", heads, tacRows(result[name] as TacReport)));
+  if (result.motion) tables.push(table(words.tables.motion, motionRows(result.motion as MotionReport)));
+  for (const name of ["tac1", "tac3"] as const) {
+    if (result[name]) tables.push(table(words.tables[name], tacRows(result[name] as TacReport)));
   }
   return tables;
 }

@@ -3,6 +3,7 @@
 import { Dialog } from "./dialog";
 import { button, element, setText } from "./dom";
 import type { StudyRequest } from "./generated/types";
+import { strings } from "./strings";
 
 /** What the server takes only with a reason. */
 export type Reasoned = Extract<StudyRequest, { reason: string }>["ask"];
@@ -18,45 +19,9 @@ interface Question {
   optional?: boolean;
 }
 
-export const QUESTIONS: Record<Asked, Question> = {
-  start_anyway: {
-    title: "Start although something is not ready?",
-    act: "Start trial",
-    reasons: ["checked by hand just now", "not needed for this condition", "equipment cannot be repaired now", "participant cannot wait"],
-  },
-  skip: {
-    title: "Skip this step?",
-    act: "Skip",
-    reasons: ["participant declined", "no time left", "equipment failed", "already done before"],
-  },
-  redo: {
-    title: "Do the last trial again?",
-    act: "Redo trial",
-    reasons: ["participant misunderstood", "armband slipped", "tracking lost", "experimenter's mistake", "interrupted from outside"],
-  },
-  retrain: {
-    title: "Train the gestures again now?",
-    act: "Train again",
-    reasons: ["armband slipped", "armband taken off", "gestures are not recognised", "participant is tired"],
-  },
-  recalibrate: {
-    title: "Calibrate the gaze again now?",
-    act: "Calibrate again",
-    reasons: ["eye tracker slipped", "gaze is off", "participant moved", "glasses put on or taken off"],
-  },
-  abort: {
-    title: "End this trial?",
-    act: "End trial",
-    reasons: ["participant wants to stop", "participant is tired", "equipment failed", "interrupted from outside"],
-    optional: true,
-  },
-  leave: {
-    title: "End for today?",
-    act: "End for today",
-    reasons: ["participant wants to stop", "no time left", "equipment failed"],
-    optional: true,
-  },
-};
+const words = strings.reasons;
+
+export const QUESTIONS: Record<Asked, Question> = words.questions;
 /** Longest reason in free words, characters. */
 const MOST_WORDS = 300;
 
@@ -85,10 +50,10 @@ export class ReasonDialog {
   ask(what: Asked, about: string): void {
     const { title, act, reasons, optional } = QUESTIONS[what];
     setText(this.title, title);
-    const words = element("input", "words");
-    words.type = "text";
-    words.maxLength = MOST_WORDS;
-    words.setAttribute("aria-label", "Another reason");
+    const own = element("input", "words");
+    own.type = "text";
+    own.maxLength = MOST_WORDS;
+    own.setAttribute("aria-label", words.another);
     const radios = [...reasons, ""].map((reason) => {
       const radio = element("input");
       radio.type = "radio";
@@ -99,17 +64,17 @@ export class ReasonDialog {
     const other = radios[reasons.length];
     const choices = radios.map((radio) =>
       radio === other
-        ? element("div", "reason", element("label", "", radio, "Other"), words)
+        ? element("div", "reason", element("label", "", radio, words.other), own)
         : element("label", "reason", radio, radio.value),
     );
     const confirm = element("button", what === "abort" ? "primary ends" : "primary", act);
     confirm.type = "submit";
     const reason = () => {
       const chosen = radios.find(({ checked }) => checked);
-      return (chosen === other ? words.value : (chosen?.value ?? "")).trim();
+      return (chosen === other ? own.value : (chosen?.value ?? "")).trim();
     };
     const check = () => (confirm.disabled = !optional && reason() === "");
-    words.addEventListener("input", () => {
+    own.addEventListener("input", () => {
       if (other) other.checked = true;
     });
     this.form.oninput = check;
@@ -122,8 +87,8 @@ export class ReasonDialog {
     };
     this.form.replaceChildren(
       element("p", "about", about),
-      element("fieldset", "", element("legend", "label", optional ? "Reason, if there is one to keep" : "Reason"), ...choices),
-      element("div", "buttons", confirm, button("Cancel", () => this.close(), "plain")),
+      element("fieldset", "", element("legend", "label", optional ? words.mayReason : words.reason), ...choices),
+      element("div", "buttons", confirm, button(words.cancel, () => this.close(), "plain")),
     );
     check();
     this.dialog.show();

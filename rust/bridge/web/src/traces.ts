@@ -1,6 +1,7 @@
 // EMG as it comes in: one lane a channel, with its traffic light.
 
 import type { Signals } from "./generated/types";
+import { strings } from "./strings";
 
 /** Length of what is shown, seconds. */
 const SPAN_SECS = 5;
@@ -69,7 +70,7 @@ export class Traces {
       context.arc(10, middle, dot, 0, 2 * Math.PI);
       context.fill();
       context.fillStyle = INK;
-      if (channel % labelled === 0) context.fillText(`Channel ${channel + 1}`, 22, middle);
+      if (channel % labelled === 0) context.fillText(strings.experimenter.channel(channel + 1), 22, middle);
       const fault = this.faults[channel];
       if (fault && labelled === 1) {
         context.fillStyle = LIGHTS["red"] ?? INK;

@@ -28,16 +28,15 @@ const words = strings.tracking;
 
 /** From report to report, ms. */
 const EVERY_MS = 100;
-const UNKNOWN = "not known yet";
 /** Places of a body that its trail shows: three seconds. */
 const TRAIL = 30;
 
-const link = element("span", "muted", "connecting");
+const link = element("span", "muted", words.connecting);
 const scene = element("div", "scene");
 const canvas = element("canvas");
 canvas.setAttribute("role", "img");
 canvas.setAttribute("aria-label", words.pictureLabel);
-const legend = element("p", "legend muted", "x red, y green, z blue. Longest axes: world; next: tracking system; with a ring: the body. Tiles: what the hand reaches, green without leaning, yellow by leaning, red not.");
+const legend = element("p", "legend muted", words.legend);
 scene.append(canvas, legend);
 const cards = element("section");
 cards.setAttribute("aria-label", words.sources);
@@ -64,10 +63,10 @@ class Card {
     this.set(words.rate, `${report.rate_hz.toFixed(0)} Hz`);
     this.set(words.age, report.age_secs === null ? words.noPose : `${(1000 * report.age_secs).toFixed(0)} ms`);
     const { stream, noise_m, noise_rad } = report;
-    this.set(words.lag, stream ? words.behind(ms(stream.lag_secs)) : UNKNOWN);
-    this.set(words.jitter, stream ? ms(stream.jitter_secs) : UNKNOWN);
-    this.set("Drop-outs", stream ? dropouts(stream) : UNKNOWN);
-    this.set(words.noise, noise_m === null || noise_rad === null ? UNKNOWN : `${(1000 * noise_m).toFixed(2)} mm, ${((180 * noise_rad) / Math.PI).toFixed(2)} degrees`);
+    this.set(words.lag, stream ? words.behind(ms(stream.lag_secs)) : words.unknown);
+    this.set(words.jitter, stream ? ms(stream.jitter_secs) : words.unknown);
+    this.set(words.dropoutsTitle, stream ? dropouts(stream) : words.unknown);
+    this.set(words.noise, noise_m === null || noise_rad === null ? words.unknown : `${(1000 * noise_m).toFixed(2)} mm, ${((180 * noise_rad) / Math.PI).toFixed(2)} degrees`);
     this.set(words.inTracking, place(report.tracking_from_body));
     this.set(words.inWorld, place(report.world_from_shoulder));
     for (const { kind, line, usable } of report.calibrations) this.set(words.calibrated(kind), usable ? line : words.notUsed(line));
@@ -92,7 +91,7 @@ class Card {
 }
 
 function place(pose: Pose | null): string {
-  return pose ? `${pose.translation.map((value) => value.toFixed(3)).join(", ")} m` : UNKNOWN;
+  return pose ? `${pose.translation.map((value) => value.toFixed(3)).join(", ")} m` : words.unknown;
 }
 
 function ms(secs: number): string {
@@ -221,9 +220,9 @@ async function ask(): Promise<void> {
     const answer = await fetch("/api/tracking", { signal: AbortSignal.timeout(2000) });
     if (!answer.ok) throw new Error(String(answer.status));
     show((await answer.json()) as TrackingReport[]);
-    setText(link, "live");
+    setText(link, words.live);
   } catch {
-    setText(link, "the program is gone; waiting for it");
+    setText(link, words.gone);
   }
   setTimeout(() => void ask(), EVERY_MS);
 }

@@ -17,7 +17,7 @@ const FONT = "DejaVu Sans, Verdana, Arial, sans-serif";
 type Row = Record<string, string | number | null>;
 
 interface Spec {
-  kind: "strip" | "grid" | "lines" | "bars" | "curve" | "heat" | "confusion" | "cloud";
+  kind: "strip" | "grid" | "lines" | "bars" | "curve" | "growth" | "heat" | "confusion" | "cloud";
   rows: Row[];
   /** What is on the axes. */
   x: string;
@@ -170,6 +170,21 @@ function curve(spec: Spec): Plot.PlotOptions {
   };
 }
 
+/** Costs over sizes, both as ratios: a power is a straight line. */
+function growth(spec: Spec): Plot.PlotOptions {
+  const sizes = [...new Set(spec.rows.map((row) => Number(row["x"])))];
+  return {
+    ...base(spec, COLUMN, 240),
+    x: { type: "log", label: spec.x, ticks: sizes, tickFormat: (size: number) => String(Number(size.toPrecision(2))), inset: 6 },
+    y: { type: "log", label: spec.y, grid: true, nice: true, ticks: 4, tickFormat: "~r" },
+    marks: [
+      Plot.line(spec.rows, { x: "x", y: "y", z: "part", stroke: "part", strokeWidth: 1.6 }),
+      Plot.dot(spec.rows, { x: "x", y: "y", fill: "part", symbol: "part", r: 3 }),
+    ],
+    symbol: { domain: spec.parts, legend: false },
+  };
+}
+
 /** A value in two directions: a cell a pair, with its number, a panel a condition. */
 function heat(spec: Spec): Plot.PlotOptions {
   const { names, options } = facets(spec);
@@ -226,7 +241,7 @@ function cloud(spec: Spec): Plot.PlotOptions {
   };
 }
 
-const KINDS = { strip, grid, lines, bars, curve, heat, confusion, cloud };
+const KINDS = { strip, grid, lines, bars, curve, growth, heat, confusion, cloud };
 
 /** The key below a figure: words beside patches, as many on a line as there is room for. */
 function legend(spec: Spec, width: number): { parts: string[]; height: number } {
