@@ -22,7 +22,7 @@ mod training_figures;
 pub(crate) use scores::{empty as tables_of_scores, trials_and_blocks};
 pub(crate) use traces::LiveTrace;
 
-pub use charts::{ChartError, power_curve};
+pub use charts::{ChartError, growth_curve, power_curve};
 pub use collect::{Collected, collect};
 pub use leaders::{Lead, Leader, leader_board};
 pub use library::ReportLibrary;

@@ -46,7 +46,7 @@ type Outcome<T> = Result<T, Box<dyn Error>>;
 /// a minute.
 pub(crate) fn bridge() -> Outcome<BenchReport> {
     let mut figures = Vec::new();
-    let (late, core) = page_scene()?;
+    let (late, core) = page_scene(CLIENTS)?;
     scene_figures(&mut figures, "page, 60 Hz to 10 clients", &late, core);
     let (late, core) = app_scene(CLIENTS, 0)?;
     scene_figures(&mut figures, "rosbridge, all app topics at 60 Hz to 10 clients", &late, core);
@@ -79,7 +79,7 @@ pub(crate) fn bridge() -> Outcome<BenchReport> {
         );
         figures.push(if share == 0.99 { figure.beside(PEER, 3.0) } else { figure });
     }
-    Ok(BenchReport { stage: "bridge".to_owned(), figures })
+    Ok(BenchReport::new("bridge", figures))
 }
 
 fn scene_figures(figures: &mut Vec<BenchFigure>, name: &str, late: &Lateness, core: f64) {
@@ -141,12 +141,12 @@ fn at_60_hz(frame: &mut DisplayFrame, mut publish: impl FnMut(&DisplayFrame)) ->
     sent
 }
 
-/// The page's stream to ten clients: how late each frame was, and the share of a core.
-fn page_scene() -> Outcome<(Lateness, f64)> {
+/// The page's stream to so many clients: how late each frame was, and the share of a core.
+pub(crate) fn page_scene(clients: usize) -> Outcome<(Lateness, f64)> {
     let (mut frame, content) = first_frame()?;
     let server = PageServer::start(PageOptions { port: 0, ..PageOptions::default() }, content)?;
     let address = server.url().replacen("http", "ws", 1) + "live";
-    let links = (0..CLIENTS).map(|_| Link::open(&address)).collect::<Result<Vec<_>, _>>()?;
+    let links = (0..clients).map(|_| Link::open(&address)).collect::<Result<Vec<_>, _>>()?;
     let ended = Arc::new(AtomicBool::new(false));
     let readers: Vec<_> = links.into_iter().map(|link| follow(link, "\"time\":", &ended)).collect();
     let (start, before) = (Instant::now(), cpu_of_threads("page-server")? + cpu_of_this_thread()?);

@@ -50,7 +50,7 @@ pub(crate) fn chain(ticks: u64) -> Result<BenchReport, Box<dyn Error>> {
     }
     let note = format!("goal: under 1000; {} windows of four methods", all.len());
     figures.insert(0, BenchFigure::alone("packet to joint target, 99 %", quantile(&all, 0.99), "us", &note));
-    Ok(BenchReport { stage: "chain".to_owned(), figures })
+    Ok(BenchReport::new("chain", figures))
 }
 
 /// Microseconds from the last sample of each window to the target that the plant is handed.

@@ -12,6 +12,7 @@ use proact_arm::ArmModel;
 use proact_dynamics::{DynamicsOptions, Engine, OdePlant};
 use proact_testbed::ports::{Plant, PlantError};
 use proact_types::{Object, PlantCommand, Pose, Scene, SceneObject, Shape, TICK_SECS, Vector, joints, zeros};
+use rustix::time::{ClockId, clock_gettime};
 use std::{error::Error, time::Instant};
 
 /// Height of the table top in the phases, metres.
@@ -32,7 +33,7 @@ pub fn dynamics() -> Result<BenchReport, Box<dyn Error>> {
     extra_blocks(&mut figures, peer.as_ref().ok())?;
     heap::heap(&mut figures, peer.as_ref().ok())?;
     engines::engines(&mut figures)?;
-    Ok(BenchReport { stage: "dynamics".to_owned(), figures })
+    Ok(BenchReport::new("dynamics", figures))
 }
 
 /// Puts what MuJoCo needs for the same run beside our figures called `name`.
@@ -58,29 +59,48 @@ fn compare(
     Ok(())
 }
 
+/// The mean tick of an arm that swings far from so many blocks that lie around, microseconds.
+pub(crate) fn among_blocks(count: u32, sleep: bool) -> Result<f64, Box<dyn Error>> {
+    mean_tick(&proact_description::mpl_right_arm(), &blocks_around(count), sleep)
+}
+
+/// So many blocks on a large table.
+fn blocks_around(count: u32) -> Scene {
+    let mut scene = table_with_a_block();
+    scene.fixed[0].shape = Shape::Box { size: [4.0, 4.0, 0.03] };
+    let block = scene.objects[0].clone();
+    let place = |k: u32| Pose::translation(0.1 * f64::from(k % 16), 0.1 * f64::from(k / 16), TABLE + 0.025);
+    scene.objects =
+        (0..count).map(|k| Object { name: format!("block{k}"), pose: place(k), ..block.clone() }).collect();
+    scene
+}
+
+/// A second of swinging far above a scene: angles at its start, base, commands.
+fn far_above(model: &ArmModel) -> Result<(Vec<f64>, Pose, Vec<PlantCommand>), Box<dyn Error>> {
+    let open: Vec<f64> = [model.pose("arm", "start")?, model.pose("hand", "open")?].concat();
+    let base = Pose::translation(0.0, 0.0, 3.0);
+    let mut commands = swing(model, &open, base);
+    commands.truncate(1000);
+    Ok((open, base, commands))
+}
+
+fn mean_tick(model: &ArmModel, scene: &Scene, sleep: bool) -> Result<f64, Box<dyn Error>> {
+    let (open, base, commands) = far_above(model)?;
+    let options = DynamicsOptions { sleep, ..DynamicsOptions::default() };
+    let mut plant = OdePlant::new(model, scene, &open, &base, options)?;
+    let cost = Cost::of(|| play(&mut plant, &commands))?;
+    Ok(1e6 * cost.core / cost.ticks.len() as f64)
+}
+
 /// The arm beside up to 150 blocks that lie around, asleep and awake.
 fn extra_blocks(figures: &mut Vec<BenchFigure>, peer: Option<&MuJoCo>) -> Result<(), Box<dyn Error>> {
     let model = proact_description::mpl_right_arm();
-    let open: Vec<f64> = [model.pose("arm", "start")?, model.pose("hand", "open")?].concat();
-    let base = Pose::translation(0.0, 0.0, 3.0);
-    let commands = &swing(&model, &open, base)[..1000];
+    let (open, _, commands) = far_above(&model)?;
     for sleep in [true, false] {
         let mut first = 0.0;
         for count in [4_u32, 50, 150] {
-            let mut scene = table_with_a_block();
-            scene.fixed[0].shape = Shape::Box { size: [4.0, 4.0, 0.03] };
-            let block = scene.objects[0].clone();
-            scene.objects = (0..count)
-                .map(|k| {
-                    let pose =
-                        Pose::translation(0.1 * f64::from(k % 16), 0.1 * f64::from(k / 16), TABLE + 0.025);
-                    Object { name: format!("block{k}"), pose, ..block.clone() }
-                })
-                .collect();
-            let options = DynamicsOptions { sleep, ..DynamicsOptions::default() };
-            let mut plant = OdePlant::new(&model, &scene, &open, &base, options)?;
-            let cost = Cost::of(|| play(&mut plant, commands))?;
-            let micros = 1e6 * cost.core / cost.ticks.len() as f64;
+            let scene = blocks_around(count);
+            let micros = mean_tick(&model, &scene, sleep)?;
             let state = if sleep { "asleep" } else { "awake" };
             let name = format!("{count} blocks {state}, tick, mean");
             figures.push(BenchFigure::alone(&name, micros, "us", ""));
@@ -266,11 +286,10 @@ fn stay(positions: &[f64], base: Pose) -> PlantCommand {
     PlantCommand { position: joints(positions), velocity: zeros(positions.len()), world_from_base: base }
 }
 
-/// Seconds that this thread has spent on a core: what others on the machine take is not in it. `None` where the kernel
-/// does not tell.
-fn core_secs() -> Option<f64> {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
-    Some(text.split_whitespace().next()?.parse::<f64>().ok()? * 1e-9)
+/// Seconds that this thread has spent on a core: what others on the machine take is not in it.
+fn core_secs() -> f64 {
+    let spent = clock_gettime(ClockId::ThreadCPUTime);
+    spent.tv_sec as f64 + 1e-9 * spent.tv_nsec as f64
 }
 
 /// What some ticks cost.
@@ -278,7 +297,7 @@ fn core_secs() -> Option<f64> {
 struct Cost {
     /// Seconds of each tick by the wall clock.
     ticks: Vec<f64>,
-    /// Seconds of all together on the core, or by the wall clock where the kernel does not tell.
+    /// Seconds of all together on the core.
     core: f64,
 }
 
@@ -287,8 +306,7 @@ impl Cost {
     fn of<E>(run: impl FnOnce() -> Result<Vec<f64>, E>) -> Result<Self, E> {
         let before = core_secs();
         let ticks = run()?;
-        let core = before.zip(core_secs()).map_or_else(|| total(&ticks), |(before, after)| after - before);
-        Ok(Self { ticks, core })
+        Ok(Self { core: core_secs() - before, ticks })
     }
 
     /// Simulated seconds in a second of one core.
@@ -302,10 +320,6 @@ fn timed(plant: &mut OdePlant, command: &PlantCommand) -> Result<f64, PlantError
     let begin = Instant::now();
     plant.step(command)?;
     Ok(begin.elapsed().as_secs_f64())
-}
-
-fn total(times: &[f64]) -> f64 {
-    times.iter().sum()
 }
 
 fn summarize(name: &str, cost: &Cost, goal: f64, note: &str, figures: &mut Vec<BenchFigure>) {

@@ -81,7 +81,7 @@ pub(crate) fn emg() -> Result<BenchReport, Box<dyn Error>> {
     if let (Some(why), Some(first)) = (&peer.absent, figures.first_mut()) {
         first.note += &format!("; {why}");
     }
-    Ok(BenchReport { stage: "emg".to_owned(), figures })
+    Ok(BenchReport::new("emg", figures))
 }
 
 /// Microseconds of each window of the stream.

@@ -49,7 +49,7 @@ pub fn kinematics() -> Result<BenchReport, KinematicsError> {
     let note = "27 joints, same gravity from call to call";
     let median = quantile(&times, 0.5) / 1e3;
     figures.push(BenchFigure::alone("inverse dynamics of the tree, median", median, "us", note));
-    Ok(BenchReport { stage: "kinematics".to_owned(), figures })
+    Ok(BenchReport::new("kinematics", figures))
 }
 
 /// Nanoseconds of each call through the bridge, and of the peer's.

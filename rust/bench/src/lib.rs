@@ -8,6 +8,7 @@ mod bridge;
 mod chain;
 mod dynamics;
 mod emg;
+mod growth;
 mod kinematics;
 mod localization;
 mod planning;
@@ -23,10 +24,11 @@ use std::error::Error;
 const CHAIN_TICKS: u64 = 20_000;
 
 /// The stages that can be measured.
-pub const STAGES: [&str; 10] = [
+pub const STAGES: [&str; 11] = [
     "bridge",
     "chain",
     "emg",
+    "growth",
     "kinematics",
     "localization",
     "dynamics",
@@ -45,6 +47,7 @@ pub fn run(stage: &str, problems: PlanningBench) -> Result<BenchReport, Box<dyn 
         "bridge" => bridge::bridge(),
         "chain" => chain::chain(CHAIN_TICKS),
         "emg" => emg::emg(),
+        "growth" => growth::growth(),
         "kinematics" => Ok(kinematics::kinematics()?),
         "localization" => localization::localization(),
         "dynamics" => dynamics::dynamics(),
@@ -68,6 +71,18 @@ pub struct BenchReport {
     pub stage: String,
     /// What was measured.
     pub figures: Vec<BenchFigure>,
+    /// The same drawn, where that says more.
+    #[serde(skip)]
+    pub charts: Vec<BenchChart>,
+}
+
+/// A chart.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BenchChart {
+    /// Its name as a file, without an ending.
+    pub name: String,
+    /// What it is, as SVG.
+    pub svg: String,
 }
 
 /// One figure.
@@ -85,6 +100,12 @@ pub struct BenchFigure {
     pub peer_value: Option<f64>,
     /// What helps to read it.
     pub note: String,
+}
+
+impl BenchReport {
+    pub(crate) fn new(stage: &str, figures: Vec<BenchFigure>) -> Self {
+        Self { stage: stage.to_owned(), figures, charts: Vec::new() }
+    }
 }
 
 impl std::fmt::Display for BenchReport {

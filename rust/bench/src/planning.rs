@@ -123,7 +123,19 @@ pub(crate) fn planning(what: PlanningBench) -> Result<BenchReport, Box<dyn Error
     figures.extend(bench.cancels()?);
     figures.push(searches::share_of_a_trial()?);
     bar.finish_and_clear();
-    Ok(BenchReport { stage: "planning".to_owned(), figures })
+    Ok(BenchReport::new("planning", figures))
+}
+
+/// Processor time of each of `plans` among so many blocks, milliseconds.
+pub(crate) fn among_blocks(blocks: usize, plans: usize) -> Result<Vec<f64>, Box<dyn Error>> {
+    let mut bench = Bench::new(HELD_OUT)?;
+    let mut times = Vec::with_capacity(plans);
+    for number in 0..plans {
+        let problem = bench.drawer.problem_among(number, blocks)?;
+        bench.planner.solve(&problem.request);
+        times.push(1e3 * bench.planner.effort().cpu_secs);
+    }
+    Ok(times)
 }
 
 /// Every problem once.
@@ -389,7 +401,7 @@ mod tests {
     fn run(seed: u64) -> BenchReport {
         let what = PlanningBench { seed, problems: PROBLEMS, settle: None };
         let bench = answered(&what, &ProgressBar::hidden()).expect("the arm can be planned for");
-        BenchReport { stage: "planning".to_owned(), figures: bench.figures() }
+        BenchReport::new("planning", bench.figures())
     }
 
     /// Figures belong to the bench; what is out of reach counts as missed here. What is tested is that the problems are

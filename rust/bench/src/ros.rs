@@ -76,7 +76,7 @@ pub(crate) fn ros() -> Outcome<BenchReport> {
         "jobs",
         "mean of the last minute; figures above grow with it",
     ));
-    Ok(BenchReport { stage: "ros".to_owned(), figures })
+    Ok(BenchReport::new("ros", figures))
 }
 
 /// Processor time of a process so far, s.

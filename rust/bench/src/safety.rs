@@ -208,7 +208,7 @@ pub(crate) fn safety() -> Outcome<BenchReport> {
         bar.inc(1);
     }
     bar.finish_and_clear();
-    Ok(BenchReport { stage: "safety".to_owned(), figures })
+    Ok(BenchReport::new("safety", figures))
 }
 
 struct Run<'a> {

@@ -33,7 +33,7 @@ pub(crate) fn start() -> Result<BenchReport, Box<dyn Error>> {
     }
     let note = "process start and libraries alone";
     figures.push(BenchFigure::alone("process, median", quantile(&process, 0.5), "ms", note));
-    Ok(BenchReport { stage: "start".to_owned(), figures })
+    Ok(BenchReport::new("start", figures))
 }
 
 /// Trains, assembles, serves and runs to the first frame, as `demo` does.

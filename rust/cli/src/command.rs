@@ -133,6 +133,9 @@ struct BenchArgs {
     /// How long the stage planning searches, in seconds, before a goal counts as out of reach
     #[arg(long, value_name = "SECONDS", default_value_t = 30.0)]
     settle: f64,
+    /// Folder for the charts of the stage growth
+    #[arg(long, value_name = "DIR")]
+    charts: Option<PathBuf>,
 }
 
 impl BenchArgs {
@@ -240,6 +243,12 @@ fn act(registry: &Registry, command: Command) -> Result<bool, Box<dyn Error>> {
         Command::Model { json, command } => crate::model::run(&command, json),
         Command::Bench(args) => {
             let report = proact_bench::run(&args.stage, args.problems())?;
+            if let Some(folder) = &args.charts {
+                std::fs::create_dir_all(folder)?;
+                for chart in &report.charts {
+                    std::fs::write(folder.join(&chart.name).with_extension("svg"), &chart.svg)?;
+                }
+            }
             if args.json {
                 answer(serde_json::to_string(&report)?)?;
             } else {

@@ -128,6 +128,25 @@ pub fn power_curve(points: &[(usize, String, f64)]) -> Result<(String, Vec<u8>),
     charts.files(&charts.draw(&spec)?)
 }
 
+/// How costs grow: lines of name, size and cost, on axes of equal ratios, as SVG and PNG. All numbers are above zero.
+///
+/// # Errors
+/// [`ChartError`].
+pub fn growth_curve(
+    of: &str,
+    cost: &str,
+    points: &[(String, f64, f64)],
+) -> Result<(String, Vec<u8>), ChartError> {
+    let mut parts: Vec<String> = points.iter().map(|point| point.0.clone()).collect();
+    parts.dedup();
+    let rows =
+        points.iter().map(|(part, size, cost)| serde_json::json!({"x": size, "y": cost, "part": part}));
+    let spec =
+        Spec { kind: "growth", rows: rows.collect(), x: of.into(), y: cost.into(), parts, ..Spec::default() };
+    let charts = Charts::new()?;
+    charts.files(&charts.draw(&spec)?)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -131,7 +131,7 @@ fn number_in(text: &str, mark: &str) -> Option<usize> {
 }
 
 /// How late messages arrived at all clients together.
-pub(super) struct Lateness {
+pub(crate) struct Lateness {
     /// Milliseconds from publishing to arrival, of those that arrived.
     pub(super) ms: Vec<f64>,
     /// How many should have.

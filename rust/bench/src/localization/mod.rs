@@ -119,7 +119,7 @@ pub(crate) fn localization() -> Result<BenchReport, Box<dyn Error>> {
         let note = "sway of known spectrum without leans, errors of place and headset left out";
         figures.push(BenchFigure::alone(&name, bound::most_within(&conditions, &streams), "%", note));
     }
-    Ok(BenchReport { stage: "localization".to_owned(), figures })
+    Ok(BenchReport::new("localization", figures))
 }
 
 /// What a session is without one source of error each.

@@ -114,19 +114,25 @@ impl Drawer {
 
     /// Problem `number`: a block is reached for, or a gripped one is carried over a drawn point or put down at one.
     pub(super) fn problem(&mut self, number: usize, cluttered: bool) -> Result<Problem, Box<dyn Error>> {
+        self.problem_among(number, if cluttered { CLUTTER } else { BLOCKS.len() })
+    }
+
+    /// The same among so many blocks.
+    pub(super) fn problem_among(&mut self, number: usize, blocks: usize) -> Result<Problem, Box<dyn Error>> {
+        let cluttered = blocks > BLOCKS.len();
         let mut mix = Random(self.seed ^ (number as u64).wrapping_mul(0xd134_2543_de82_ef95));
         self.random = Random(mix.next());
         let kind = Kind::ALL[number % 3];
         // A draw in which the hand finds no room at the start is no problem; the next one is taken.
         loop {
-            if let Some((request, witness)) = self.draw(kind, cluttered)? {
+            if let Some((request, witness)) = self.draw(kind, blocks)? {
                 return Ok(Problem { number, kind, cluttered, request, witness });
             }
         }
     }
 
-    fn draw(&mut self, kind: Kind, cluttered: bool) -> Drawn<(PlanRequest, [JointVector; 2])> {
-        let blocks = self.blocks(if cluttered { CLUTTER } else { BLOCKS.len() });
+    fn draw(&mut self, kind: Kind, blocks: usize) -> Drawn<(PlanRequest, [JointVector; 2])> {
+        let blocks = self.blocks(blocks);
         let mut request = PlanRequest {
             id: 1,
             world_from_base: self.base(),

@@ -1,0 +1,56 @@
+//! What is measured in this program: physics, plans and the page.
+
+use super::{Growth, Line};
+use crate::{bridge, dynamics, planning, quantile};
+use proact_types::MAX_OBJECTS;
+use std::error::Error;
+
+/// Up to the most that a scene may have.
+const OBJECTS: [u32; 8] = [1, 2, 5, 10, 20, 50, 100, MAX_OBJECTS as u32];
+/// Blocks on the table of a plan; drawn places for more than these are hard to find.
+const BLOCKS: [usize; 5] = [4, 8, 12, 16, 20];
+/// Plans for each number of blocks.
+const PLANS: usize = 60;
+const CLIENTS: [usize; 6] = [1, 2, 5, 10, 20, 50];
+
+/// A tick of an arm that swings far from blocks that lie around.
+pub(super) fn objects() -> Result<Growth, Box<dyn Error>> {
+    let mut lines = Vec::new();
+    for (name, sleep) in [("tick, blocks asleep", true), ("tick, blocks kept awake", false)] {
+        let points = OBJECTS.map(|count| Ok((f64::from(count), dynamics::among_blocks(count, sleep)?)));
+        let points = points.into_iter().collect::<Result<Vec<_>, Box<dyn Error>>>()?;
+        let most = points.last().map_or(0.0, |point| point.1);
+        let bound = format!(
+            "one core; of the 1,000 us of a tick in real time {most:.0} are used at {MAX_OBJECTS}, the most that a scene may have"
+        );
+        lines.push(Line { name: name.to_owned(), points, bound });
+    }
+    Ok(Growth { file: "objects", of: "objects", cost: "mean tick", unit: "us", lines })
+}
+
+/// Plans to reach, carry and place among blocks.
+pub(super) fn clutter() -> Result<Growth, Box<dyn Error>> {
+    let mut lines: Vec<Line> = [("plan, median", 0.5), ("plan, 90 %", 0.9)]
+        .map(|(name, _)| Line { name: name.to_owned(), points: vec![], bound: "one core a plan".to_owned() })
+        .into();
+    for blocks in BLOCKS {
+        let times = planning::among_blocks(blocks, PLANS)?;
+        for (line, share) in lines.iter_mut().zip([0.5, 0.9]) {
+            line.points.push((blocks as f64, quantile(&times, share)));
+        }
+    }
+    Ok(Growth { file: "clutter", of: "blocks", cost: "processor time of a plan", unit: "ms", lines })
+}
+
+/// The page's server while clients watch at 60 Hz.
+pub(super) fn clients() -> Result<Growth, Box<dyn Error>> {
+    let mut points = Vec::new();
+    for count in CLIENTS {
+        let (_, core) = bridge::page_scene(count)?;
+        points.push((count as f64, 100.0 * core));
+    }
+    let each = points.last().map_or(0.0, |(count, core)| core / count);
+    let bound = format!("one core; at {each:.2} % a client it is full at some {:.0}", 100.0 / each);
+    let lines = vec![Line { name: "page at 60 Hz".to_owned(), points, bound }];
+    Ok(Growth { file: "clients", of: "clients", cost: "share of a core", unit: "%", lines })
+}
