@@ -5,14 +5,13 @@ mod heap;
 mod mujoco;
 mod trial;
 
-use crate::{BenchFigure, BenchReport, quantile};
+use crate::{BenchFigure, BenchReport, core_secs, quantile};
 use mujoco::{MuJoCo, Run};
 use nalgebra::UnitQuaternion;
 use proact_arm::ArmModel;
 use proact_dynamics::{DynamicsOptions, Engine, OdePlant};
 use proact_testbed::ports::{Plant, PlantError};
 use proact_types::{Object, PlantCommand, Pose, Scene, SceneObject, Shape, TICK_SECS, Vector, joints, zeros};
-use rustix::time::{ClockId, clock_gettime};
 use std::{error::Error, time::Instant};
 
 /// Height of the table top in the phases, metres.
@@ -75,8 +74,11 @@ fn blocks_around(count: u32) -> Scene {
     scene
 }
 
-/// A second of swinging far above a scene: angles at its start, base, commands.
-fn far_above(model: &ArmModel) -> Result<(Vec<f64>, Pose, Vec<PlantCommand>), Box<dyn Error>> {
+/// Angles at the start of a swing, the base, and what is asked for in each tick.
+type Swing = (Vec<f64>, Pose, Vec<PlantCommand>);
+
+/// A second of it, far above a scene.
+fn far_above(model: &ArmModel) -> Result<Swing, Box<dyn Error>> {
     let open: Vec<f64> = [model.pose("arm", "start")?, model.pose("hand", "open")?].concat();
     let base = Pose::translation(0.0, 0.0, 3.0);
     let mut commands = swing(model, &open, base);
@@ -284,12 +286,6 @@ fn around_the_block(model: &ArmModel, positions: &[f64]) -> Result<Pose, PlantEr
 
 fn stay(positions: &[f64], base: Pose) -> PlantCommand {
     PlantCommand { position: joints(positions), velocity: zeros(positions.len()), world_from_base: base }
-}
-
-/// Seconds that this thread has spent on a core: what others on the machine take is not in it.
-fn core_secs() -> f64 {
-    let spent = clock_gettime(ClockId::ThreadCPUTime);
-    spent.tv_sec as f64 + 1e-9 * spent.tv_nsec as f64
 }
 
 /// What some ticks cost.

@@ -1,4 +1,5 @@
 mod grid;
+mod groups;
 
 use crate::{BenchFigure, BenchReport, quantile};
 use proact_devices::{
@@ -67,6 +68,7 @@ pub(crate) fn emg() -> Result<BenchReport, Box<dyn Error>> {
     let share = 100.0 * begin.elapsed().as_secs_f64() / (samples.len() as f64 / 1000.0);
     figures.push(BenchFigure::alone("live at 1 kHz, share of a core", share, "%", "goal: under 1"));
 
+    figures.extend(groups::figures(&peer)?);
     figures.extend(grid::figures()?);
 
     let link = link_jitter(&setup.config, &setup.classifier)?;
@@ -252,6 +254,16 @@ impl Peer {
     }
 
     fn run() -> Result<PeerFigures, String> {
+        let object = Peer::answer(PEER_PROGRAM, &[])?;
+        let windows = object["windows"].as_array().map(|all| all.iter().filter_map(Value::as_f64).collect());
+        match (windows, object["fit"].as_f64()) {
+            (Some(windows), Some(fit)) => Ok(PeerFigures { windows, fit }),
+            _ => Err(format!("LibEMG could not be measured: {object}")),
+        }
+    }
+
+    /// The object that a Python program prints as its last line, run where LibEMG is.
+    fn answer(program: &str, words: &[&str]) -> Result<Value, String> {
         let python = folders().into_iter().map(|folder| folder.join("bin/python3")).find(|python| {
             let has = Command::new(python).args(["-c", "import libemg"]).output();
             has.is_ok_and(|output| output.status.success())
@@ -259,16 +271,12 @@ impl Peer {
         let python = python.ok_or(
             "LibEMG not installed; ./proact peers gets it, or name a virtual environment in PROACT_PEERS",
         )?;
-        let output = Command::new(&python).args(["-c", PEER_PROGRAM]).output().map_err(|e| e.to_string())?;
+        let output =
+            Command::new(&python).args(["-c", program]).args(words).output().map_err(|e| e.to_string())?;
         // The library may print warnings of its own before the figures.
         let text = String::from_utf8_lossy(&output.stdout);
-        let object: Option<Value> = text.lines().last().and_then(|line| serde_json::from_str(line).ok());
-        let figures = object.as_ref().and_then(|object| {
-            let windows =
-                object["windows"].as_array()?.iter().map(Value::as_f64).collect::<Option<Vec<_>>>()?;
-            Some(PeerFigures { windows, fit: object["fit"].as_f64()? })
-        });
-        figures.filter(|f| !f.windows.is_empty()).ok_or_else(|| {
+        let object = text.lines().last().and_then(|line| serde_json::from_str(line).ok());
+        object.ok_or_else(|| {
             let error = String::from_utf8_lossy(&output.stderr);
             format!("LibEMG could not be measured: {}", error.lines().last().unwrap_or("no output"))
         })

@@ -17,6 +17,7 @@ mod ros;
 pub mod safety;
 mod start;
 
+use rustix::time::{ClockId, clock_gettime};
 use serde::Serialize;
 use std::error::Error;
 
@@ -143,6 +144,12 @@ pub(crate) fn quantile(values: &[f64], share: f64) -> f64 {
     sorted.sort_by(f64::total_cmp);
     let place = (share * sorted.len() as f64).ceil() as usize;
     sorted[place.clamp(1, sorted.len()) - 1]
+}
+
+/// Seconds that this thread has spent on a core: what others on the machine take is not in it.
+pub(crate) fn core_secs() -> f64 {
+    let spent = clock_gettime(ClockId::ThreadCPUTime);
+    spent.tv_sec as f64 + 1e-9 * spent.tv_nsec as f64
 }
 
 #[cfg(test)]

@@ -1,0 +1,154 @@
+//! Groups of features, and the way from files to classes, beside LibEMG's own calls on the same files.
+
+use super::Peer;
+use crate::{BenchFigure, core_secs, quantile};
+use proact_devices::{Recording, Recordings, SyntheticEmg, SyntheticModel, stream};
+use proact_emg::{Classifier, EmgConfig, FeatureSet, extract};
+use proact_types::{EmgSample, Gesture};
+use serde_json::Value;
+use std::{error::Error, fmt::Write as _, hint::black_box, path::Path};
+
+/// Channels, samples a second, and seconds of each recording.
+const CHANNELS: usize = 8;
+const RATE_HZ: f64 = 1000.0;
+const SECONDS: usize = 4;
+/// Recordings of each of five gestures.
+const REPETITIONS: usize = 4;
+/// Times that each is measured.
+const ROUNDS: usize = 5;
+/// LibEMG's groups that are ours, too: of what `COMB` names there one feature is missing.
+const GROUPS: [&str; 11] =
+    ["HTD", "TDAR", "LS4", "LS9", "TDPSD", "HJORTH", "ITD", "TSTD", "DFTR", "COMB", "MSWT"];
+
+/// Prints one JSON object: microseconds of processor time a window for each group, and milliseconds from files to classes.
+const PEER_PROGRAM: &str = r#"
+import json, sys, time, warnings
+import numpy as np
+from libemg.data_handler import OfflineDataHandler, RegexFilter
+from libemg.feature_extractor import FeatureExtractor
+from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
+
+warnings.simplefilter("ignore")
+folder, rounds, groups = sys.argv[1], int(sys.argv[2]), sys.argv[3].split(",")
+extractor = FeatureExtractor()
+def read():
+    handler = OfflineDataHandler()
+    filters = [RegexFilter("_C_", ".csv", [str(k) for k in range(5)], "classes"),
+               RegexFilter("R_", "_C_", [str(k) for k in range(4)], "reps")]
+    handler.get_data(folder, filters, delimiter=",")
+    return handler.parse_windows(100, 50)
+def whole():
+    windows, metadata = read()
+    features = np.hstack(list(extractor.extract_feature_group("HTD", windows).values()))
+    model = LinearDiscriminantAnalysis().fit(features, metadata["classes"])
+    return model.predict_proba(features)
+def timed(run):
+    times = []
+    for _ in range(rounds):
+        begin = time.process_time()
+        run()
+        times.append(time.process_time() - begin)
+    return float(np.median(times))
+windows, _ = read()
+figures = {"windows": len(windows), "whole": 1e3 * timed(whole)}
+for group in groups:
+    figures[group] = 1e6 * timed(lambda: extractor.extract_feature_group(group, windows)) / len(windows)
+print(json.dumps(figures))
+"#;
+
+/// Measures ours, and the peer's where it is there.
+pub(super) fn figures(peer: &Peer) -> Result<Vec<BenchFigure>, Box<dyn Error>> {
+    let folder = tempfile::tempdir()?;
+    write_files(folder.path())?;
+    let told = match &peer.absent {
+        None => Peer::answer(
+            PEER_PROGRAM,
+            &[&folder.path().to_string_lossy(), &ROUNDS.to_string(), &GROUPS.join(",")],
+        )
+        .map(Some)?,
+        Some(_) => None,
+    };
+    let recordings = Recordings::read(folder.path(), RATE_HZ)?;
+    let samples: Vec<Vec<EmgSample>> = recordings.items.iter().map(counted).collect();
+    let mut figures = Vec::new();
+    let whole = timed(|| whole(folder.path()))?;
+    let note = "files read, windows, HTD, LDA fitted, classes; goal: 5 times LibEMG's speed";
+    let name = "files to classes, HTD and LDA";
+    figures.push(beside(BenchFigure::alone(name, 1e3 * whole, "ms", note), told.as_ref(), "whole"));
+    for name in GROUPS {
+        let config = EmgConfig { features: name.parse::<FeatureSet>()?, ..EmgConfig::default() };
+        let mut windows = 0;
+        let secs = timed(|| {
+            windows = 0;
+            for items in &samples {
+                windows += black_box(extract(&config, items)?).len();
+            }
+            Ok(())
+        })?;
+        let goal = if name == "HTD" { 5 } else { 20 };
+        let note = format!("8 x 100 samples, {windows} windows; goal: {goal} times LibEMG's speed");
+        let value = 1e6 * secs / windows as f64;
+        let figure = BenchFigure::alone(&format!("features {name}, a window"), value, "us", &note);
+        figures.push(beside(figure, told.as_ref(), name));
+    }
+    Ok(figures)
+}
+
+fn beside(figure: BenchFigure, told: Option<&Value>, key: &str) -> BenchFigure {
+    match told.and_then(|told| told[key].as_f64()) {
+        Some(value) => figure.beside(super::PEER, value),
+        None => figure,
+    }
+}
+
+fn counted(item: &Recording) -> Vec<EmgSample> {
+    let rows = item.samples.iter().cloned().enumerate();
+    rows.map(|(row, channels)| EmgSample { counter: row as u64, channels }).collect()
+}
+
+/// From files to the class of each window.
+fn whole(folder: &Path) -> Result<(), Box<dyn Error>> {
+    let config = EmgConfig::default();
+    let recordings = Recordings::read(folder, RATE_HZ)?;
+    let (mut windows, mut labels) = (Vec::new(), Vec::new());
+    for item in &recordings.items {
+        let found = extract(&config, &counted(item))?;
+        labels.extend(std::iter::repeat_n(item.gesture.clone(), found.len()));
+        windows.extend(found);
+    }
+    let classifier = Classifier::train(&config, &windows, &labels)?;
+    for window in &windows {
+        black_box(classifier.predict(window)?);
+    }
+    Ok(())
+}
+
+/// Median of what it takes on a core, seconds.
+fn timed(mut run: impl FnMut() -> Result<(), Box<dyn Error>>) -> Result<f64, Box<dyn Error>> {
+    let mut times = Vec::with_capacity(ROUNDS);
+    for _ in 0..ROUNDS {
+        let begin = core_secs();
+        run()?;
+        times.push(core_secs() - begin);
+    }
+    Ok(quantile(&times, 0.5))
+}
+
+/// Recordings as LibEMG names them.
+fn write_files(folder: &Path) -> Result<(), Box<dyn Error>> {
+    let model = SyntheticModel::shipped()?;
+    for repetition in 0..REPETITIONS {
+        for (class, gesture) in Gesture::ALL.into_iter().enumerate() {
+            let seed = stream((10 * repetition + class) as u64, "emg/groups");
+            let mut generator = SyntheticEmg::new(&model, RATE_HZ, CHANNELS, 1.0, seed)?;
+            let mut text = String::new();
+            for _ in 0..SECONDS * RATE_HZ as usize {
+                let sample = generator.next(gesture);
+                let row: Vec<String> = sample.iter().map(f64::to_string).collect();
+                writeln!(text, "{}", row.join(","))?;
+            }
+            std::fs::write(folder.join(format!("R_{repetition}_C_{class}.csv")), text)?;
+        }
+    }
+    Ok(())
+}
