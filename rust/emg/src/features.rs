@@ -317,10 +317,19 @@ impl Samplewise {
             mean: mean(|v| *v),
             most: x.iter().copied().fold(f64::NEG_INFINITY, f64::max),
             cubes: mean(|v| v.powi(3).abs()),
-            logarithm: mean(|v| (v.abs() + 1.0).ln()),
+            logarithm: x.chunks(LOGARITHMS).map(logarithms).sum::<f64>() / count,
             halves: [part(&x[..half]), part(&x[half..x.len().min(2 * half)])],
         }
     }
+}
+
+/// Samples whose logarithms are taken together.
+const LOGARITHMS: usize = 8;
+
+/// Sum of the logarithms of the samples' magnitudes and one: that of their product, unless it is too large a number.
+fn logarithms(x: &[f64]) -> f64 {
+    let product: f64 = x.iter().map(|v| v.abs() + 1.0).product();
+    if product.is_finite() { product.ln() } else { x.iter().map(|v| (v.abs() + 1.0).ln()).sum() }
 }
 
 /// The value of a feature that has one a channel.
@@ -468,6 +477,16 @@ mod tests {
     fn a_dead_channel_shows_the_largest_number_of_slope_sign_changes() {
         assert_eq!(hudgins(&[5.0; 10], 0.0), [5.0, 0.0, 8.0, 0.0]);
         assert_eq!(hudgins(&[5.0; 10], 1e-9)[2], 0.0);
+    }
+
+    #[test]
+    fn logarithms_taken_together_are_those_taken_one_by_one() {
+        let one_by_one = |x: &[f64]| x.iter().map(|v| (v.abs() + 1.0).ln()).sum::<f64>();
+        for x in [[0.0, -1.0, 20.0, 0.3], [1e90, -1e90, 1e90, 3.0], [f64::MAX, 1.0, f64::MAX, 1.0]] {
+            let (together, apart) = (logarithms(&x), one_by_one(&x));
+            assert!((together - apart).abs() <= 1e-14 * apart, "{x:?}: {together}, {apart}");
+        }
+        assert!(logarithms(&[f64::NAN]).is_nan());
     }
 
     #[test]

@@ -113,7 +113,7 @@ fn whole(folder: &Path) -> Result<(), Box<dyn Error>> {
     let (mut windows, mut labels) = (Vec::new(), Vec::new());
     for item in &recordings.items {
         let found = extract(&config, &counted(item))?;
-        labels.extend(std::iter::repeat_n(item.gesture.clone(), found.len()));
+        labels.extend(std::iter::repeat_n(item.gesture, found.len()));
         windows.extend(found);
     }
     let classifier = Classifier::train(&config, &windows, &labels)?;
