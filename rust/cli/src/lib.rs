@@ -29,8 +29,9 @@ mod replay_page;
 mod rosbridge_args;
 mod serve;
 mod served_page;
+mod shell;
 mod simulate;
 mod study;
 mod trial_args;
 
-pub use command::run;
+pub use command::{run, run_built_from};
