@@ -6,7 +6,7 @@
 # the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
 
 short_lanes="format shell docker web lint cpp rust launcher trial fuzz kill study page rosbridge ros"
-long_lanes="deny fuzz_long seeds planning sanitizers valgrind soak speeds kill_long study_long slurm statistics faults soak_serve debootstrap focal image pages ros_long ros_safety lsl emg_people python"
+long_lanes="deny fuzz_long seeds planning sanitizers valgrind soak speeds kill_long study_long slurm statistics faults soak_serve debootstrap deb focal image pages ros_long ros_safety lsl emg_people python"
 
 # A ROS 1 graph with Debian's own clients, the catkin workspace, rviz on a virtual display.
 ros_test_packages="ros-base python3-roslaunch python3-rosbag python3-rostopic python3-rosnode python3-rosservice
@@ -40,6 +40,7 @@ packages_of() {
     seeds | planning | emg_people) echo python3 ;;
     ros | ros_long | ros_safety) echo "$ros_packages $ros_test_packages" ;;
     debootstrap) echo debootstrap python3 git ;;
+    deb) echo debootstrap dpkg-dev binutils git ;;
     focal | image) echo debootstrap ;;
     format | lint)
         # A Rust of Debian's keeps these two in packages of their own.
@@ -54,7 +55,7 @@ lane_format() {
 
 lane_shell() {
     # The files in the folder, not in the index: a new script is checked before it is committed.
-    (cd "$root" && find proact .ci/run tests ros1_ws docker -name node_modules -prune -o -type f \
+    (cd "$root" && find proact .ci/run tests ros1_ws docker packaging -name node_modules -prune -o -type f \
         \( -name '*.sh' -o -path proact -o -path .ci/run \) -print0 | xargs -0 shellcheck -x)
 }
 
@@ -286,6 +287,11 @@ lane_planning() {
 
 lane_debootstrap() {
     sh "$root/tests/launcher/debootstrap.sh"
+}
+
+# The packages of a release, then the Debian one in a bare root: installed, tried, removed.
+lane_deb() {
+    build && sh "$root/packaging/release.sh" "$binary" "$root/build/release" && sh "$root/tests/launcher/deb.sh" "$root/build/release"
 }
 
 lane_focal() {
