@@ -5,7 +5,7 @@
 # A lane is a function lane_NAME. It prints what its tools print, answers 0 for passed and 77 for skipped (with
 # the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
 
-short_lanes="format shell docker web lint cpp rust launcher trial fuzz kill study page rosbridge ros"
+short_lanes="format shell docker web lint cpp rust launcher trial xdf fuzz kill study page rosbridge ros"
 long_lanes="deny fuzz_long seeds planning sanitizers valgrind soak speeds kill_long study_long slurm statistics faults soak_serve debootstrap deb focal image pages ros_long ros_safety lsl emg_people python"
 
 # A ROS 1 graph with Debian's own clients, the catkin workspace, rviz on a virtual display.
@@ -23,7 +23,7 @@ packages_of() {
     docker | python) echo python3 python3-venv ;;
     cpp | sanitizers) echo cmake ;;
     valgrind) echo cmake valgrind ;;
-    rust) echo python3 ;;
+    rust | xdf) echo python3 ;;
     lsl)
         echo cmake libdbus-1-dev
         packages_of lint
@@ -184,6 +184,13 @@ lane_launcher() {
 
 lane_trial() {
     build && sh "$root/tests/scenarios/one_trial.sh" "$binary" && /usr/bin/python3 "$root/tests/scenarios/serve_choice.py" "$binary"
+}
+
+# A trial as pyxdf reads its export; ./proact peers installs that.
+lane_xdf() {
+    python=${PROACT_PEERS:-$root/build/peers}/bin/python3
+    [ -x "$python" ] || python=/usr/bin/python3
+    build && "$python" "$root/tests/scenarios/xdf.py" "$binary"
 }
 
 # The program killed at random moments: what is left replays.

@@ -1,5 +1,5 @@
 use crate::{
-    analyze::AnalyzeArgs, bless::BlessArgs, demo::DemoArgs, doctor, emg::EmgCommand,
+    analyze::AnalyzeArgs, bless::BlessArgs, demo::DemoArgs, doctor, emg::EmgCommand, export::ExportArgs,
     interrupt::outlive_file_limits, localize::LocalizeCommand, method_files, model::ModelCommand,
     replay::ReplayArgs, serve::ServeArgs, shell, study::StudyCommand,
 };
@@ -84,6 +84,8 @@ enum Command {
     },
     /// Numbers from recorded trials
     Analyze(AnalyzeArgs),
+    /// Write a recorded trial as a file that other programs read
+    Export(ExportArgs),
     /// Run a stage, or all of them, as a node on a ROS 1 graph
     Node(crate::node::NodeArgs),
     /// Make the digests of the repository's trials the committed ones of this platform
@@ -274,6 +276,7 @@ fn act(registry: &Registry, command: Command) -> Result<bool, Box<dyn Error>> {
         Command::Participants { command } => crate::participants::run(registry, &command),
         Command::Compare(args) => crate::compare::command(registry, args),
         Command::Analyze(args) => crate::analyze::command(&registry.methods, &args),
+        Command::Export(args) => crate::export::command(&registry.methods, &args),
         Command::Node(args) => crate::node::command(registry, &args),
         Command::Bless(args) => crate::bless::command(&args),
         Command::Doctor(args) => Ok(doctor::run(registry, &args)?),

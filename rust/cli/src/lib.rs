@@ -15,6 +15,7 @@ mod consent;
 mod demo;
 mod doctor;
 mod emg;
+mod export;
 mod interrupt;
 mod localize;
 mod method_files;
