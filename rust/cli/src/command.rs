@@ -286,6 +286,9 @@ fn act(registry: &Registry, command: Command) -> Result<bool, Box<dyn Error>> {
 }
 
 #[cfg(test)]
+mod documents;
+
+#[cfg(test)]
 mod tests {
     use super::*;
 
