@@ -5,8 +5,8 @@
 # A lane is a function lane_NAME. It prints what its tools print, answers 0 for passed and 77 for skipped (with
 # the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
 
-short_lanes="format shell docker web lint cpp rust launcher trial xdf fuzz kill study page rosbridge ros"
-long_lanes="deny fuzz_long seeds planning sanitizers valgrind soak speeds kill_long study_long slurm statistics faults soak_serve debootstrap deb focal image pages ros_long ros_safety lsl emg_people python"
+short_lanes="format shell docker web lint cpp rust launcher docs trial xdf fuzz kill study page rosbridge ros"
+long_lanes="deny fuzz_long seeds planning sanitizers valgrind soak speeds kill_long study_long slurm statistics faults soak_serve docs_long debootstrap deb focal image pages ros_long ros_safety lsl emg_people python"
 
 # A ROS 1 graph with Debian's own clients, the catkin workspace, rviz on a virtual display.
 ros_test_packages="ros-base python3-roslaunch python3-rosbag python3-rostopic python3-rosnode python3-rosservice
@@ -20,7 +20,7 @@ xauth libgl1-mesa-dri imagemagick cmake make python3-websocket"
 packages_of() {
     case $1 in
     shell) echo shellcheck ;;
-    docker | python) echo python3 python3-venv ;;
+    docker | docs | docs_long | python) echo python3 python3-venv ;;
     cpp | sanitizers) echo cmake ;;
     valgrind) echo cmake valgrind ;;
     rust | xdf) echo python3 ;;
@@ -191,6 +191,17 @@ lane_xdf() {
     python=${PROACT_PEERS:-$root/build/peers}/bin/python3
     [ -x "$python" ] || python=/usr/bin/python3
     build && "$python" "$root/tests/scenarios/xdf.py" "$binary"
+}
+
+# Links of every page and what the site is made of; that each command can be typed is a test of the lane rust.
+lane_docs() {
+    build && sh "$root/packaging/site.sh" "$binary" "$root/build/site" --links
+}
+
+# The site itself, and the blocks of commands that are marked to be run.
+lane_docs_long() {
+    build && CARGO=${cargo:-cargo} sh "$root/packaging/site.sh" "$binary" "$root/build/site" &&
+        /usr/bin/python3 "$root/tests/scenarios/documents.py" "$binary" "$root"/docs/*.md
 }
 
 # The program killed at random moments: what is left replays.

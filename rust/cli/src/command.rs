@@ -1,6 +1,6 @@
 use crate::{
     analyze::AnalyzeArgs, bless::BlessArgs, demo::DemoArgs, doctor, emg::EmgCommand, export::ExportArgs,
-    interrupt::outlive_file_limits, localize::LocalizeCommand, method_files, model::ModelCommand,
+    interrupt::outlive_file_limits, localize::LocalizeCommand, method_files, model::ModelCommand, reference,
     replay::ReplayArgs, serve::ServeArgs, shell, study::StudyCommand,
 };
 use clap::{
@@ -104,6 +104,8 @@ enum Command {
     Completions(shell::CompletionsArgs),
     /// Write the manual pages of all commands
     Man(shell::ManArgs),
+    /// Write the pages of the documentation that follow from the program
+    Reference(reference::ReferenceArgs),
 }
 
 #[derive(Debug, Args)]
@@ -281,6 +283,7 @@ fn act(registry: &Registry, command: Command) -> Result<bool, Box<dyn Error>> {
         Command::Bless(args) => crate::bless::command(&args),
         Command::Doctor(args) => Ok(doctor::run(registry, &args)?),
         Command::Completions(args) => shell::completions(&mut offering(registry), &args),
+        Command::Reference(args) => reference::command(offering(registry), &args),
         Command::Man(args) => shell::man(offering(registry), &args),
     }
 }

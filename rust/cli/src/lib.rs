@@ -25,6 +25,7 @@ mod node;
 mod participants;
 mod person_args;
 mod progress;
+mod reference;
 mod replay;
 mod replay_page;
 mod rosbridge_args;
