@@ -9,7 +9,8 @@ set -eu
 
 repository=$(cd "$(dirname "$0")/.." && pwd)
 program=$1
-out=$2
+mkdir -p "$2"
+out=$(cd "$2" && pwd)
 lychee=$repository/build/lychee/bin/lychee
 
 missing() {
