@@ -31,6 +31,8 @@ def rewritten(text, page, staged):
         there = place.removeprefix("docs/") if place.startswith("docs/") or place in TOP else None
         if there is None or there not in staged:
             return label
+        # A folder's README becomes its index.html.
+        there = re.sub(r"README\.md$", "index.md", there)
         here = os.path.dirname(page.removeprefix("docs/"))
         return f"{picture}[{label}]({os.path.relpath(there, here or '.')}{mark}{anchor})"
 
@@ -61,8 +63,11 @@ def main(repository, program, out):
         page = name if name in TOP else f"docs/{name}"
         with open(path, encoding="utf-8") as file:
             text = file.read()
-        with open(path, "w", encoding="utf-8") as file:
+        os.remove(path)
+        with open(re.sub(r"README\.md$", "index.md", path), "w", encoding="utf-8") as file:
             file.write(rewritten(text, page, staged))
+    with open(os.path.join(src, "SUMMARY.md"), "w", encoding="utf-8") as file:
+        file.write(summary.replace("README.md)", "index.md)"))
     print(f"{len(pages)} pages are in {src}", file=sys.stderr)
 
 
