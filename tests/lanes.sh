@@ -5,8 +5,8 @@
 # A lane is a function lane_NAME. It prints what its tools print, answers 0 for passed and 77 for skipped (with
 # the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
 
-short_lanes="format shell docker web lint cpp rust launcher trial fuzz kill study page rosbridge ros"
-long_lanes="deny fuzz_long seeds planning sanitizers valgrind soak speeds kill_long study_long slurm statistics faults soak_serve debootstrap focal image pages ros_long ros_safety lsl emg_people python"
+short_lanes="format shell docker web lint cpp rust launcher docs trial xdf fuzz kill study page rosbridge ros"
+long_lanes="deny fuzz_long seeds planning sanitizers valgrind soak speeds kill_long study_long slurm statistics faults soak_serve docs_long debootstrap deb focal image pages ros_long ros_safety lsl emg_people python"
 
 # A ROS 1 graph with Debian's own clients, the catkin workspace, rviz on a virtual display.
 ros_test_packages="ros-base python3-roslaunch python3-rosbag python3-rostopic python3-rosnode python3-rosservice
@@ -20,10 +20,10 @@ xauth libgl1-mesa-dri imagemagick cmake make python3-websocket"
 packages_of() {
     case $1 in
     shell) echo shellcheck ;;
-    docker | python) echo python3 python3-venv ;;
+    docker | docs | docs_long | python) echo python3 python3-venv ;;
     cpp | sanitizers) echo cmake ;;
     valgrind) echo cmake valgrind ;;
-    rust) echo python3 ;;
+    rust | xdf) echo python3 ;;
     lsl)
         echo cmake libdbus-1-dev
         packages_of lint
@@ -40,6 +40,7 @@ packages_of() {
     seeds | planning | emg_people) echo python3 ;;
     ros | ros_long | ros_safety) echo "$ros_packages $ros_test_packages" ;;
     debootstrap) echo debootstrap python3 git ;;
+    deb) echo debootstrap dpkg-dev binutils git ;;
     focal | image) echo debootstrap ;;
     format | lint)
         # A Rust of Debian's keeps these two in packages of their own.
@@ -54,7 +55,7 @@ lane_format() {
 
 lane_shell() {
     # The files in the folder, not in the index: a new script is checked before it is committed.
-    (cd "$root" && find proact .ci/run tests ros1_ws docker -name node_modules -prune -o -type f \
+    (cd "$root" && find proact .ci/run tests ros1_ws docker packaging -name node_modules -prune -o -type f \
         \( -name '*.sh' -o -path proact -o -path .ci/run \) -print0 | xargs -0 shellcheck -x)
 }
 
@@ -185,6 +186,24 @@ lane_trial() {
     build && sh "$root/tests/scenarios/one_trial.sh" "$binary" && /usr/bin/python3 "$root/tests/scenarios/serve_choice.py" "$binary"
 }
 
+# A trial as pyxdf reads its export; ./proact peers installs that.
+lane_xdf() {
+    python=${PROACT_PEERS:-$root/build/peers}/bin/python3
+    [ -x "$python" ] || python=/usr/bin/python3
+    build && "$python" "$root/tests/scenarios/xdf.py" "$binary"
+}
+
+# Links of every page and what the site is made of; that each command can be typed is a test of the lane rust.
+lane_docs() {
+    build && sh "$root/packaging/site.sh" "$binary" "$root/build/site" --links
+}
+
+# The site itself, and the blocks of commands that are marked to be run.
+lane_docs_long() {
+    build && CARGO=${cargo:-cargo} sh "$root/packaging/site.sh" "$binary" "$root/build/site" &&
+        /usr/bin/python3 "$root/tests/scenarios/documents.py" "$binary" "$root"/docs/*.md
+}
+
 # The program killed at random moments: what is left replays.
 lane_kill() {
     build && /usr/bin/python3 "$root/tests/scenarios/kill.py" "$binary"
@@ -286,6 +305,11 @@ lane_planning() {
 
 lane_debootstrap() {
     sh "$root/tests/launcher/debootstrap.sh"
+}
+
+# The packages of a release, then the Debian one in a bare root: installed, tried, removed.
+lane_deb() {
+    build && sh "$root/packaging/release.sh" "$binary" "$root/build/release" && sh "$root/tests/launcher/deb.sh" "$root/build/release"
 }
 
 lane_focal() {

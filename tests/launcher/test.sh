@@ -146,6 +146,29 @@ check "the program keeps the caller's folder" out_has "program in $work/elsewher
 launch bless 'a reason'
 check "bless gets the repository and the reason as it was" out_has "[bless] [--repository] [$work/repo] [a reason]"
 
+# A release and the site are made by scripts of their own, with the program that was built.
+mkdir "$work/repo/packaging"
+for script in release site; do
+    printf 'echo "%s: [$1] [$2] commit [$PROACT_COMMIT] [${CARGO:-none}]"\n' "$script" >"$work/repo/packaging/$script.sh"
+done
+launch release
+check "a release is made of the program, in the build folder" \
+    out_has "release: [$work/repo/target/release/proact] [$work/repo/build/release] commit [] [none]"
+fake git '
+case "$*" in
+*rev-parse*) echo 0123456789ab ;;
+*status*) [ ! -e "$state/changed" ] || echo " M file" ;;
+esac'
+launch release elsewhere
+check "or in a folder of the caller's, with the commit" out_has "[elsewhere] commit [0123456789ab]"
+touch "$work/state/changed"
+launch docs
+check "the site is made with the cargo that was found, and changed files are told" \
+    out_has "site: [$work/repo/target/release/proact] [$work/repo/build/site] commit [0123456789ab, changed] [$work/bin/cargo]"
+launch release one two
+check "a release has one folder" status_is 1
+rm "$work/bin/git" "$work/state/changed"
+
 launch seven
 check "the program's exit code comes through" status_is 7
 

@@ -73,6 +73,7 @@ pub mod vmpl_ghost;
 mod wearer;
 mod whole;
 mod worn_headset;
+mod xdf;
 
 pub use arm::{Arm, ArmError};
 pub use armband::LiveArmband;
@@ -113,6 +114,7 @@ pub use wearer::{Held, wearer_codes};
 pub(crate) use whole::claim_folder;
 pub use whole::write_whole;
 pub use worn_headset::{MarkedHeadset, WornHeadset};
+pub use xdf::{ExportedStream, ExportedXdf, export_xdf};
 
 /// What a build without the feature `ros` says.
 #[cfg(not(feature = "ros"))]

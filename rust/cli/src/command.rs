@@ -1,17 +1,18 @@
 use crate::{
-    analyze::AnalyzeArgs, bless::BlessArgs, demo::DemoArgs, doctor, emg::EmgCommand,
-    interrupt::outlive_file_limits, localize::LocalizeCommand, method_files, model::ModelCommand,
-    replay::ReplayArgs, serve::ServeArgs, study::StudyCommand,
+    analyze::AnalyzeArgs, bless::BlessArgs, demo::DemoArgs, doctor, emg::EmgCommand, export::ExportArgs,
+    interrupt::outlive_file_limits, localize::LocalizeCommand, method_files, model::ModelCommand, reference,
+    replay::ReplayArgs, serve::ServeArgs, shell, study::StudyCommand,
 };
 use clap::{
     Args, CommandFactory, FromArgMatches, Parser, Subcommand,
     builder::{PossibleValue, PossibleValuesParser},
 };
 use proact_app::query::{self, QueryOptions};
-use proact_app::{Registry, answer, tell};
+use proact_app::{Registry, answer, libraries::library_versions, tell};
 use proact_bench::PlanningBench;
 use proact_types::MethodInfo;
 use std::{
+    collections::BTreeMap,
     error::Error,
     io::{stdin, stdout},
     path::PathBuf,
@@ -83,6 +84,8 @@ enum Command {
     },
     /// Numbers from recorded trials
     Analyze(AnalyzeArgs),
+    /// Write a recorded trial as a file that other programs read
+    Export(ExportArgs),
     /// Run a stage, or all of them, as a node on a ROS 1 graph
     Node(crate::node::NodeArgs),
     /// Make the digests of the repository's trials the committed ones of this platform
@@ -97,6 +100,12 @@ enum Command {
     },
     /// Look at this machine: libraries, tools, ports
     Doctor(doctor::DoctorArgs),
+    /// Print what completes these commands in a shell
+    Completions(shell::CompletionsArgs),
+    /// Write the manual pages of all commands
+    Man(shell::ManArgs),
+    /// Write the pages of the documentation that follow from the program
+    Reference(reference::ReferenceArgs),
 }
 
 #[derive(Debug, Args)]
@@ -159,6 +168,11 @@ impl BenchArgs {
 /// }
 /// ```
 pub fn run(registry: impl Into<Registry>) -> ExitCode {
+    run_built_from(None, registry)
+}
+
+/// As [`run`], for a program that knows the commit it was built from, which `--version` says then.
+pub fn run_built_from(commit: Option<&str>, registry: impl Into<Registry>) -> ExitCode {
     let mut registry = registry.into();
     let words = match method_files::taken_from(registry.methods, std::env::args_os().collect()) {
         Ok((methods, words)) => {
@@ -171,6 +185,10 @@ pub fn run(registry: impl Into<Registry>) -> ExitCode {
         }
     };
     let mut cli = offering(&registry);
+    // The libraries are looked for on the disk, which no other command waits for.
+    if words.get(1).is_some_and(|word| word == "--version") {
+        cli = cli.long_version(version(commit, &library_versions()));
+    }
     let parsed = cli.try_get_matches_from_mut(words).and_then(|words| Cli::from_arg_matches(&words));
     let command = match parsed {
         Ok(parsed) => parsed.command,
@@ -190,6 +208,13 @@ pub fn run(registry: impl Into<Registry>) -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// What `--version` says: the program with its commit, then a line for each native library.
+fn version(commit: Option<&str>, libraries: &BTreeMap<&'static str, String>) -> String {
+    let commit = commit.filter(|commit| !commit.is_empty()).map(|commit| format!(" (commit {commit})"));
+    let program = format!("{}{}", env!("CARGO_PKG_VERSION"), commit.unwrap_or_default());
+    libraries.iter().fold(program, |text, (name, version)| format!("{text}\n{name} {version}"))
 }
 
 /// The command line with what `registry` has wherever something can be chosen.
@@ -262,8 +287,30 @@ fn act(registry: &Registry, command: Command) -> Result<bool, Box<dyn Error>> {
         Command::Participants { command } => crate::participants::run(registry, &command),
         Command::Compare(args) => crate::compare::command(registry, args),
         Command::Analyze(args) => crate::analyze::command(&registry.methods, &args),
+        Command::Export(args) => crate::export::command(&registry.methods, &args),
         Command::Node(args) => crate::node::command(registry, &args),
         Command::Bless(args) => crate::bless::command(&args),
         Command::Doctor(args) => Ok(doctor::run(registry, &args)?),
+        Command::Completions(args) => shell::completions(&mut offering(registry), &args),
+        Command::Reference(args) => reference::command(offering(registry), &args),
+        Command::Man(args) => shell::man(offering(registry), &args),
+    }
+}
+
+#[cfg(test)]
+mod documents;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_version_names_the_commit_and_each_library() {
+        let libraries = BTreeMap::from([("KDL", "1.5.1".to_owned()), ("ODE", "0.16.2".to_owned())]);
+        let known = version(Some("0123abc"), &libraries);
+        let number = env!("CARGO_PKG_VERSION");
+        assert_eq!(known, format!("{number} (commit 0123abc)\nKDL 1.5.1\nODE 0.16.2"));
+        assert_eq!(version(None, &BTreeMap::new()), number);
+        assert_eq!(version(Some(""), &BTreeMap::new()), number);
     }
 }

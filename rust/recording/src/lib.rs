@@ -53,6 +53,7 @@ pub mod journal;
 mod manifest;
 mod trial;
 mod trial_writer;
+pub mod xdf;
 
 pub use bag::TrialBag;
 pub use error::RecordingError;

@@ -200,3 +200,24 @@ fn links_between_documents_lead_somewhere() {
     }
     assert!(checked > 3, "the documents have more links than {checked}");
 }
+
+#[test]
+fn every_file_that_names_the_version_names_the_same() {
+    let manifest: toml::Table = read("Cargo.toml").parse().expect("Cargo read it already");
+    let version = manifest["workspace"]["package"]["version"].as_str().expect("a version").to_owned();
+    let cited = read("CITATION.cff");
+    let cited = cited.lines().find_map(|line| line.strip_prefix("version: "));
+    assert_eq!(cited, Some(version.as_str()), "CITATION.cff");
+    for package in
+        ["proact_bringup", "proact_description", "proact_moveit_config", "proact_msgs", "proact_nodes"]
+    {
+        let text = read(&format!("ros1_ws/src/{package}/package.xml"));
+        assert!(
+            text.contains(&format!("<version>{version}</version>")),
+            "{package}/package.xml is not of {version}"
+        );
+    }
+    let changes = read("CHANGELOG.md");
+    let newest = changes.lines().find_map(|line| line.strip_prefix("## ")).expect("a section");
+    assert!(newest == "Unreleased" || newest.starts_with(&version), "CHANGELOG.md begins with {newest:?}");
+}
