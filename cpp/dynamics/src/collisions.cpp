@@ -18,6 +18,7 @@ std::array<dReal, 6> around(const std::vector<Geom>& shapes) {
   constexpr dReal infinity = std::numeric_limits<dReal>::infinity();
   std::array<dReal, 6> all{infinity, -infinity, infinity, -infinity, infinity, -infinity};
   for (const Geom& shape : shapes) {
+    if (empty(shape.bounds)) continue;
     for (std::size_t k = 0; k < 6; k += 2) {
       all[k] = std::min(all[k], shape.bounds[k]);
       all[k + 1] = std::max(all[k + 1], shape.bounds[k + 1]);
@@ -68,8 +69,8 @@ void Collisions::add_found(const Side& first, const Side& second, double frictio
 
 void Collisions::find_links_with_fixed(const Arm& arm) {
   for (const Geom& link : geoms_.links) {
-    // Neither the base nor the room can be moved by a push.
-    if (arm.links().body_of(link.owner) == 0) continue;
+    // Neither the base nor the room can be moved by a push. Most of the arm is far from everything.
+    if (empty(link.bounds) || arm.links().body_of(link.owner) == 0) continue;
     for (const Geom& fixed : geoms_.fixed) {
       if (apart(link.bounds, fixed.bounds)) continue;
       find_contacts(link.placed(), fixed.placed(), found_);

@@ -8,6 +8,7 @@
 pub mod messages;
 mod reader;
 mod records;
+mod state_messages;
 pub mod trial_bag;
 mod writer;
 

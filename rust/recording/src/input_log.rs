@@ -71,6 +71,9 @@ pub struct InputRecord {
     pub input: TickInput,
 }
 
+/// Bytes before a payload: its length, and the same with all bits turned.
+const LENGTHS: usize = 8;
+
 /// Writes `inputs.log`.
 #[derive(Debug)]
 pub(crate) struct InputLogWriter {
@@ -78,17 +81,27 @@ pub(crate) struct InputLogWriter {
     path: PathBuf,
     last: Option<SimTime>,
     records: u64,
+    /// The record before, whose memory the next one takes.
+    record: Vec<u8>,
 }
 
 impl InputLogWriter {
     pub(crate) fn new(file: File, path: &Path, header: &LogHeader) -> Result<Self, RecordingError> {
-        let mut log =
-            InputLogWriter { file: BufWriter::new(file), path: path.to_owned(), last: None, records: 0 };
+        let mut log = InputLogWriter {
+            // Room for what comes between two hand-overs.
+            file: BufWriter::with_capacity(1 << 16, file),
+            path: path.to_owned(),
+            last: None,
+            records: 0,
+            record: Vec::new(),
+        };
         let payload = serde_json::to_vec(header).map_err(RecordingError::encode("the log header"))?;
         // In one piece: a log is not there, or has its head.
         log.put(MAGIC)?;
         log.put(&RECORD_FORMAT.to_le_bytes())?;
-        log.put_record(&payload)?;
+        log.record.extend_from_slice(&[0; LENGTHS]);
+        log.record.extend_from_slice(&payload);
+        log.put_record()?;
         log.flush()?;
         Ok(log)
     }
@@ -133,16 +146,23 @@ impl InputLogWriter {
     }
 
     fn put_value(&mut self, record: &RecordRef<'_>) -> Result<(), RecordingError> {
-        let payload = postcard::to_stdvec(record).map_err(RecordingError::encode("an input record"))?;
-        self.put_record(&payload)
+        let mut bytes = std::mem::take(&mut self.record);
+        bytes.clear();
+        bytes.extend_from_slice(&[0; LENGTHS]);
+        let bytes = postcard::to_extend(record, bytes).map_err(RecordingError::encode("an input record"))?;
+        self.record = bytes;
+        self.put_record()
     }
 
-    fn put_record(&mut self, payload: &[u8]) -> Result<(), RecordingError> {
+    /// Completes and writes `self.record`, a payload behind room for its length, in one piece.
+    fn put_record(&mut self) -> Result<(), RecordingError> {
+        let payload = &self.record[LENGTHS..];
         let length = u32::try_from(payload.len()).map_err(RecordingError::encode("an input record"))?;
-        self.put(&length.to_le_bytes())?;
-        self.put(&(!length).to_le_bytes())?;
-        self.put(payload)?;
-        self.put(&crc32fast::hash(payload).to_le_bytes())
+        let sum = crc32fast::hash(payload);
+        self.record[..4].copy_from_slice(&length.to_le_bytes());
+        self.record[4..LENGTHS].copy_from_slice(&(!length).to_le_bytes());
+        self.record.extend_from_slice(&sum.to_le_bytes());
+        self.file.write_all(&self.record).map_err(RecordingError::io("write to", &self.path))
     }
 
     fn put(&mut self, bytes: &[u8]) -> Result<(), RecordingError> {

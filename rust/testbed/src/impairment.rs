@@ -147,11 +147,11 @@ impl Impairments {
         }
     }
 
-    /// What comes in tick `now`, where `input` sets out.
-    pub(crate) fn pass(&mut self, now: SimTime, mut input: TickInput) -> TickInput {
+    /// Turns what sets out in tick `now` into what comes in.
+    pub(crate) fn pass(&mut self, now: SimTime, input: &mut TickInput) {
         for way in &mut self.inputs {
             let link = way.impairment.link;
-            if let Some(message) = part_of(link, &mut input) {
+            if let Some(message) = part_of(link, input) {
                 way.send(now, message);
             }
             // Gestures come one by one, so that none is passed over; of measurements the newest counts.
@@ -159,10 +159,9 @@ impl Impairments {
             for _ in 0..most {
                 let room = input.emg.remaining_capacity();
                 let Some(message) = way.take(now, |message| message.emg.len() <= room) else { break };
-                join(&mut input, message);
+                join(input, message);
             }
         }
-        input
     }
 
     /// What is to be seen now, where `frame` was drawn; at the `end` of a trial the last frame.
@@ -223,6 +222,11 @@ fn join(input: &mut TickInput, part: TickInput) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn passed(ways: &mut Impairments, now: SimTime, mut input: TickInput) -> TickInput {
+        ways.pass(now, &mut input);
+        input
+    }
     use proact_types::{EmgSample, GazeSample, Gesture, Point, SignKind, Vector};
 
     fn impaired(link: ImpairedLink, delay_ms: u64, jitter_ms: u64, loss: f64) -> LinkImpairment {
@@ -242,16 +246,16 @@ mod tests {
         let mut sent = gaze(1.0);
         (sent.gesture, sent.shoulder) = (Some(Gesture::HandClose), Some(proact_types::Pose::identity()));
         sent.signs.push(page);
-        let now = ways.pass(SimTime(5), sent);
+        let now = passed(&mut ways, SimTime(5), sent);
         assert_eq!(
             (now.gaze, now.gesture, now.signs.as_slice()),
             (None, Some(Gesture::HandClose), &[page][..])
         );
         assert!(now.shoulder.is_some());
         for tick in 6..105 {
-            assert_eq!(ways.pass(SimTime(tick), TickInput::default()), TickInput::default());
+            assert_eq!(passed(&mut ways, SimTime(tick), TickInput::default()), TickInput::default());
         }
-        assert_eq!(ways.pass(SimTime(105), TickInput::default()), gaze(1.0));
+        assert_eq!(passed(&mut ways, SimTime(105), TickInput::default()), gaze(1.0));
     }
 
     /// Ticks late of each of 2000 gaze measurements, 10 ms apart, that came.
@@ -261,7 +265,7 @@ mod tests {
         for tick in 0..21_000_u64 {
             let sent = tick.is_multiple_of(10) && tick < 20_000;
             let sent = if sent { gaze(tick as f64) } else { TickInput::default() };
-            if let Some(seen) = ways.pass(SimTime(tick), sent).gaze {
+            if let Some(seen) = passed(&mut ways, SimTime(tick), sent).gaze {
                 let at = seen.origin.x as u64;
                 assert!(last.is_none_or(|last| at > last), "the order is kept");
                 last = Some(at);
@@ -302,7 +306,7 @@ mod tests {
             }
         }
         let all: Vec<TickInput> =
-            (30..36).map(|tick| ways.pass(SimTime(tick), TickInput::default())).collect();
+            (30..36).map(|tick| passed(&mut ways, SimTime(tick), TickInput::default())).collect();
         assert_eq!((all[0].emg.len(), all[1].emg.len(), all[2].emg.len()), (8, 2, 0));
         let counters: Vec<u64> = all.iter().flat_map(|input| input.emg.iter().map(|s| s.counter)).collect();
         assert_eq!(counters, (0..10).collect::<Vec<_>>());
@@ -314,7 +318,7 @@ mod tests {
     fn the_same_seed_loses_the_same_and_another_seed_others() {
         let run = |seed| {
             let mut ways = Impairments::new(&[impaired(ImpairedLink::Gaze, 0, 5, 0.5)], seed);
-            (0..200).map(|tick| ways.pass(SimTime(tick), gaze(tick as f64)).gaze).collect::<Vec<_>>()
+            (0..200).map(|tick| passed(&mut ways, SimTime(tick), gaze(tick as f64)).gaze).collect::<Vec<_>>()
         };
         assert_eq!(run(3), run(3));
         assert_ne!(run(3), run(4));

@@ -79,11 +79,11 @@ impl Session {
         if !testbed.config().gaze {
             input.gaze = None;
         }
-        let mut input = self.impairments.pass(time, input);
+        self.impairments.pass(time, &mut input);
         let output = testbed.tick(&input, last)?;
-        input.plan = output.plan.clone();
-        input.method = output.method.clone();
-        input.decoder = output.decoder.clone();
+        input.plan.clone_from(&output.plan);
+        input.method.clone_from(&output.method);
+        input.decoder.clone_from(&output.decoder);
         let due = testbed.frame_is_due() || output.finished;
         let drawn = due.then(|| testbed.frame(self.person.head())).transpose()?;
         let frame = self.impairments.show(time, drawn, output.finished);

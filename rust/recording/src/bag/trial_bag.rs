@@ -33,14 +33,15 @@
 use super::{
     BagWriter,
     messages::{self as ros, Message},
+    state_messages::StateMessages,
 };
 use crate::RecordingError;
 use proact_arm::{ArmModel, Joint, JointKind};
 use proact_messages::original::{ARM_MODEL, topic};
 use proact_messages::{Duration, Time, original};
 use proact_types::{
-    DisplayFrame, Event, EventKind, FeedbackCue, GazeSample, Gesture, HandState, ObjectId, PlanReply,
-    PlantState, Pose, Scene, SimTime,
+    BodyState, DisplayFrame, Event, EventKind, FeedbackCue, GazeSample, Gesture, HandState, ObjectId,
+    PlanReply, PlantState, Pose, Scene, SimTime,
 };
 use std::{
     f64::consts::{PI, TAU},
@@ -63,8 +64,8 @@ const INFO: i8 = 2;
 pub struct TrialBag {
     bag: BagWriter,
     base_link: String,
-    /// Moving joints as the state orders them: joint, names of its parent and child links.
-    moving: Vec<(Joint, String, String)>,
+    /// Moving joints as the state orders them.
+    moving: Vec<Joint>,
     /// Positions in `moving`, by the joints' names.
     alphabetical: Vec<usize>,
     /// Names of the arm joints, base to tip.
@@ -72,6 +73,8 @@ pub struct TrialBag {
     /// Names of the objects' models, and topics of their poses, in the order of the scene.
     objects: Vec<(String, String)>,
     hand: Option<HandState>,
+    /// The messages of a state, which is recorded most often: from one to the next only times and numbers change.
+    state: StateMessages,
 }
 
 impl TrialBag {
@@ -86,10 +89,15 @@ impl TrialBag {
     /// [`RecordingError::Io`] if there is one already or it cannot be written.
     pub fn create(path: &Path, arm: &ArmModel, scene: &Scene) -> Result<Self, RecordingError> {
         let link = |index: usize| arm.links[index].name.clone();
-        let named = |j: &Joint| (j.clone(), link(j.parent), link(j.child));
-        let moving: Vec<_> = arm.moving().map(|index| named(&arm.joints[index])).collect();
+        let moving: Vec<Joint> = arm.moving().map(|index| arm.joints[index].clone()).collect();
         let mut alphabetical: Vec<usize> = (0..moving.len()).collect();
-        alphabetical.sort_by(|a, b| moving[*a].0.name.cmp(&moving[*b].0.name));
+        alphabetical.sort_by(|a, b| moving[*a].name.cmp(&moving[*b].name));
+        let start = SimTime(0);
+        let state = StateMessages::new(
+            alphabetical.iter().map(|k| moving[*k].name.clone()).collect(),
+            moving.iter().map(|j| transform(start, &link(j.parent), &link(j.child), &j.origin)).collect(),
+            scene.objects.iter().map(|object| object.ros_name.clone()),
+        );
         let mut bag = TrialBag {
             bag: BagWriter::create(path)?,
             base_link: arm.links.first().map(|l| l.name.clone()).unwrap_or_default(),
@@ -102,8 +110,8 @@ impl TrialBag {
                 .map(|object| (object.ros_name.clone(), original::object_pose_topic(&object.ros_name)))
                 .collect(),
             hand: None,
+            state,
         };
-        let start = SimTime(0);
         bag.write_log(start, "start-stop", "Start".to_owned())?;
         let transforms = arm
             .joints
@@ -175,42 +183,37 @@ impl TrialBag {
             check_finite("an object of a state", time, pose_values(&body.pose).chain(twist))?;
         }
 
-        let ordered = |value: &dyn Fn(usize) -> f64| self.alphabetical.iter().map(|k| value(*k)).collect();
-        let names: Vec<String> = self.alphabetical.iter().map(|k| self.moving[*k].0.name.clone()).collect();
-        let stops = ros::JointState {
-            header: header(time, ""),
-            name: names.clone(),
-            position: Vec::new(),
-            velocity: Vec::new(),
-            effort: ordered(&|k| state.stop_effort[k]),
+        let mut messages = std::mem::take(&mut self.state);
+        let StateMessages { joints, stops, links, models } = &mut messages;
+        let stamp = bag_time(time);
+        let refill = |to: &mut Vec<f64>, value: &dyn Fn(usize) -> f64| {
+            to.clear();
+            to.extend(self.alphabetical.iter().map(|k| value(*k)));
         };
-        let joints = ros::JointState {
-            header: header(time, ""),
-            name: names,
-            position: ordered(&|k| wrap(state.position[k])),
-            velocity: ordered(&|k| state.velocity[k]),
-            effort: ordered(&|k| state.effort[k]),
-        };
-        let transforms = self
-            .moving
-            .iter()
-            .zip(&state.position)
-            .map(|((joint, parent, child), angle)| transform(time, parent, child, &joint.across(*angle)))
-            .collect();
-        let mut models = ros::ModelStates {
-            name: vec![ARM_MODEL.to_owned()],
-            pose: vec![(&state.world_from_base).into()],
-            twist: vec![ros::Twist::default()],
-        };
-        for ((name, _), body) in self.objects.iter().zip(&state.objects) {
-            models.name.push(name.clone());
-            models.pose.push((&body.pose).into());
-            models.twist.push(ros::Twist { linear: body.linear.into(), angular: body.angular.into() });
+        (joints.header.stamp, stops.header.stamp) = (stamp, stamp);
+        refill(&mut joints.position, &|k| wrap(state.position[k]));
+        refill(&mut joints.velocity, &|k| state.velocity[k]);
+        refill(&mut joints.effort, &|k| state.effort[k]);
+        refill(&mut stops.effort, &|k| state.stop_effort[k]);
+        for ((link, joint), angle) in links.transforms.iter_mut().zip(&self.moving).zip(&state.position) {
+            link.header.stamp = stamp;
+            link.transform = (&joint.across(*angle)).into();
         }
-        self.write(topic::WRAPPED_JOINT_STATES, time, &joints)?;
-        self.write("/proact/stop_efforts", time, &stops)?;
-        self.write("/tf", time, &ros::TfMessage { transforms })?;
-        self.write(topic::MODEL_STATES, time, &models)
+        models.pose.clear();
+        models.pose.push((&state.world_from_base).into());
+        models.pose.extend(state.objects.iter().map(|body| ros::Pose::from(&body.pose)));
+        models.twist.clear();
+        models.twist.push(ros::Twist::default());
+        let twist =
+            |body: &BodyState| ros::Twist { linear: body.linear.into(), angular: body.angular.into() };
+        models.twist.extend(state.objects.iter().map(twist));
+        let written = self
+            .write(topic::WRAPPED_JOINT_STATES, time, joints)
+            .and_then(|()| self.write("/proact/stop_efforts", time, stops))
+            .and_then(|()| self.write("/tf", time, links))
+            .and_then(|()| self.write(topic::MODEL_STATES, time, models));
+        self.state = messages;
+        written
     }
 
     /// Records a gaze sample. The original's messages have no sign for a lost eye, so a sample that is not

@@ -1,8 +1,8 @@
 use super::{
     messages::Message,
     records::{
-        OP_BAG_HEADER, OP_CHUNK, OP_CHUNK_INFO, OP_CONNECTION, OP_INDEX, OP_MESSAGE, VERSION_LINE, bytes_of,
-        count, number, put_field, put_record,
+        OP_BAG_HEADER, OP_CHUNK, OP_CHUNK_INFO, OP_CONNECTION, OP_INDEX, VERSION_LINE, bytes_of, count,
+        number, put_field, put_message_header, put_record,
     },
 };
 use crate::RecordingError;
@@ -124,10 +124,17 @@ impl BagWriter {
                 expected: connection.kind.name.clone(),
             });
         }
-        let data = connection.kind.to_bytes(message).map_err(RecordingError::encode(M::TYPE))?;
-        connection.index.push((time, count(self.chunk.len())));
-        let fields = [("op", vec![OP_MESSAGE]), ("conn", number(count(id))), ("time", bytes_of(time))];
-        put_record(&mut self.chunk, &fields, &data);
+        // Straight into the chunk, where the message's length comes to stand before it.
+        let offset = self.chunk.len();
+        put_message_header(&mut self.chunk, count(id), time);
+        let start = self.chunk.len();
+        if let Err(error) = connection.kind.write(message, &mut self.chunk) {
+            self.chunk.truncate(offset);
+            return Err(RecordingError::encode(M::TYPE)(error));
+        }
+        let length = count(self.chunk.len() - start);
+        self.chunk[start - 4..start].copy_from_slice(&length.to_le_bytes());
+        connection.index.push((time, count(offset)));
         if self.chunk.len() >= CHUNK_BYTES {
             self.close_chunk()?;
         }
@@ -212,10 +219,10 @@ impl BagWriter {
         for (id, connection) in self.connections.iter_mut().enumerate().filter(|(_, c)| !c.index.is_empty()) {
             // Readers look times up by bisection. The sort is stable: equal times keep their order.
             connection.index.sort_by_key(|(time, _)| *time);
-            let mut entries = Vec::new();
+            let mut entries = Vec::with_capacity(12 * connection.index.len());
             for (time, offset) in &connection.index {
-                entries.extend(bytes_of(*time));
-                entries.extend(offset.to_le_bytes());
+                entries.extend_from_slice(&bytes_of(*time));
+                entries.extend_from_slice(&offset.to_le_bytes());
             }
             let (id, messages) = (count(id), count(connection.index.len()));
             let fields = [
@@ -230,7 +237,7 @@ impl BagWriter {
         }
         let packed = if self.compresses { Some(self.packed()?) } else { None };
         let (compression, data) = packed.as_ref().map_or((&b"none"[..], &self.chunk), |data| (b"lz4", data));
-        let mut chunk = Vec::with_capacity(data.len() + 64);
+        let mut chunk = Vec::with_capacity(data.len() + 64 + index.len());
         let fields = [
             ("op", vec![OP_CHUNK]),
             ("compression", compression.to_vec()),
@@ -239,8 +246,8 @@ impl BagWriter {
         put_record(&mut chunk, &fields, data);
         self.chunk.clear();
         self.chunks.push(info);
-        self.put(&chunk)?;
-        self.put(&index)
+        chunk.extend_from_slice(&index);
+        self.put(&chunk)
     }
 
     /// The open chunk as an LZ4 frame. ROS reads frames of independent blocks alone.
@@ -273,8 +280,8 @@ impl ChunkInfo {
             ("op", vec![OP_CHUNK_INFO]),
             ("ver", number(1)),
             ("chunk_pos", self.position.to_le_bytes().to_vec()),
-            ("start_time", bytes_of(self.start)),
-            ("end_time", bytes_of(self.end)),
+            ("start_time", bytes_of(self.start).to_vec()),
+            ("end_time", bytes_of(self.end).to_vec()),
             ("count", number(count(self.counts.len()))),
         ];
         put_record(out, &fields, &counts);

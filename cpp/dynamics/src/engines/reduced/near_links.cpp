@@ -13,47 +13,81 @@ namespace {
 constexpr double infinity = std::numeric_limits<double>::infinity();
 // Bounds of a shape that is far from everything.
 constexpr std::array<dReal, 6> nowhere{infinity, -infinity, infinity, -infinity, infinity, -infinity};
+// What a shape of a body is near is looked for among what the body is near with this much more, metres: rounding must
+// not lose anything.
+constexpr double slack = 1e-6;
+
+/// Whether a sphere reaches into bounds. Without branches, which nobody could foretell.
+bool reaches(const Vec3& c, double r, const std::array<dReal, 6>& b) {
+  return (c.x + r >= b[0]) & (c.x - r <= b[1]) & (c.y + r >= b[2]) & (c.y - r <= b[3]) & (c.z + r >= b[4]) & (c.z - r <= b[5]);
+}
 
 }  // namespace
 
 void NearLinks::hang(const LinkGroups& links) {
   spheres_.assign(links.body_count(), {{}, -1.0});
   body_from_shape_.resize(geoms_.links.size());
+  runs_.clear();
+  runs_.reserve(geoms_.links.size());
   for (std::size_t k = 0; k < geoms_.links.size(); ++k) {
     const Geom& geom = geoms_.links[k];
+    const std::size_t body = links.body_of(geom.owner);
     Pose& body_from_shape = body_from_shape_[k];
     body_from_shape = links.body_from_link(geom.owner) * geom.owner_from_shape;
-    Sphere& sphere = spheres_[links.body_of(geom.owner)];
+    Sphere& sphere = spheres_[body];
     if (sphere.radius < 0.0) sphere = {body_from_shape.position, 0.0};
     sphere.radius = std::max(sphere.radius, norm(body_from_shape.position - sphere.centre) + geom.reach);
+    if (runs_.empty() || runs_.back().body != body) runs_.push_back({body, k, k, false});
+    runs_.back().last = k + 1;
   }
+  obstacles_.resize(geoms_.fixed.size() + geoms_.blocks.size());
+  close_.reserve(obstacles_.size());
+  for (std::size_t k = 0; k < geoms_.fixed.size(); ++k) obstacles_[k] = geoms_.fixed[k].bounds;
 }
 
-bool NearLinks::near_anything(const Sphere& sphere) const {
-  const auto near = [&](const Geom& geom) {
-    const auto& b = geom.bounds;
-    const auto& [c, r] = sphere;
-    return c.x + r >= b[0] && c.x - r <= b[1] && c.y + r >= b[2] && c.y - r <= b[3] && c.z + r >= b[4] && c.z - r <= b[5];
-  };
-  return std::any_of(geoms_.fixed.begin(), geoms_.fixed.end(), near) ||
-         std::any_of(geoms_.blocks.begin(), geoms_.blocks.end(), near);
-}
-
-void NearLinks::update(const LinkGroups& links, const ArmTree& tree) {
-  std::size_t last = no_index;
+/// Finds what a body is close to; whether it is near anything.
+bool NearLinks::look_around(const Sphere& sphere) {
+  close_.clear();
   bool near = false;
-  const Pose* next = body_from_shape_.data();
-  for (Geom& geom : geoms_.links) {
-    const Pose& body_from_shape = *next++;
-    const std::size_t body = links.body_of(geom.owner);
-    const Pose& pose = tree.placed()[body].pose;
-    if (body != last) near = near_anything({pose * spheres_[body].centre, spheres_[body].radius});
-    last = body;
-    geom.bounds = nowhere;
-    if (!near || !near_anything({pose * body_from_shape.position, geom.reach})) continue;
-    geom.world_from_shape = pose * body_from_shape;
+  for (const std::array<dReal, 6>& bounds : obstacles_) {
+    if (!reaches(sphere.centre, sphere.radius + slack, bounds)) continue;
+    close_.push_back(bounds);
+    near = near || reaches(sphere.centre, sphere.radius, bounds);
+  }
+  return near;
+}
+
+/// Brings the shapes of a body at `pose` up to date that are near anything in `close_`; whether none is.
+bool NearLinks::update_shapes(const Run& run, const Pose& pose) {
+  bool none = true;
+  for (std::size_t k = run.first; k < run.last; ++k) {
+    Geom& geom = geoms_.links[k];
+    const Vec3 centre = pose * body_from_shape_[k].position;
+    const auto near = [&](const std::array<dReal, 6>& bounds) { return reaches(centre, geom.reach, bounds); };
+    if (std::none_of(close_.begin(), close_.end(), near)) {
+      geom.bounds = nowhere;
+      continue;
+    }
+    geom.world_from_shape = pose * body_from_shape_[k];
     set_geom_pose(geom.id.get(), geom.world_from_shape);
     dGeomGetAABB(geom.id.get(), geom.bounds.data());
+    none = false;
+  }
+  return none;
+}
+
+void NearLinks::update(const ArmTree& tree) {
+  std::array<dReal, 6>* blocks = obstacles_.data() + geoms_.fixed.size();
+  for (const Geom& block : geoms_.blocks) *blocks++ = block.bounds;
+  for (Run& run : runs_) {
+    const Pose& pose = tree.placed()[run.body].pose;
+    const Sphere& sphere = spheres_[run.body];
+    if (look_around({pose * sphere.centre, sphere.radius})) {
+      run.nowhere = update_shapes(run, pose);
+    } else if (!run.nowhere) {
+      for (std::size_t k = run.first; k < run.last; ++k) geoms_.links[k].bounds = nowhere;
+      run.nowhere = true;
+    }
   }
 }
 

@@ -167,7 +167,7 @@ void ReducedArm::place_geoms() {
     set_geom_pose(geoms_.blocks[attached->block].id.get(), link * attached->link_from_block);
   }
   Geoms::update(geoms_.blocks);
-  near_links_.update(links_, tree_);
+  near_links_.update(tree_);
 }
 
 bool ReducedArm::push(Collisions& collisions) {
