@@ -49,7 +49,7 @@ pub(crate) fn growth() -> Result<BenchReport, Box<dyn Error>> {
             .flat_map(|line| line.points.iter().map(|&(size, cost)| (line.name.clone(), size, cost)))
             .collect();
         let (svg, _) = growth_curve(of, &format!("{cost}, {unit}"), &points)?;
-        charts.push(BenchChart { name: format!("growth-{file}"), svg });
+        charts.push(BenchChart { name: (*file).to_owned(), svg });
     }
     Ok(BenchReport { charts, ..BenchReport::new("growth", figures) })
 }

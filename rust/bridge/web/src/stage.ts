@@ -38,6 +38,24 @@ const QUALITY = [
 
 const parameters = new URLSearchParams(location.search);
 
+/** Whether the processor computes the pictures: then they are plain from the start, since smooth edges cannot be given up later. */
+function drawsInSoftware(): boolean {
+  const context = document.createElement("canvas").getContext("webgl2");
+  if (!context) return false;
+  const info = context.getExtension("WEBGL_debug_renderer_info");
+  const name = String(context.getParameter(info ? info.UNMASKED_RENDERER_WEBGL : context.RENDERER));
+  context.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
+}
+
+/** From the best, 0, to the cheapest. */
+function firstQuality(): number {
+  const worst = QUALITY.length - 1;
+  const asked = parameters.get("quality");
+  if (asked === null) return drawsInSoftware() ? worst : 0;
+  return Math.min(Math.max(Number(asked) || 0, 0), worst);
+}
+
 /** What is drawn of a page's content. */
 function pictured({ arm, meshes, scene }: PageContent): string {
   return JSON.stringify([arm, meshes, scene]);
@@ -73,7 +91,7 @@ export class Stage {
   private readonly fill = new DirectionalLight("#dbe9ff", 0.55);
   private readonly ambient = new HemisphereLight("#f4f8ff", "#b39f86", 0.75);
   private readonly surroundings;
-  private quality = Math.min(Math.max(Number(parameters.get("quality") ?? 0) || 0, 0), QUALITY.length - 1);
+  private quality = firstQuality();
   private slowSeconds = 0;
   private free: DOMRect | null = null;
 

@@ -175,7 +175,7 @@ function growth(spec: Spec): Plot.PlotOptions {
   const sizes = [...new Set(spec.rows.map((row) => Number(row["x"])))];
   return {
     ...base(spec, COLUMN, 240),
-    x: { type: "log", label: spec.x, ticks: sizes, tickFormat: (size: number) => String(Number(size.toPrecision(2))), inset: 6 },
+    x: { type: "log", label: spec.x, ticks: sizes, tickFormat: (size: number) => String(Number(size.toPrecision(3))), inset: 6 },
     y: { type: "log", label: spec.y, grid: true, nice: true, ticks: 4, tickFormat: "~r" },
     marks: [
       Plot.line(spec.rows, { x: "x", y: "y", z: "part", stroke: "part", strokeWidth: 1.6 }),
