@@ -55,7 +55,7 @@ lane_format() {
 
 lane_shell() {
     # The files in the folder, not in the index: a new script is checked before it is committed.
-    (cd "$root" && find proact .ci/run tests ros1_ws docker packaging -name node_modules -prune -o -type f \
+    (cd "$root" && find proact .ci/run tests ros1_ws docker docs -name node_modules -prune -o -type f \
         \( -name '*.sh' -o -path proact -o -path .ci/run \) -print0 | xargs -0 shellcheck -x)
 }
 
@@ -195,12 +195,12 @@ lane_xdf() {
 
 # Links of every page and what the site is made of; that each command can be typed is a test of the lane rust.
 lane_docs() {
-    build && sh "$root/packaging/site.sh" "$binary" "$root/build/site" --links
+    build && sh "$root/docs/site.sh" "$binary" "$root/build/site" --links
 }
 
 # The site itself, and the blocks of commands that are marked to be run.
 lane_docs_long() {
-    build && CARGO=${cargo:-cargo} sh "$root/packaging/site.sh" "$binary" "$root/build/site" &&
+    build && CARGO=${cargo:-cargo} sh "$root/docs/site.sh" "$binary" "$root/build/site" &&
         /usr/bin/python3 "$root/tests/scenarios/documents.py" "$binary" "$root"/docs/*.md
 }
 
@@ -309,7 +309,7 @@ lane_debootstrap() {
 
 # The packages of a release, then the Debian one in a bare root: installed, tried, removed.
 lane_deb() {
-    build && sh "$root/packaging/release.sh" "$binary" "$root/build/release" && sh "$root/tests/launcher/deb.sh" "$root/build/release"
+    build && sh "$root/docker/release.sh" "$binary" "$root/build/release" && sh "$root/tests/launcher/deb.sh" "$root/build/release"
 }
 
 lane_focal() {

@@ -147,9 +147,9 @@ launch bless 'a reason'
 check "bless gets the repository and the reason as it was" out_has "[bless] [--repository] [$work/repo] [a reason]"
 
 # A release and the site are made by scripts of their own, with the program that was built.
-mkdir "$work/repo/packaging"
-for script in release site; do
-    printf 'echo "%s: [$1] [$2] commit [$PROACT_COMMIT] [${CARGO:-none}]"\n' "$script" >"$work/repo/packaging/$script.sh"
+mkdir -p "$work/repo/docker" "$work/repo/docs"
+for script in docker/release docs/site; do
+    printf 'echo "%s: [$1] [$2] commit [$PROACT_COMMIT] [${CARGO:-none}]"\n' "${script#*/}" >"$work/repo/$script.sh"
 done
 launch release
 check "a release is made of the program, in the build folder" \

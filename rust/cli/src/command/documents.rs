@@ -6,7 +6,7 @@ use std::{fs, path::Path};
 /// Words that the launcher answers itself.
 const LAUNCHER_WORDS: [&str; 6] = ["test", "peers", "release", "docs", "ros-binary", "help"];
 /// What a document is below the repository, and nothing else of it.
-const FOLDERS: [&str; 6] = ["", "docs", "docs/methods", "docs/tasks", "python", "packaging"];
+const FOLDERS: [&str; 6] = ["", "docs", "docs/methods", "docs/tasks", "python", "docker"];
 
 /// The repository.
 fn root() -> &'static Path {

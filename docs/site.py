@@ -1,6 +1,6 @@
 """Stages the documentation for mdBook: pages of the repository's top folder and of docs/, and a reference that the program writes.
 
-    python3 packaging/site.py REPOSITORY PROGRAM OUT
+    python3 docs/site.py REPOSITORY PROGRAM OUT
 
 OUT gets book.toml and src/. Links that leave the site become text: the sources are not in it. A page of docs/ that the summary does not
 name is an error, since mdBook would leave it out.
@@ -45,7 +45,7 @@ def main(repository, program, out):
     docs = os.path.join(repository, "docs")
     src = os.path.join(out, "src")
     shutil.rmtree(out, ignore_errors=True)
-    shutil.copytree(docs, src)
+    shutil.copytree(docs, src, ignore=shutil.ignore_patterns("site.*"))
     shutil.move(os.path.join(src, "book.toml"), os.path.join(out, "book.toml"))
     for name in TOP:
         shutil.copy(os.path.join(repository, name), src)

