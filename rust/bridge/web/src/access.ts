@@ -166,7 +166,7 @@ export class Access {
     if (!this.scans) return;
     const places = this.handlers.places();
     const choice = this.scanner.offered(nowMs, this.settings.scanMs, this.handlers.looks(), places.length);
-    setText(this.offer, choice ? said(choice, places) : "Press to let go");
+    setText(this.offer, choice ? said(choice, places) : strings.access.letGo);
     for (const node of document.querySelectorAll<HTMLElement>(".gesture")) {
       setClass(node, "offered", choice?.kind === "gesture" && node.dataset["gesture"] === choice.gesture);
     }
@@ -213,11 +213,11 @@ export class Access {
 function said(choice: Choice, places: Place[]): string {
   switch (choice.kind) {
     case "look":
-      return "Look at …";
+      return strings.access.look;
     case "back":
-      return "Back";
+      return strings.access.back;
     case "restart":
-      return "New trial";
+      return strings.access.restart;
     case "gesture":
       return GESTURE_NAMES[choice.gesture].name;
     case "place": {

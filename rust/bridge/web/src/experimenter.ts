@@ -273,7 +273,7 @@ function start(): void {
   function addEvents(more: TrialEvent[]): void {
     for (const event of more) {
       events.push(event);
-      const text = event.event === "gesture_changed" ? `Gesture: ${GESTURE_NAMES[event.gesture].name}` : eventText(event);
+      const text = event.event === "gesture_changed" ? strings.gestures.changed(GESTURE_NAMES[event.gesture].name) : eventText(event);
       log.prepend(element("li", event.event, element("time", "", (event.time / 1000).toFixed(2)), element("span", "", text)));
     }
     while (log.children.length > LOG_LINES) log.lastElementChild?.remove();

@@ -154,7 +154,7 @@ export class FormView {
     text.id = id;
     if (question.kind === "pair") {
       const names = [question.first, question.second].map((item) => wordsIn(nameOf(item), this.language).text);
-      text.append(element("span", "only-heard", `Which contributed more: ${names.join(" or ")}?`));
+      text.append(element("span", "only-heard", texts.more(names)));
     } else if (question.item.kind === "consent") {
       // What is agreed to stands beside the box.
       text.append(texts.consent);

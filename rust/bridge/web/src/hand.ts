@@ -2,14 +2,9 @@
 // that a model tells apart have their name in place of a picture.
 
 import type { Gesture, GestureName } from "./generated/types";
+import { strings } from "./strings";
 
-const NAMES: Record<Gesture, string> = {
-  hand_close: "Close the hand",
-  hand_open: "Open the hand",
-  no_motion: "Relax",
-  wrist_extension: "Bend the wrist back",
-  wrist_flexion: "Bend the wrist in",
-};
+const NAMES: Record<Gesture, string> = strings.gestures.told;
 
 function isDrawn(gesture: GestureName): gesture is Gesture {
   return Object.hasOwn(NAMES, gesture);

@@ -8,6 +8,7 @@ import type { Triple } from "./protocol";
 import { boardOptions, boardPose } from "./reference";
 import type { GestureKey } from "./settings";
 import type { Stage } from "./stage";
+import { strings } from "./strings";
 
 /** From a headset's axes (x right, y up, -z ahead) to the world's (x ahead, y left, z up). */
 const WORLD_FROM_XR = new Quaternion().setFromRotationMatrix(
@@ -138,7 +139,7 @@ export class Headset {
     // Tables are level, so the edge to the right tells all; browsers differ in which axis leaves the picture.
     const right = new Vector3(1, 0, 0).applyQuaternion(quaternion(pose.orientation)).setY(0);
     if (right.length() < 0.5) return;
-    if (this.boardFor === 0) this.handlers.say("The table stands where the reference board lies.");
+    if (this.boardFor === 0) this.handlers.say(strings.headset.board);
     this.boardFor += Math.max(seconds, 1e-3);
     this.place(vector(pose.position), new Vector3(0, 1, 0).cross(right.normalize()), room.centre);
   }

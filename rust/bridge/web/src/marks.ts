@@ -6,6 +6,7 @@ import { element } from "./dom";
 import type { ObjectId } from "./generated/types";
 import { objectName, plainName } from "./objects";
 import type { Room } from "./room";
+import { strings } from "./strings";
 
 /** More places than these would be in the way of the focus; the middle of the table is one then. */
 const MOST_MARKS = 24;
@@ -36,7 +37,7 @@ export class Marks {
     private readonly mirrored: () => boolean,
   ) {
     this.root.setAttribute("role", "group");
-    this.root.setAttribute("aria-label", "Where to look");
+    this.root.setAttribute("aria-label", strings.marks.label);
   }
 
   /** The places of another scene. */
@@ -56,7 +57,7 @@ export class Marks {
     for (const place of few ? places : [null]) {
       const node = element("button", "mark");
       node.type = "button";
-      node.setAttribute("aria-label", place ? labelOf(place) : "Middle of the table");
+      node.setAttribute("aria-label", place ? labelOf(place) : strings.marks.middle);
       node.addEventListener("focus", () => this.look(place));
       node.addEventListener("click", () => this.chosen());
       this.nodes.set(node, place);
@@ -122,5 +123,5 @@ export class Marks {
 }
 
 export function labelOf({ what, id }: Place): string {
-  return what === "object" ? objectName(id) : `Target of ${plainName(id)}`;
+  return what === "object" ? objectName(id) : strings.marks.target(plainName(id));
 }

@@ -39,7 +39,7 @@ export function placeOf(screen: ParticipantScreen): string {
 
 /** How the test of the gestures goes, in a few words each. */
 export function promptTexts({ recognised, in_a_row, wanted, passed, recording }: PromptScreen): { recognised: string; row: string } {
-  const row = wanted === null ? (in_a_row > 0 ? `${in_a_row} in a row` : "") : `In a row: ${in_a_row} of ${wanted}`;
+  const row = wanted === null ? (in_a_row > 0 ? texts.inARow(in_a_row) : "") : texts.inARowOf(in_a_row, wanted);
   return {
     recognised: recognised === null ? (recording ? texts.recording : "") : texts.recognised(gestureText(recognised)),
     row: passed ? texts.passed : row,

@@ -1,17 +1,20 @@
 // What the page says of the types that the server gives it.
 
 import type { DisplayFrame, Gesture, MethodInfo, PageContent, Stop } from "./generated/types";
+import { strings } from "./strings";
 
 /** x, y, z. */
 export type Triple = [number, number, number];
 
+const { names } = strings.gestures;
+
 /** The testbed's short forms come in its messages; a person reads names. */
 export const GESTURE_NAMES: Record<Gesture, { short: string; name: string }> = {
-  wrist_extension: { short: "WE", name: "Wrist extension" },
-  wrist_flexion: { short: "WF", name: "Wrist flexion" },
-  hand_close: { short: "HC", name: "Hand close" },
-  hand_open: { short: "HO", name: "Hand open" },
-  no_motion: { short: "NM", name: "No motion" },
+  wrist_extension: { short: "WE", name: names.wrist_extension },
+  wrist_flexion: { short: "WF", name: names.wrist_flexion },
+  hand_close: { short: "HC", name: names.hand_close },
+  hand_open: { short: "HO", name: names.hand_open },
+  no_motion: { short: "NM", name: names.no_motion },
 };
 
 /** A gesture as a person reads it at the beginning of a line; models have names of their own. */

@@ -25,6 +25,7 @@ import type { DisplayFrame, GhostArm, ObjectId, PageContent } from "./generated/
 import { Plumb } from "./plumb";
 import { Room } from "./room";
 import { dispose } from "./shapes";
+import { strings } from "./strings";
 
 /** Pictures per second below which the scene is drawn more cheaply. */
 const SLOW = 28;
@@ -280,10 +281,7 @@ export class Stage {
 /** What to tell someone whose browser cannot draw the scene. */
 export function whyNotDrawn(error: unknown): string {
   const reason = error instanceof Error ? error.message : String(error);
-  return (
-    `The scene cannot be drawn: ${reason}. ProACT's page needs WebGL 2; try a current Firefox, Chrome or Edge, ` +
-    "with hardware acceleration switched on."
-  );
+  return strings.notDrawn(reason);
 }
 
 /** What the hand is to go to and the eye has to see: what is selected, else what is next. */

@@ -909,8 +909,33 @@ export const strings = {
     offset: (across: string, left: boolean, up: string, down: boolean) => `${across}° to the ${left ? "left" : "right"} and ${up}° ${down ? "down" : "up"}`,
     stored: "Stored with the trial, if it is recorded.",
   },
-  access: { switch: "Switch" },
+  access: { switch: "Switch", letGo: "Press to let go", look: "Look at …", back: "Back", restart: "New trial" },
+  gestures: {
+    names: {
+      wrist_extension: "Wrist extension",
+      wrist_flexion: "Wrist flexion",
+      hand_close: "Hand close",
+      hand_open: "Hand open",
+      no_motion: "No motion",
+    },
+    /** What a person is told to do. */
+    told: {
+      wrist_extension: "Bend the wrist back",
+      wrist_flexion: "Bend the wrist in",
+      hand_close: "Close the hand",
+      hand_open: "Open the hand",
+      no_motion: "Relax",
+    },
+    changed: (name: string) => `Gesture: ${name}`,
+  },
+  marks: { label: "Where to look", middle: "Middle of the table", target: (name: string) => `Target of ${name}` },
+  headset: { board: "The table stands where the reference board lies." },
+  notDrawn: (reason: string) =>
+    `The scene cannot be drawn: ${reason}. ProACT's page needs WebGL 2; try a current Firefox, Chrome or Edge, with hardware acceleration switched on.`,
   forms: {
+    more: (names: string[]) => `Which contributed more: ${names.join(" or ")}?`,
+    inARow: (count: number) => `${count} in a row`,
+    inARowOf: (count: number, wanted: number) => `In a row: ${count} of ${wanted}`,
     progress: (kept: number, all: number) => `${kept} of ${all} answered`,
     heardSaved: (progress: string) => `Saved. ${progress}`,
     wait: "One moment",
