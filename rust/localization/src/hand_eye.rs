@@ -197,6 +197,10 @@ const UNITS_M: [f64; 6] = [0.001, 0.01, 0.0254, 0.3048, 1000.0, 100.0];
 /// Share by which a length may differ from that of a unit.
 const SCALE_TOLERANCE: f64 = 0.1;
 const MIRROR_TIMES: f64 = 3.0;
+/// Of the search for the clocks' offset, s.
+const GRID_SECS: f64 = 0.005;
+/// Most times that pairs are made anew.
+const CLOCK_ROUNDS: usize = 4;
 
 /// Pairs each pose of the headset with that of the markers at its time, by interpolation; none across a gap of more than
 /// 60 ms. `offset_secs` is added to the stamps of the markers. Both are in the order of their stamps.
@@ -247,25 +251,18 @@ pub fn calibrate(
             return Err(CalibrationError::Numbers);
         }
     }
-    let offset = clock_offset(head, markers, options.clock_search_secs);
-    let all = pair_streams(head, markers, offset);
-    if all.len() < LEAST_PAIRS {
-        let search_secs = options.clock_search_secs;
-        return Err(CalibrationError::Pairs { got: all.len(), least: LEAST_PAIRS, search_secs });
+    let mut offset = clock_offset(head, markers, options.clock_search_secs);
+    let (mut pairs, mut fit) = fitted(head, markers, offset, options)?;
+    // The refinement takes the markers' motion around a pair for even, which it is for some milliseconds: where the search was
+    // off by more, pairs are made anew.
+    for _ in 0..CLOCK_ROUNDS {
+        let better = offset + fit.offset_secs;
+        if fit.offset_secs.abs() <= GRID_SECS || better.abs() > options.clock_search_secs {
+            break;
+        }
+        offset = better;
+        (pairs, fit) = fitted(head, markers, offset, options)?;
     }
-    let turned =
-        all.iter().map(|pair| all[0].head.rotation.angle_to(&pair.head.rotation)).fold(0.0, f64::max);
-    if turned.to_degrees() < LEAST_TURN_DEG {
-        return Err(CalibrationError::Still { got_deg: turned.to_degrees(), least_deg: LEAST_TURN_DEG });
-    }
-    let pairs = thinned(&all, options.pairs_hz);
-    let (x, scale) = start(&pairs)?;
-    // Of data that do not belong together any scale may come out: only that of a unit somebody uses is taken for one.
-    let unit = UNITS_M.into_iter().find(|unit| (scale * unit - 1.0).abs() < SCALE_TOLERANCE);
-    if let Some(unit) = unit {
-        return Err(CalibrationError::Scale { scale, unit });
-    }
-    let fit = refine(&pairs, x);
     check_mirrored(&pairs, &fit)?;
     let observability = Observability::of(&pairs, &fit);
     let verdict = judge(&pairs, &fit, &observability, options);
@@ -287,6 +284,34 @@ pub fn calibrate(
     })
 }
 
+/// The fit to the pairs that this offset of the clocks makes.
+fn fitted(
+    head: &[TimedPose],
+    markers: &[TimedPose],
+    offset: f64,
+    options: &CalibrationOptions,
+) -> Result<(Vec<PosePair>, Fit), CalibrationError> {
+    let all = pair_streams(head, markers, offset);
+    if all.len() < LEAST_PAIRS {
+        let search_secs = options.clock_search_secs;
+        return Err(CalibrationError::Pairs { got: all.len(), least: LEAST_PAIRS, search_secs });
+    }
+    let turned =
+        all.iter().map(|pair| all[0].head.rotation.angle_to(&pair.head.rotation)).fold(0.0, f64::max);
+    if turned.to_degrees() < LEAST_TURN_DEG {
+        return Err(CalibrationError::Still { got_deg: turned.to_degrees(), least_deg: LEAST_TURN_DEG });
+    }
+    let pairs = thinned(&all, options.pairs_hz);
+    let (x, scale) = start(&pairs)?;
+    // Of data that do not belong together any scale may come out: only that of a unit somebody uses is taken for one.
+    let unit = UNITS_M.into_iter().find(|unit| (scale * unit - 1.0).abs() < SCALE_TOLERANCE);
+    if let Some(unit) = unit {
+        return Err(CalibrationError::Scale { scale, unit });
+    }
+    let fit = refine(&pairs, x);
+    Ok((pairs, fit))
+}
+
 /// The original's calibration: `Y` from one sample of each, with `X` known (`shoulder_localization/fix_world`).
 pub fn one_shot(head_from_markers: &Pose, head: &Pose, markers: &Pose) -> Pose {
     head * head_from_markers * markers.inverse()
@@ -305,10 +330,8 @@ fn thinned(pairs: &[PosePair], hz: f64) -> Vec<PosePair> {
     kept
 }
 
-/// What to add to the markers' stamps: where the angular speeds of both agree best, by their correlation over a grid of 5 ms.
-/// The rest is found by the refinement.
+/// What to add to the markers' stamps: where the angular speeds of both agree best, over a grid. The refinement finds the rest.
 fn clock_offset(head: &[TimedPose], markers: &[TimedPose], search_secs: f64) -> f64 {
-    const GRID_SECS: f64 = 0.005;
     // Over 40 ms: the noise of a single difference would drown the motion.
     let speeds = |stream: &[TimedPose]| -> Vec<(f64, f64)> {
         let mut later = 0;
