@@ -467,6 +467,10 @@ fn judge(
     if let Some(axis) = known.lacking(options) {
         return CalibrationVerdict::MoveMore { axis };
     }
+    // Clocks that no round brought together: what was found rests on a motion that is not even.
+    if fit.offset_secs.abs() > GRID_SECS {
+        return CalibrationVerdict::Noisy;
+    }
     if fit.residual_m > options.residual_m || fit.residual_rad.to_degrees() > options.residual_deg {
         return CalibrationVerdict::Noisy;
     }

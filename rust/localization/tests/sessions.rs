@@ -82,6 +82,14 @@ fn pairs_are_made_anew_where_the_search_for_the_clocks_offset_was_off() {
 }
 
 #[test]
+fn clocks_further_apart_than_is_searched_are_not_called_good() {
+    let (x, y) = truth();
+    let (head, markers) = minute(&x, &y, ALL, 0.15);
+    let options = CalibrationOptions { clock_search_secs: 0.1, ..CalibrationOptions::default() };
+    assert_eq!(calibrate(&head, &markers, &options).unwrap().verdict, CalibrationVerdict::Noisy);
+}
+
+#[test]
 fn a_head_that_does_not_tilt_is_asked_to_and_one_that_is_still_is_refused() {
     let (x, y) = truth();
     let options = CalibrationOptions::default();
