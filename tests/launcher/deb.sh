@@ -27,9 +27,11 @@ if [ "$#" != 1 ] || [ ! -f "$1" ]; then refuse "expected one .deb in $release, g
 deb=$1
 make_root
 cp "$deb" "$root/proact.deb"
+# Where anybody may leave trials.
+mkdir -m 1777 "$root/trials"
 inside "$root" apt-get -qq update
 inside "$root" sh -c 'command -v cc || command -v rustc || command -v node' && refuse "the root has a compiler or node"
-inside "$root" sh -c 'find / -xdev \( -path /proc -o -path /tmp -o -path /var/lib/apt -o -path /var/cache \) -prune -o -print | sort' >"$root.before"
+inside "$root" sh -c 'find / -xdev \( -path /proc -o -path /tmp -o -path /trials -o -path /var/lib/apt -o -path /var/cache \) -prune -o -print | sort' >"$root.before"
 trap 'rm -f "$root.before" "$root.after"; finish_root' EXIT
 
 echo "--- apt install ./proact.deb"
@@ -39,7 +41,7 @@ inside "$root" env DEBIAN_FRONTEND=noninteractive apt-get -y -qq --no-install-re
     refuse "apt could not install the package"
 }
 installed=$(($(date +%s%N) - start))
-inside --userspec=1000:1000 "$root" sh -c 'cd /tmp && proact demo --headless --seed 1 --out /tmp/trial --json' >"$root/out" ||
+inside --userspec=1000:1000 "$root" proact demo --headless --seed 1 --out /trials/first --json >"$root/out" ||
     refuse "proact demo --headless"
 took=$(($(date +%s%N) - start))
 printf 'apt install took %d.%d s, install and first trial %d.%d s, %s packages\n' $((installed / 1000000000)) $((installed / 100000000 % 10)) \
@@ -57,10 +59,10 @@ for file in zsh/vendor-completions/_proact fish/vendor_completions.d/proact.fish
     [ -s "$root/usr/share/$file" ] || refuse "/usr/share/$file is not there"
 done
 # The arm for a lab to copy is the one inside the program: the same trial to the last bit. The method is a program in Python.
-inside "$root" proact demo --headless --seed 1 --arm /usr/share/proact/arms/mpl_right --out /tmp/copied --json >"$root/copied" ||
+inside "$root" proact demo --headless --seed 1 --arm /usr/share/proact/arms/mpl_right --out /trials/copied --json >"$root/copied" ||
     refuse "a trial with the arm in /usr/share/proact"
-cmp "$root/tmp/trial/digests.log" "$root/tmp/copied/digests.log" || refuse "another digest with the arm in /usr/share/proact"
-inside "$root" proact demo --headless --seed 1 --task /usr/share/proact/tasks/three_cubes.toml --limit 3 --out /tmp/cubes >"$root/log" 2>&1 || {
+cmp "$root/trials/first/digests.log" "$root/trials/copied/digests.log" || refuse "another digest with the arm in /usr/share/proact"
+inside "$root" proact demo --headless --seed 1 --task /usr/share/proact/tasks/three_cubes.toml --limit 3 --out /trials/cubes >"$root/log" 2>&1 || {
     cat "$root/log"
     refuse "a trial of the task in /usr/share/proact"
 }
@@ -70,7 +72,7 @@ inside "$root" sh -c 'apt-get -y -qq purge proact && apt-get -y -qq --purge auto
     tail -n 20 "$root/log"
     refuse "apt could not remove the package"
 }
-inside "$root" sh -c 'find / -xdev \( -path /proc -o -path /tmp -o -path /var/lib/apt -o -path /var/cache \) -prune -o -print | sort' >"$root.after"
+inside "$root" sh -c 'find / -xdev \( -path /proc -o -path /tmp -o -path /trials -o -path /var/lib/apt -o -path /var/cache \) -prune -o -print | sort' >"$root.after"
 left=$(comm -13 "$root.before" "$root.after" | grep -v -e '^/var/log/' -e '^/var/lib/dpkg/' -e '^/var/lib/systemd' -e '^/\(log\|out\|copied\)$' || true)
 [ -z "$left" ] || refuse "these are left: $left"
 
@@ -80,9 +82,9 @@ mkdir "$root/opt/proact"
 tar -xzf "$1" --strip-components=1 -C "$root/opt/proact"
 inside "$root" sh -c 'DEBIAN_FRONTEND=noninteractive apt-get -y -qq --no-install-recommends install $(sed "s/ .*//" /opt/proact/NEEDS) >/log 2>&1' ||
     refuse "the packages of NEEDS"
-inside --userspec=1000:1000 "$root" /opt/proact/bin/proact demo --headless --seed 1 --out /tmp/unpacked --json >"$root/unpacked" ||
+inside --userspec=1000:1000 "$root" /opt/proact/bin/proact demo --headless --seed 1 --out /trials/unpacked --json >"$root/unpacked" ||
     refuse "the tarball's program"
-cmp "$root/tmp/trial/digests.log" "$root/tmp/unpacked/digests.log" || refuse "another digest with the tarball's program"
+cmp "$root/trials/first/digests.log" "$root/trials/unpacked/digests.log" || refuse "another digest with the tarball's program"
 inside "$root" sh -c 'DEBIAN_FRONTEND=noninteractive apt-get -y -qq install man-db >/log 2>&1; MANPAGER=cat man -M /opt/proact/share/man proact-demo' |
     grep -q -- --headless || refuse "man proact-demo"
 echo "deb: all passed"

@@ -101,6 +101,18 @@ export async function layout(page, { url, check, screenshot, limitMs }) {
   await unfolded(page, { check, screenshot });
   await touched(page, { address, ready, check });
   await dark(page, { url, check, screenshot });
+  await plain(page, { url, check });
+}
+
+/** Here the processor computes the pictures, and nobody asked for a quality: they have fewer points than the window from the start. */
+async function plain(page, { url, check }) {
+  const share = async (query) => {
+    await page.goto(new URL(`?tutorial=0&pictures=4${query}`, url).href);
+    await page.waitForFunction(() => window.__proact?.framesDrawn > 0);
+    return page.evaluate(() => document.getElementById("scene").width / document.getElementById("scene").clientWidth);
+  };
+  const [own, best] = [await share(""), await share("&quality=1")];
+  check(own < 0.7 && best === 1, `drawn by the processor, a picture has ${own.toFixed(2)} of the window's width; asked for the best, ${best}`);
 }
 
 /** Folded cards open where one asks for it, and still nothing is covered. */

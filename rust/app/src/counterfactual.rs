@@ -7,7 +7,7 @@ use crate::{
 };
 use proact_control::MethodRegistry;
 use proact_testbed::{Testbed, TestbedError, first_divergence};
-use proact_types::{DisplayFrame, Gesture, Pose, SimTime, TickInput};
+use proact_types::{DisplayFrame, Gesture, Pose};
 use serde::Serialize;
 use std::{collections::BTreeSet, error::Error, path::Path};
 
@@ -84,17 +84,11 @@ pub fn counterfactual(
         score: [0; 2],
         plans: [0; 2],
     };
-    let mut inputs = record.inputs()?;
-    let mut next = inputs.next().transpose()?;
     let (mut spans, mut same, mut parted) = (Vec::new(), 0, false);
     let mut gestures = [Gesture::NoMotion; 2];
-    for tick in 1..=record.end().0 {
-        let mut input = TickInput::default();
-        while let Some(entry) = next.take_if(|entry| entry.tick.0 <= tick) {
-            input = entry.input;
-            next = inputs.next().transpose()?;
-        }
-        let last = tick == record.end().0;
+    for tick in record.ticks()? {
+        let (time, mut input) = tick?;
+        let last = time == record.end();
         let output = own.tick(&input, last)?;
         spans.extend(output.span.clone());
         // Plans of requests that the record has not are the planner's.
@@ -119,7 +113,7 @@ pub fn counterfactual(
         if found.seen_from_s.is_none() && own.frame_is_due() {
             found.seen_first = differences(&frame(&mut own)?, &frame(&mut other)?);
             if !found.seen_first.is_empty() {
-                found.seen_from_s = Some(SimTime(tick).as_secs());
+                found.seen_from_s = Some(time.as_secs());
                 parted = true;
                 plans.serve();
             }

@@ -9,7 +9,7 @@ use proact_bridge::RecordedTrial;
 use proact_control::MethodRegistry;
 use proact_recording::Trial;
 use proact_testbed::{SpanDigest, Testbed, first_divergence};
-use proact_types::{DisplayFrame, Event, Pose, SimTime, TickInput};
+use proact_types::{DisplayFrame, Event, Pose, SimTime};
 use std::{error::Error, path::Path};
 
 /// Of the 60 frames of a second every second one is kept: the page interpolates between them.
@@ -31,24 +31,18 @@ pub fn recompute(methods: &MethodRegistry, dir: &Path) -> Result<RecordedTrial, 
     let upright = Default::default();
     // The head sits on the trunk as the shoulder does.
     let shoulder_from_head = body.shoulder_pose(&upright).inv_mul(&body.head_pose(&upright));
-    let mut inputs = record.inputs()?;
-    let mut next = inputs.next().transpose()?;
     let mut muscles = config.emg.as_ref().map(|emg| FilmOfEmg::new(emg, testbed.emg_gestures(), last));
     let mut film = Film { frames: Vec::new(), events: Vec::new(), count: 0 };
     let mut spans: Vec<SpanDigest> = Vec::new();
-    for tick in 1..=last.0 {
-        let mut input = TickInput::default();
-        while let Some(entry) = next.take_if(|entry| entry.tick.0 <= tick) {
-            input = entry.input;
-            next = inputs.next().transpose()?;
-        }
-        let output = testbed.tick(&input, tick == last.0)?;
+    for tick in record.ticks()? {
+        let (now, input) = tick?;
+        let output = testbed.tick(&input, now == last)?;
         if let Some(muscles) = &mut muscles {
-            muscles.take(SimTime(tick), &input.emg, output.emg.as_ref());
+            muscles.take(now, &input.emg, output.emg.as_ref());
         }
         spans.extend(output.span);
-        if testbed.frame_is_due() || tick == last.0 {
-            film.take(&mut testbed, &shoulder_from_head, tick == last.0)?;
+        if testbed.frame_is_due() || now == last {
+            film.take(&mut testbed, &shoulder_from_head, now == last)?;
         }
     }
     Ok(RecordedTrial {

@@ -15,7 +15,7 @@ use proact_intent::{Candidates, IntentModelName, IntentOptions, Posterior};
 use proact_kinematics::Kinematics;
 use proact_recording::{INPUTS_FILE, Trial};
 use proact_testbed::{GraspChoice, Testbed, TrialConfig, first_divergence};
-use proact_types::{EventKind, GazeSample, ObjectId, Point, Scene, SimTime, TickInput};
+use proact_types::{EventKind, GazeSample, ObjectId, Point, Scene, SimTime};
 use serde::Serialize;
 use std::{
     error::Error,
@@ -265,24 +265,21 @@ fn picks(methods: &MethodRegistry, dir: &Path) -> Result<Option<Picked>, Box<dyn
     let (arm, classifier) = (Arm::recorded(dir, &config)?, read_classifier(&record, &config)?);
     let mut testbed = trial::replayed(methods, &arm, config.clone(), classifier)?;
     let mut kinematics = Kinematics::new(testbed.model())?;
-    let mut inputs = record.inputs()?;
-    let mut next = inputs.next().transpose()?;
     let mut spans = Vec::new();
     let mut picks = Vec::new();
     let (mut start, mut samples) = (SimTime(0), Vec::new());
-    for tick in 1..=end.0 {
-        let mut input = TickInput::default();
-        if let Some(entry) = next.take_if(|entry| entry.tick.0 <= tick) {
-            input = entry.input;
-            next = inputs.next().transpose()?;
+    for tick in record.ticks()? {
+        let (now, input) = tick?;
+        if now > end {
+            break;
         }
         // Before the tick: what its own inference will work on.
         if let Some(gaze) = input.gaze
             && testbed.plant().state().attached.is_none()
         {
-            samples.push((SimTime(tick), gaze, candidates(&testbed, &mut kinematics)?));
+            samples.push((now, gaze, candidates(&testbed, &mut kinematics)?));
         }
-        let output = testbed.tick(&input, tick == end.0)?;
+        let output = testbed.tick(&input, now == end)?;
         spans.extend(output.span);
         for event in output.events {
             match event.kind {

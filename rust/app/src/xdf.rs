@@ -8,7 +8,7 @@ use proact_recording::{
     xdf::{StreamId, XdfChannel, XdfStream, XdfWriter},
 };
 use proact_testbed::{SpanDigest, Testbed, first_divergence};
-use proact_types::{EmgSample, Event, GazeSample, Pose, SimTime, TickInput};
+use proact_types::{EmgSample, Event, GazeSample, Pose, SimTime};
 use serde::Serialize;
 use std::{
     error::Error,
@@ -57,7 +57,12 @@ pub fn export_xdf(methods: &MethodRegistry, dir: &Path, file: &Path) -> Result<E
         )
         .into());
     }
-    let failed = |error: io::Error| format!("{}: {error}", file.display());
+    let failed = |error: io::Error| match error.kind() {
+        io::ErrorKind::AlreadyExists => {
+            format!("{} exists and is left alone; name another file", file.display())
+        }
+        _ => format!("{}: {error}", file.display()),
+    };
     let out = BufWriter::new(File::create_new(file).map_err(failed)?);
     let exported = write(methods, dir, out);
     if exported.is_err() {
@@ -78,17 +83,10 @@ fn write(methods: &MethodRegistry, dir: &Path, out: BufWriter<File>) -> Result<E
         config.seed
     );
     let mut streams = Streams::begin(out, &note, &testbed, config.emg.as_ref())?;
-    let mut inputs = record.inputs()?;
-    let mut next = inputs.next().transpose()?;
     let mut spans: Vec<SpanDigest> = Vec::new();
-    for tick in 1..=last.0 {
-        let mut input = TickInput::default();
-        while let Some(entry) = next.take_if(|entry| entry.tick.0 <= tick) {
-            input = entry.input;
-            next = inputs.next().transpose()?;
-        }
-        let output = testbed.tick(&input, tick == last.0)?;
-        let now = SimTime(tick);
+    for tick in record.ticks()? {
+        let (now, input) = tick?;
+        let output = testbed.tick(&input, now == last)?;
         streams.emg(now, &input.emg, output.emg.as_ref())?;
         streams.gaze(now, input.gaze.as_ref())?;
         streams.state(now, &mut testbed)?;

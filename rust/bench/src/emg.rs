@@ -255,11 +255,14 @@ impl Peer {
 
     fn run() -> Result<PeerFigures, String> {
         let object = Peer::answer(PEER_PROGRAM, &[])?;
-        let windows = object["windows"].as_array().map(|all| all.iter().filter_map(Value::as_f64).collect());
-        match (windows, object["fit"].as_f64()) {
-            (Some(windows), Some(fit)) => Ok(PeerFigures { windows, fit }),
-            _ => Err(format!("LibEMG could not be measured: {object}")),
-        }
+        let figures = || {
+            let windows: Vec<f64> =
+                object["windows"].as_array()?.iter().map(Value::as_f64).collect::<Option<_>>()?;
+            Some(PeerFigures { windows, fit: object["fit"].as_f64()? })
+        };
+        figures()
+            .filter(|found| !found.windows.is_empty())
+            .ok_or_else(|| format!("LibEMG could not be measured: got {object}"))
     }
 
     /// The object that a Python program prints as its last line, run where LibEMG is.

@@ -267,12 +267,21 @@ fn act(registry: &Registry, command: Command) -> Result<bool, Box<dyn Error>> {
         }
         Command::Model { json, command } => crate::model::run(&command, json),
         Command::Bench(args) => {
-            let report = proact_bench::run(&args.stage, args.problems())?;
+            // Before minutes of measuring.
             if let Some(folder) = &args.charts {
-                std::fs::create_dir_all(folder)?;
-                for chart in &report.charts {
-                    std::fs::write(folder.join(&chart.name).with_extension("svg"), &chart.svg)?;
+                if args.stage != "growth" {
+                    return Err(
+                        format!("the stage {} has no charts: --charts is for growth", args.stage).into()
+                    );
                 }
+                std::fs::create_dir_all(folder)
+                    .map_err(|error| format!("no charts can be written to {}: {error}", folder.display()))?;
+            }
+            let report = proact_bench::run(&args.stage, args.problems())?;
+            for (folder, chart) in
+                args.charts.iter().flat_map(|folder| report.charts.iter().map(move |chart| (folder, chart)))
+            {
+                std::fs::write(folder.join(&chart.name).with_extension("svg"), &chart.svg)?;
             }
             if args.json {
                 answer(serde_json::to_string(&report)?)?;

@@ -7,7 +7,7 @@ use crate::{
     manifest,
     trial_writer::Coverage,
 };
-use proact_types::{Event, MOST_TEXT_BYTES, SimTime};
+use proact_types::{Event, MOST_TEXT_BYTES, SimTime, TickInput};
 use serde::de::DeserializeOwned;
 use std::{
     fs,
@@ -157,6 +157,26 @@ impl Trial {
     ) -> Result<impl Iterator<Item = Result<InputRecord, RecordingError>> + use<>, RecordingError> {
         let log = (self.extent.inputs > 0).then(|| InputLog::open(&self.dir)).transpose()?;
         Ok(log.into_iter().flatten().take(usize::try_from(self.extent.inputs).unwrap_or(usize::MAX)))
+    }
+
+    /// Each tick from the first to [`Trial::end`] with what came in; what is empty was not recorded.
+    ///
+    /// # Errors
+    /// As [`InputLog::open`]; of an item, [`RecordingError::Damaged`].
+    pub fn ticks(
+        &self,
+    ) -> Result<impl Iterator<Item = Result<(SimTime, TickInput), RecordingError>> + use<>, RecordingError>
+    {
+        let mut inputs = self.inputs()?;
+        let mut next = inputs.next().transpose()?;
+        Ok((1..=self.end().0).map(move |tick| {
+            let mut input = TickInput::default();
+            while let Some(record) = next.take_if(|record| record.tick.0 <= tick) {
+                input = record.input;
+                next = inputs.next().transpose()?;
+            }
+            Ok((SimTime(tick), input))
+        }))
     }
 
     /// The digest chain up to [`Trial::end`].

@@ -60,21 +60,22 @@ print(json.dumps(figures))
 pub(super) fn figures(peer: &Peer) -> Result<Vec<BenchFigure>, Box<dyn Error>> {
     let folder = tempfile::tempdir()?;
     write_files(folder.path())?;
-    let told = match &peer.absent {
-        None => Peer::answer(
-            PEER_PROGRAM,
-            &[&folder.path().to_string_lossy(), &ROUNDS.to_string(), &GROUPS.join(",")],
-        )
-        .map(Some)?,
-        Some(_) => None,
+    let words: [&str; 3] = [&folder.path().to_string_lossy(), &ROUNDS.to_string(), &GROUPS.join(",")];
+    // Without the peer the figures stand alone and say why, once for all stages of the bench.
+    let (told, why) = match peer.absent {
+        Some(_) => (None, String::new()),
+        None => match Peer::answer(PEER_PROGRAM, &words) {
+            Ok(told) => (Some(told), String::new()),
+            Err(why) => (None, format!("; {why}")),
+        },
     };
     let recordings = Recordings::read(folder.path(), RATE_HZ)?;
     let samples: Vec<Vec<EmgSample>> = recordings.items.iter().map(counted).collect();
     let mut figures = Vec::new();
     let whole = timed(|| whole(folder.path()))?;
-    let note = "files read, windows, HTD, LDA fitted, classes; goal: 5 times LibEMG's speed";
+    let note = format!("files read, windows, HTD, LDA fitted, classes; goal: 5 times LibEMG's speed{why}");
     let name = "files to classes, HTD and LDA";
-    figures.push(beside(BenchFigure::alone(name, 1e3 * whole, "ms", note), told.as_ref(), "whole"));
+    figures.push(beside(BenchFigure::alone(name, 1e3 * whole, "ms", &note), told.as_ref(), "whole"));
     for name in GROUPS {
         let config = EmgConfig { features: name.parse::<FeatureSet>()?, ..EmgConfig::default() };
         let mut windows = 0;

@@ -37,14 +37,14 @@ pub(super) fn jobs() -> Result<Growth, Box<dyn Error>> {
 
 /// A recorded trial that goes on: the standard box and blocks refilled until the time is over.
 pub(super) fn minutes() -> Result<Growth, Box<dyn Error>> {
-    let folder = std::env::temp_dir().join(format!("proact-growth-{}", std::process::id()));
+    let folder = tempfile::tempdir()?;
     let mut lines = ["memory at most", "record on the disk"].map(|name| Line {
         name: name.to_owned(),
         points: vec![],
         bound: String::new(),
     });
     for minutes in MINUTES {
-        let out = folder.join(minutes.to_string());
+        let out = folder.path().join(minutes.to_string());
         let limit = (60 * minutes).to_string();
         let words =
             ["demo", "--headless", "--method", "B", "--task", "bbt", "--limit", &limit, "--json", "--out"];
@@ -67,15 +67,14 @@ pub(super) fn minutes() -> Result<Growth, Box<dyn Error>> {
         if let Some(mut errors) = child.stderr.take() {
             errors.read_to_string(&mut said)?;
         }
-        // A trial that its time ended is none that failed.
-        if !out.is_dir() {
-            return Err(format!("a trial of {minutes} min recorded nothing, {status}: {said}").into());
+        // A trial that its time ended is none that failed; one that broke off has no result.
+        if !out.join("result.json").is_file() {
+            return Err(format!("a trial of {minutes} min broke off, {status}: {said}").into());
         }
         lines[0].points.push((f64::from(minutes), most));
         lines[1].points.push((f64::from(minutes), size_mb(&out)?));
         std::fs::remove_dir_all(&out)?;
     }
-    std::fs::remove_dir_all(&folder)?;
     lines[0].bound = "the memory of a job".to_owned();
     lines[1].bound = "the disk".to_owned();
     Ok(Growth { file: "minutes", of: "minutes", cost: "memory and record", unit: "MB", lines: lines.into() })

@@ -30,15 +30,16 @@ pub(super) fn objects() -> Result<Growth, Box<dyn Error>> {
 
 /// Plans to reach, carry and place among blocks.
 pub(super) fn clutter() -> Result<Growth, Box<dyn Error>> {
-    let mut lines: Vec<Line> = [("plan, median", 0.5), ("plan, 90 %", 0.9)]
-        .map(|(name, _)| Line { name: name.to_owned(), points: vec![], bound: "one core a plan".to_owned() })
-        .into();
+    let mut times = Vec::new();
     for blocks in BLOCKS {
-        let times = planning::among_blocks(blocks, PLANS)?;
-        for (line, share) in lines.iter_mut().zip([0.5, 0.9]) {
-            line.points.push((blocks as f64, quantile(&times, share)));
-        }
+        times.push((blocks as f64, planning::among_blocks(blocks, PLANS)?));
     }
+    let line = |name: &str, share| Line {
+        name: name.to_owned(),
+        points: times.iter().map(|(blocks, times)| (*blocks, quantile(times, share))).collect(),
+        bound: "one core a plan".to_owned(),
+    };
+    let lines = vec![line("plan, median", 0.5), line("plan, 90 %", 0.9)];
     Ok(Growth { file: "clutter", of: "blocks", cost: "processor time of a plan", unit: "ms", lines })
 }
 

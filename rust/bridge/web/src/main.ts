@@ -25,7 +25,7 @@ import { afterStop, nextThing, type Circumstances } from "./hints";
 import { Headset } from "./headset";
 import { Hud, scoreText } from "./hud";
 import { Live } from "./live";
-import { Marks, type Place } from "./marks";
+import { Marks, placesOf, type Place } from "./marks";
 import { Motion } from "./motion";
 import { Panel } from "./panel";
 import { ParticipantView } from "./participantview";
@@ -403,17 +403,8 @@ function start(): void {
     return now ? now.style === "selecting" : false;
   }
 
-  /** What one may want to look at, the likeliest first: with an object in hand its target, else what is next. */
   function places(): Place[] {
-    const frame = motion.latest;
-    if (!frame || !stage.room) return [];
-    const { holds } = frame.hand;
-    const likeliest = holds ?? frame.next;
-    const all: Place[] =
-      holds !== null
-        ? stage.room.placed.map((id) => ({ what: "target", id }))
-        : stage.room.objects.map(({ id }) => ({ what: "object", id }));
-    return [...all.filter(({ id }) => id === likeliest), ...all.filter(({ id }) => id !== likeliest)];
+    return motion.latest && stage.room ? placesOf(motion.latest, stage.room) : [];
   }
 
   function checkGaze(calibrates = false): void {

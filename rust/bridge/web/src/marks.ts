@@ -3,7 +3,7 @@
 
 import { Vector3 } from "three";
 import { element } from "./dom";
-import type { ObjectId } from "./generated/types";
+import type { DisplayFrame, ObjectId } from "./generated/types";
 import { objectName, plainName } from "./objects";
 import type { Room } from "./room";
 import { strings } from "./strings";
@@ -124,4 +124,12 @@ export class Marks {
 
 export function labelOf({ what, id }: Place): string {
   return what === "object" ? objectName(id) : strings.marks.target(plainName(id));
+}
+
+/** What one may want to look at, the likeliest first: with an object in hand its target, else what is next. */
+export function placesOf({ hand: { holds }, next }: DisplayFrame, room: Room): Place[] {
+  const likeliest = holds ?? next;
+  const all: Place[] =
+    holds !== null ? room.placed.map((id) => ({ what: "target", id })) : room.objects.map(({ id }) => ({ what: "object", id }));
+  return [...all.filter(({ id }) => id === likeliest), ...all.filter(({ id }) => id !== likeliest)];
 }
