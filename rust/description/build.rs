@@ -20,7 +20,8 @@ fn main() {
         .opt_level(2)
         .flag("-ffp-contract=off"); // results must not depend on the compiler's choice of fused operations
 
-    for include in probe("urdfdom", "1.0") {
+    // The core silences urdfdom by its messages' own library, which newer releases of urdfdom do not name for others.
+    for include in [probe("urdfdom", "1.0"), probe("console_bridge", "0.4")].concat() {
         build.flag(format!("-isystem{}", include.display()));
     }
     build.compile("proact_description");

@@ -25,7 +25,7 @@ refuse() {
 set -- "$release"/proact_*.deb
 if [ "$#" != 1 ] || [ ! -f "$1" ]; then refuse "expected one .deb in $release, got: $*"; fi
 deb=$1
-make_root
+make_root bookworm
 cp "$deb" "$root/proact.deb"
 # Where anybody may leave trials.
 mkdir -m 1777 "$root/trials"
@@ -78,12 +78,15 @@ left=$(comm -13 "$root.before" "$root.after" | grep -v -e '^/var/log/' -e '^/var
 
 echo "--- the tarball, with what its file NEEDS names"
 set -- "$release"/proact-*-linux-gnu.tar.gz
+start=$(date +%s%N)
 mkdir "$root/opt/proact"
 tar -xzf "$1" --strip-components=1 -C "$root/opt/proact"
 inside "$root" sh -c 'DEBIAN_FRONTEND=noninteractive apt-get -y -qq --no-install-recommends install $(sed "s/ .*//" /opt/proact/NEEDS) >/log 2>&1' ||
     refuse "the packages of NEEDS"
 inside --userspec=1000:1000 "$root" /opt/proact/bin/proact demo --headless --seed 1 --out /trials/unpacked --json >"$root/unpacked" ||
     refuse "the tarball's program"
+took=$(($(date +%s%N) - start))
+printf 'unpacking, apt and the first trial took %d.%d s\n' $((took / 1000000000)) $((took / 100000000 % 10))
 cmp "$root/trials/first/digests.log" "$root/trials/unpacked/digests.log" || refuse "another digest with the tarball's program"
 inside "$root" sh -c 'DEBIAN_FRONTEND=noninteractive apt-get -y -qq install man-db >/log 2>&1; MANPAGER=cat man -M /opt/proact/share/man proact-demo' |
     grep -q -- --headless || refuse "man proact-demo"

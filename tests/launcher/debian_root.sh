@@ -1,6 +1,6 @@
 # shellcheck shell=sh
 # shellcheck disable=SC2016 # apt expands its own variables
-# A minimal Debian 12, or another release, to type commands in; sourced by the tests that need a bare machine.
+# A minimal Debian 12, or another release of Debian or Ubuntu, to type commands in; sourced by the tests that need a bare machine.
 #
 # The machine decides where packages come from: its Debian archives, its certificates and the configuration of npm and
 # Cargo are copied into the root. Nothing else of it is seen there.
@@ -40,8 +40,13 @@ bootstrap() { # RELEASE [MIRROR]
     bookworm) keys= ;;
     *) keys=--no-check-gpg ;; # Debian has no keyring of others; the root's own apt checks what it fetches
     esac
+    # All of Ubuntu's releases are made by one script, which an older debootstrap does not have under the newer names.
+    set -- "$1" "${2:-}"
+    if [ ! -e "/usr/share/debootstrap/scripts/$1" ]; then
+        set -- "$1" "${2:-http://archive.ubuntu.com/ubuntu}" /usr/share/debootstrap/scripts/jammy
+    fi
     # shellcheck disable=SC2086 # none or one word
-    debootstrap --variant=minbase $keys "$1" "$root" ${2:+"$2"} >"$root.log" 2>&1 || {
+    debootstrap --variant=minbase $keys "$1" "$root" ${2:+"$2"} ${3:+"$3"} >"$root.log" 2>&1 || {
         tail -n 20 "$root.log"
         unreachable=$(grep 'Failed getting release file' "$root.log" || true)
         rm -f "$root.log"
@@ -60,17 +65,28 @@ bootstrap() { # RELEASE [MIRROR]
     mount -t proc proc "$root/proc"
 }
 
-# Makes a Debian 12 in $root.
-make_root() {
-    # The archives of this machine, and of them only Debian's own: a new user has no others.
-    sources=$(apt-get indextargets --format '$(ORIGIN) $(REPO_URI) $(CODENAME) $(COMPONENT)' 'Created-By: Packages' |
-        awk '$1 == "Debian" && $3 ~ /^bookworm/ && $4 == "main" { print "deb", $2, $3, $4 }' | sort -u)
-    mirror=$(echo "$sources" | awk '$3 == "bookworm" { print $2; exit }')
-    [ -n "$mirror" ] || {
-        echo "FAILED: this machine's apt sources name no Debian bookworm archive; run apt-get update, or add one"
-        exit 1
-    }
-    bootstrap bookworm "$mirror"
+# Makes a Debian 12 in $root, or another release: with the archives that a new user of it has, of which this machine may
+# name nearer ones for Debian 12.
+make_root() { # RELEASE
+    case $1 in
+    bookworm)
+        # The archives of this machine, and of them only Debian's own: a new user has no others.
+        sources=$(apt-get indextargets --format '$(ORIGIN) $(REPO_URI) $(CODENAME) $(COMPONENT)' 'Created-By: Packages' |
+            awk '$1 == "Debian" && $3 ~ /^bookworm/ && $4 == "main" { print "deb", $2, $3, $4 }' | sort -u)
+        mirror=$(echo "$sources" | awk '$3 == "bookworm" { print $2; exit }')
+        [ -n "$mirror" ] || {
+            echo "FAILED: this machine's apt sources name no Debian bookworm archive; run apt-get update, or add one"
+            exit 1
+        }
+        bootstrap bookworm "$mirror"
+        ;;
+    *)
+        bootstrap "$1"
+        mirror=$(awk '$1 == "deb" { print $2; exit }' "$root/etc/apt/sources.list")
+        case $mirror in *ubuntu*) components="main universe" ;; *) components=main ;; esac
+        sources=$(for suite in "$1" "$1-updates"; do echo "deb $mirror $suite $components"; done)
+        ;;
+    esac
     echo "$sources" >"$root/etc/apt/sources.list"
     for file in .npmrc .cargo/config.toml; do
         if [ -f "${HOME:-/root}/$file" ]; then install -D -m 600 "${HOME:-/root}/$file" "$root/root/$file"; fi

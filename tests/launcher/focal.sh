@@ -1,6 +1,10 @@
 #!/bin/sh
-# Compiles the C++ cores and runs their tests on Ubuntu 20.04, the release of ROS Noetic: KDL 1.4, OMPL 1.4, ODE 0.16,
-# FCL 0.5 and urdfdom 1.0 are older than Debian 12's. Needs root, debootstrap and the network; takes five minutes.
+# Proves the whole program on Ubuntu 20.04, the release of ROS Noetic: KDL 1.4, OMPL 1.4, ODE 0.16, FCL 0.5 and urdfdom 1.0
+# are older than Debian 12's, and so are its own Rust and node. First the demo and the tests of the C++ cores, then the nodes
+# with the release's own ROS 1: the workspace by catkin_make, catkin build and colcon, a launch, and a trial in lock-step. Needs
+# root, debootstrap and the network; takes an hour.
+#
+# The packages of ROS are Ubuntu's (universe), not those of ros.org, which have the same interfaces under /opt/ros/noetic.
 set -eu
 
 repository=$(cd "$(dirname "$0")/../.." && pwd)
@@ -8,18 +12,41 @@ repository=$(cd "$(dirname "$0")/../.." && pwd)
 . "$repository/tests/launcher/debian_root.sh"
 enter_namespace "$0" "$@"
 
-bootstrap focal
-mirror=$(awk '$1 == "deb" { print $2; exit }' "$root/etc/apt/sources.list")
-for suite in focal focal-updates; do echo "deb $mirror $suite main universe"; done >"$root/etc/apt/sources.list"
-
-inside "$root" sh -c 'apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq \
-    --no-install-recommends g++ make cmake pkg-config liborocos-kdl-dev libompl-dev libode-dev liburdfdom-dev \
-    liburdfdom-headers-dev libfcl-dev libccd-dev libeigen3-dev fonts-dejavu-core' >"$root/log" 2>&1 || {
-    tail -n 40 "$root/log"
-    echo "FAILED: the packages of the release"
-    exit 1
+# step TITLE COMMAND...: runs the command in the root and says how long it took, or shows the end of what it printed.
+step() {
+    title=$1
+    shift
+    echo "--- $title"
+    start=$(date +%s)
+    inside "$root" "$@" >"$root/log" 2>&1 || {
+        tail -n 60 "$root/log"
+        echo "FAILED: $title"
+        exit 1
+    }
+    echo "that took $(($(date +%s) - start)) s"
 }
-mkdir "$root/proact"
-cp -r "$repository/cpp" "$repository/cmake" "$root/proact/"
-inside "$root" sh -c "cd /proact && cmake -S cpp -B build && cmake --build build -j $(nproc) &&
-    cd build && ctest --output-on-failure"
+
+make_root focal
+git clone --quiet --no-local "$repository" "$root/proact"
+grep -q localhost "$root/etc/hosts" || echo "127.0.0.1 localhost" >>"$root/etc/hosts"
+
+step "./proact demo" /proact/proact demo --headless --method D --seed 1 --out /trials --json
+tail -n 1 "$root/log"
+step "./proact test cpp" /proact/proact test cpp
+
+# catkin-tools and colcon are not in this release; PyPI has them.
+packages=$(sed -n '/^ros_test_packages="/,/"$/p' "$repository/tests/lanes.sh" | sed 's/.*="//; s/"//' | tr '\n' ' ' |
+    sed 's/ catkin-tools / /; s/ colcon / /; s/ python3-colcon-ros / /')
+# shellcheck disable=SC2086 # a list of words
+step "ROS 1 of the release" env DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends python3-pip $packages
+step "catkin build and colcon" /usr/bin/python3 -m pip install catkin_tools colcon-common-extensions colcon-ros
+step "the workspace by catkin_make, catkin build and colcon, and a launch" sh /proact/tests/ros/workspace.sh
+step "the nodes" /proact/proact ros-binary /proact/build/proact-ros
+for test in test_names test_sim "test_lockstep --methods=D"; do
+    # shellcheck disable=SC2086 # a test and its words
+    set -- $test
+    name=$1
+    shift
+    step "$test" env PROACT_BINARY=/proact/build/proact-ros /usr/bin/python3 -W ignore "/proact/tests/ros/$name.py" "$@"
+done
+echo "focal: all passed"

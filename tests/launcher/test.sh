@@ -25,14 +25,15 @@ new_machine() {
     echo '{}' >"$work/repo/rust/bridge/web/package-lock.json"
     echo 'page' >"$work/repo/rust/bridge/web/src/app.ts"
 
-    for tool in awk basename cat chmod cksum dirname env find grep mkdir printf readlink sed sh sort touch tr wc xargs; do
+    for tool in awk basename cat chmod cksum dirname env find grep mkdir printf readlink rm sed sh sha256sum sort uname touch tr wc xargs; do
         ln -s "$(command -v "$tool")" "$work/bin/$tool"
     done
     echo 1000 >"$work/state/uid"
     echo 'rustc 1.95.0 (0 0)' >"$work/state/rustc"
     echo v20.1.0 >"$work/state/node"
-    echo 1.96.0 >"$work/state/cargo-web"
-    touch "$work/state/lists" "$work/state/missing" "$work/calls"
+    echo 1.96.0 >"$work/state/offer-cargo-web"
+    echo 18.20.0 >"$work/state/offer-nodejs"
+    touch "$work/state/lists" "$work/state/missing" "$work/state/unknown" "$work/calls"
     : >"$work/calls"
 
     fake id 'cat "$state/uid"'
@@ -41,8 +42,10 @@ new_machine() {
     fake apt-cache '
 case $1 in
 show) [ -e "$state/lists" ] || exit 100
-    shift 2; for name in "$@"; do printf "Package: %s\nInstalled-Size: 2000\nSize: 1000000\n\n" "$name"; done ;;
-policy) printf "cargo-web:\n  Installed: (none)\n  Candidate: %s\n" "$(cat "$state/cargo-web")" ;;
+    shift 2; for name in "$@"; do
+        grep -qx "$name" "$state/unknown" || printf "Package: %s\nInstalled-Size: 2000\nSize: 1000000\n\n" "$name"
+    done ;;
+policy) [ ! -e "$state/offer-$2" ] || printf "%s:\n  Installed: (none)\n  Candidate: %s\n" "$2" "$(cat "$state/offer-$2")" ;;
 esac'
     fake apt-get '
 case " $* " in
@@ -228,15 +231,60 @@ launch demo
 check "an old Rust and an old node are replaced by Debian's" called 'no-install-recommends cargo-web rustc-web nodejs npm$'
 check "and the program is built with them" status_is 0
 
+# Ubuntu's Rust has its number in the name. Package lists come first: without them nobody knows what there is.
 new_machine
 echo 0 >"$work/state/uid"
-echo 'rustc 1.63.0 (0 0)' >"$work/state/rustc"
-printf 'cargo-web\nrustc-web\n' >"$work/state/missing"
-echo 1.85.0 >"$work/state/cargo-web"
+echo 'rustc 1.75.0 (0 0)' >"$work/state/rustc"
+rm "$work/state/lists" "$work/state/offer-cargo-web"
+echo 1.75.0 >"$work/state/offer-cargo"
+echo 1.89.0 >"$work/state/offer-cargo-1.89"
+printf 'cargo-1.89\nrustc-1.89\n' >"$work/state/missing"
 launch demo
-check "a Debian whose own Rust is too old is refused" status_is 3
-check "and told what to add" err_has "security archive"
-check "nothing is installed there" not_called "no-install-recommends"
+check "the Rust of Ubuntu's numbered packages is taken" called 'no-install-recommends cargo-1.89 rustc-1.89$'
+check "after the package lists were fetched" sh -c "sed -n 1p '$work/calls' | grep -qx 'apt-get update'"
+
+# A release whose Rust and node are too old: both are fetched into the build folder, without root, and kept.
+old_release() {
+    new_machine
+    echo 'rustc 1.63.0 (0 0)' >"$work/state/rustc"
+    echo v12.0.0 >"$work/state/node"
+    echo 1.85.0 >"$work/state/offer-cargo-web"
+    echo 12.22.0 >"$work/state/offer-nodejs"
+    fake curl '
+echo "curl $*" >>"$calls"
+for file in "$@"; do :; done
+case $file in
+*.sha256) if [ -e "$state/damaged" ]; then echo 0123; else sha256sum "${file%.sha256}"; fi >"$file" ;;
+*)  cat >"$file" <<"INSTALLER"
+#!/bin/sh
+bin=$RUSTUP_HOME/toolchains/1.89.0-fake/bin
+mkdir -p "$bin"
+printf "#!/bin/sh\necho rustc 1.89.0\n" >"$bin/rustc"
+cp "$(command -v cargo)" "$bin/cargo"
+chmod +x "$bin/rustc"
+INSTALLER
+esac'
+    ln -s "$(command -v cp)" "$work/bin/cp"
+}
+old_release
+mkdir -p "$work/repo/build/node/bin"
+printf '#!/bin/sh\necho v22.20.0\n' >"$work/repo/build/node/bin/node"
+cp "$work/bin/npm" "$work/repo/build/node/bin/npm"
+chmod +x "$work/repo/build/node/bin/node"
+launch query
+check "a Rust is fetched where apt's is too old" called 'curl .*rustup-init.sha256'
+check "and the program is built with it and the node that is kept" status_is 0
+check "apt is not asked" not_called apt-get
+: >"$work/calls"
+launch query
+check "it is fetched once" not_called curl
+
+old_release
+touch "$work/state/damaged"
+launch query
+check "an installer that arrived damaged is refused" status_is 1
+check "and it is said what was expected" err_has "not 0123"
+check "it is not run" [ ! -e "$work/repo/build/rust/toolchains" ]
 
 # With a terminal: one question.
 if command -v script >/dev/null; then
@@ -271,6 +319,12 @@ cp "$repository/tests/lanes.sh" "$work/repo/tests/lanes.sh"
 launch test nonsense
 check "an unknown lane is refused" status_is 1
 check "and the lanes are named" err_has "some of: format"
+echo shellcheck >"$work/state/missing"
+echo shellcheck >"$work/state/unknown"
+launch test shell
+check "a lane whose packages apt has not is skipped" out_has "0 passed, 0 failed, 1 skipped"
+check "and the package is named" err_has "apt has no shellcheck"
+check "a skipped lane is no failure" status_is 0
 launch test --list
 check "lanes can be listed" out_has "short: format"
 

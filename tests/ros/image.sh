@@ -8,7 +8,7 @@ repository=$(cd "$(dirname "$0")/../.." && pwd)
 # shellcheck source=tests/launcher/debian_root.sh
 . "$repository/tests/launcher/debian_root.sh"
 enter_namespace "$0" "$@"
-make_root
+make_root bookworm
 
 # Every instruction of the file becomes lines of a script; one that is not known here ends the test.
 /usr/bin/python3 "$repository/tests/ros/image.py" "$repository/docker/ros1-debian12.Dockerfile" >"$root/commands"

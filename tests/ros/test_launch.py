@@ -13,6 +13,7 @@ NODES = [
     ("description.launch", [], {FRAMES}),
     ("nodes.launch", [], STAGES | {FRAMES}),
     ("nodes.launch", ["sim:=false", "task:=true"], STAGES - {"/proact_sim"} | {"/proact_task", FRAMES}),
+    ("nodes.launch", ["sim:=false", "description:=false"], STAGES - {"/proact_sim"}),
     ("nodes.launch", ["intent:=false", "rviz:=true"], STAGES - {"/proact_intent"} | {FRAMES, "/rviz"}),
     ("rosbridge.launch", ["port:=9191"], {"/proact_rosbridge"}),
     ("rviz.launch", [], {"/rviz"}),
