@@ -8,10 +8,21 @@ export async function experimenter(page, { url, check, screenshot, limitMs }) {
   await page.waitForFunction(() => window.__proact.channels === 8, null, { timeout: limitMs });
   check(true, "eight channels of EMG come in");
   await page.waitForFunction(() => document.querySelectorAll(".loglist li").length > 2, null, { timeout: limitMs });
+  // The table of latencies needs somebody's screen.
+  const screen = await page.context().newPage();
+  await screen.goto(new URL("?quality=3", url).href);
+  await screen.waitForFunction(() => window.__proact?.framesDrawn > 10);
+  const stages = ["recognition", "emg", "world", "tick", "line", "picture"];
+  await page.waitForFunction((names) => names.every((name) => document.querySelector(`.latencies .${name}`)), stages, { timeout: limitMs });
+  const medians = await page.$$eval(".latencies tbody tr", (rows) => rows.map((row) => Number(row.cells[1].textContent)));
+  check(medians.every((ms) => Number.isFinite(ms) && ms >= 0 && ms < 10_000), `the table of latencies has times: ${medians.join(", ")} ms`);
+  check(medians[stages.indexOf("recognition")] > 20, "a gesture takes at least a window to be recognised");
+  await screen.close();
+  await page.bringToFront();
   await page.waitForTimeout(2_500);
   await screenshot("experimenter");
   const time = () => page.evaluate(() => window.__proact.frame.time);
-  await page.click('button:text-is("Pause")');
+  await page.click('.actionsgrid button:text-is("Pause")');
   await page.waitForFunction(() => window.__proact.status.paused);
   await page.waitForTimeout(300);
   const paused = await time();
@@ -26,7 +37,7 @@ export async function experimenter(page, { url, check, screenshot, limitMs }) {
   spectator.on("console", (message) => refusals.push(message.text()));
   await spectator.goto(new URL("spectator?quality=3", url).href);
   await spectator.waitForFunction(() => window.__proact?.framesDrawn > 1);
-  check((await spectator.locator('button:text-is("Pause")').count()) === 0, "a spectator has no buttons");
+  check((await spectator.locator(".actionsgrid button").count()) === 0, "a spectator has no buttons");
   await spectator.evaluate(() => window.__proact.live.send({ type: "study", action: "abort" }));
   const end = Date.now() + 10_000;
   while (!refusals.some((text) => text.includes("only watches")) && Date.now() < end) await spectator.waitForTimeout(50);

@@ -26,10 +26,13 @@ const WAITING: usize = 4096;
 /// Samples that come within this time of the first make one packet of [`LiveArmband::wait`].
 const TOGETHER: Duration = Duration::from_millis(2);
 
+/// A sample, and when its packet came.
+type Arrived = (Instant, EmgSample);
+
 /// The stream of an armband, shared by the trials of a session. Its loss is told on standard error; the trial itself sees a
 /// silence, which stops the arm.
 pub struct LiveArmband {
-    samples: Arc<Mutex<Receiver<EmgSample>>>,
+    samples: Arc<Mutex<Receiver<Arrived>>>,
     prompts: Sender<GestureName>,
     received: Arc<AtomicU64>,
     stop: Arc<AtomicBool>,
@@ -132,7 +135,7 @@ impl LiveArmband {
         let mut end = Instant::now() + patience;
         loop {
             match samples.recv_timeout(end.saturating_duration_since(Instant::now())) {
-                Ok(sample) => {
+                Ok((_, sample)) => {
                     if came.is_empty() {
                         end = Instant::now() + TOGETHER;
                     }
@@ -150,11 +153,12 @@ impl LiveArmband {
 
     /// The armband of the next trial, from now on. Simulated people who wear it give commands as `commands` says.
     pub fn port(&self, commands: GestureCommands) -> Box<dyn EmgSource> {
-        let port = ArmbandPort {
+        let mut port = ArmbandPort {
             samples: self.samples.clone(),
             prompts: self.prompts.clone(),
             intended: Gesture::NoMotion,
             commands,
+            waited: None,
         };
         // What came before the trial is none of it.
         port.drain(usize::MAX);
@@ -179,25 +183,29 @@ impl Drop for LiveArmband {
 }
 
 /// False if nobody listens any more.
-fn hand_on(sender: &SyncSender<EmgSample>, packet: &EmgPacket) -> bool {
-    packet.samples.iter().all(|sample| match sender.try_send(sample.clone()) {
+fn hand_on(sender: &SyncSender<Arrived>, packet: &EmgPacket) -> bool {
+    let now = Instant::now();
+    packet.samples.iter().all(|sample| match sender.try_send((now, sample.clone())) {
         Ok(()) | Err(TrySendError::Full(_)) => true,
         Err(TrySendError::Disconnected(_)) => false,
     })
 }
 
 struct ArmbandPort {
-    samples: Arc<Mutex<Receiver<EmgSample>>>,
+    samples: Arc<Mutex<Receiver<Arrived>>>,
     prompts: Sender<GestureName>,
     intended: Gesture,
     commands: GestureCommands,
+    waited: Option<Duration>,
 }
 
 impl ArmbandPort {
-    fn drain(&self, most: usize) -> ArrayVec<EmgSample, 8> {
+    fn drain(&mut self, most: usize) -> ArrayVec<EmgSample, 8> {
         let samples = self.samples.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         let mut out = ArrayVec::new();
-        for sample in samples.try_iter().take(most) {
+        self.waited = None;
+        for (came, sample) in samples.try_iter().take(most) {
+            self.waited.get_or_insert_with(|| came.elapsed());
             // More than fit are only asked for to be thrown away.
             let _ = out.try_push(sample);
         }
@@ -215,6 +223,10 @@ impl EmgSource for ArmbandPort {
             let _ = self.prompts.send(self.commands.gesture_for(intended));
         }
         self.drain(8)
+    }
+
+    fn waited(&self) -> Option<Duration> {
+        self.waited
     }
 }
 

@@ -3,6 +3,7 @@
 use crate::{
     dense_spectra::DenseSpectra,
     intent_view::IntentView,
+    latency::{Latency, StageClock},
     live::TrialInputs,
     pace::Pace,
     trace_envelope::{self, TraceEnvelope},
@@ -11,7 +12,7 @@ use proact_bridge::{
     ClientInput, GazeCheck, InertialValue, PageServer, Recognition, Signals, StudyAction, TrialStatus,
 };
 use proact_emg::{EmgConfig, Light, QualityConfig, QualityMonitor};
-use proact_testbed::{Step, Testbed};
+use proact_testbed::{Session, Step, Testbed};
 use proact_types::{DisplayFrame, Gesture, SimTime};
 use std::{
     fs::OpenOptions,
@@ -50,6 +51,7 @@ pub struct Experimenter<'a> {
     busiest: Duration,
     seen_gaze: Option<SimTime>,
     counted: Counted,
+    latency: Latency,
 }
 
 /// Samples since the last count.
@@ -108,6 +110,7 @@ impl<'a> Experimenter<'a> {
             busiest: Duration::ZERO,
             seen_gaze: None,
             counted: Counted { since: Instant::now(), gaze: 0, tracking: 0 },
+            latency: Latency::default(),
         }
     }
 
@@ -182,8 +185,19 @@ impl<'a> Experimenter<'a> {
         self.status.paused || self.status.held || self.status.waiting
     }
 
-    /// Takes in one tick of `testbed` that took `spent` to compute, and tells the page when it is time.
-    pub fn take(&mut self, step: &Step, testbed: &Testbed, spent: Duration) {
+    /// Keeps what a trial has to tell beside its inputs with the record in `dir`, before that is closed.
+    ///
+    /// # Errors
+    /// What the disk refuses.
+    pub fn keep(&mut self, dir: &Path) -> std::io::Result<()> {
+        self.latency.see(&self.page.take_picture_ages());
+        self.latency.keep(dir)
+    }
+
+    /// Takes in one tick of `session`, whose stages took what `clock` says, and tells the page when it is time.
+    pub(crate) fn take(&mut self, step: &Step, session: &Session, clock: &StageClock) {
+        let (testbed, spent) = (session.testbed(), clock.took());
+        self.latency.take(step, session, clock);
         self.ticks += 1;
         self.busy += spent;
         self.busiest = self.busiest.max(spent);
@@ -253,6 +267,8 @@ impl<'a> Experimenter<'a> {
         signals.tick_max_us = self.busiest.as_secs_f64() * 1e6;
         signals.gaze_age_ms = self.seen_gaze.map(|seen| time.millis_since(seen));
         signals.pages = self.page.client_count();
+        self.latency.see(&self.page.take_picture_ages());
+        signals.latency = self.latency.rows();
         signals.spectra = match &mut self.spectra {
             Some(spectra) if signals.pages > 0 => spectra.turn(),
             _ => Vec::new(),
@@ -352,7 +368,7 @@ mod tests {
                 let step = session.step(false).unwrap();
                 // As if the time of a message had passed.
                 experimenter.sent -= SIGNAL_PERIOD;
-                experimenter.take(&step, session.testbed(), Duration::ZERO);
+                experimenter.take(&step, &session, &StageClock::start());
             }
             experimenter.signals.recognition.clone().unwrap()
         };

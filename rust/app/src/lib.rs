@@ -31,6 +31,7 @@ mod heap;
 pub mod intent_scores;
 mod intent_view;
 pub mod lab_streaming;
+mod latency;
 pub mod libraries;
 mod limb;
 mod live;

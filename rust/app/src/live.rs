@@ -1,5 +1,6 @@
 //! A trial that a person drives in real time.
 
+use crate::latency::StageClock;
 use crate::{
     CardTally, Experimenter, LivePerson, Pace, Recorder, ResultCards, experimenter::store_gaze_check,
     person::drive_by_page, run::finish,
@@ -161,9 +162,9 @@ impl LiveTrial<'_> {
                 }
             }
             // The tick that ends a trial closes its digest.
-            let began = Instant::now();
-            let step = self.session.step(ending.is_some())?;
-            experimenter.take(&step, self.session.testbed(), began.elapsed());
+            let mut clock = StageClock::start();
+            let step = self.session.step_watched(ending.is_some(), &mut |stage| clock.done(stage))?;
+            experimenter.take(&step, &self.session, &clock);
             if let Some(recorder) = &mut self.recorder {
                 recorder.write(&step, self.session.testbed().plant().state())?;
             }
@@ -178,10 +179,11 @@ impl LiveTrial<'_> {
                 shown = Some(DisplayFrame { events: vec![], feedback: vec![], ..frame.clone() });
             }
             self.person.show(&step);
-            if step.output.finished && ending.is_none() {
-                return Ok(Ended::Finished);
-            }
-            if let Some(ended) = ending.take() {
+            let over = if step.output.finished { Some(Ended::Finished) } else { None };
+            if let Some(ended) = ending.take().or(over) {
+                if let Some(dir) = &self.dir {
+                    experimenter.keep(dir)?;
+                }
                 return Ok(ended);
             }
             pace.tick();

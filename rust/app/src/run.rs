@@ -2,6 +2,7 @@
 
 use crate::{
     Experimenter, Pace, Recorder, Rosbridge, TrackedShoulder,
+    latency::StageClock,
     live::{TRACKING_EVERY, TrialInputs},
     person::give_feedback,
 };
@@ -82,8 +83,11 @@ pub fn run_to_end(
                 page.set_tracking(&[shoulder.report()]);
             }
         }
-        let began = Instant::now();
-        let step = session.step(ending.is_some())?;
+        let mut clock = StageClock::start();
+        let step = match live {
+            Some(_) => session.step_watched(ending.is_some(), &mut |stage| clock.done(stage))?,
+            None => session.step(ending.is_some())?,
+        };
         if let Some(recorder) = &mut recorder {
             recorder.write(&step, session.testbed().plant().state())?;
         }
@@ -109,7 +113,7 @@ pub fn run_to_end(
             }
         }
         if let Some((pace, experimenter)) = &mut live {
-            experimenter.take(&step, session.testbed(), began.elapsed());
+            experimenter.take(&step, &session, &clock);
             pace.tick();
         }
         if let Some(pace) = &mut alone {
@@ -123,6 +127,9 @@ pub fn run_to_end(
     };
     if let (Some(dir), Some(shoulder)) = (dir, &mut audience.shoulder) {
         shoulder.keep_trunk(dir)?;
+    }
+    if let (Some(dir), Some((_, experimenter))) = (dir, &mut live) {
+        experimenter.keep(dir)?;
     }
     finish(&session, recorder, dir, start, ended)
 }

@@ -44,8 +44,8 @@ pub(crate) enum ServerMessage<'a> {
     Study(&'a ExperimenterScreen),
     /// What a study shows to whoever takes part.
     Participant(&'a ParticipantScreen),
-    /// The answer to `ping`.
-    Pong { id: u32 },
+    /// The answer to `ping`, with the server's clock, ms.
+    Pong { id: u32, clock_ms: f64 },
     /// Events of frames that this client did not get.
     Events { events: Vec<&'a Event> },
     /// The client's last message was ignored.

@@ -2,6 +2,7 @@
 
 use crate::{
     gaze_check::GazeCheck,
+    pictures::SeenFrame,
     study::{GivenAnswer, StudyRequest},
 };
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
@@ -177,6 +178,10 @@ pub(crate) enum ClientMessage {
     },
     /// Nothing new, but still there.
     Alive {},
+    /// Frames that were on a picture since the last message of this kind.
+    Seen {
+        frames: Vec<SeenFrame>,
+    },
     /// To be answered with a `pong` of the same number.
     Ping {
         id: u32,
@@ -198,6 +203,8 @@ pub(crate) enum Parsed {
     Alive,
     /// Signals are wanted, or no longer.
     Watch(bool),
+    /// Frames were on a picture.
+    Seen(Vec<SeenFrame>),
     /// To be answered.
     Ping(u32),
 }
@@ -210,7 +217,7 @@ pub(crate) fn parse(text: &str) -> Result<Parsed, String> {
     let message: ClientMessage = serde_json::from_str(text).map_err(|error| {
         format!(
             "message ignored: {error}; expected a JSON object with type gesture, gaze, trunk, head, controller, restart, study, \
-             gaze_check, join, take_over, drawn, hold, watch, after, conduct, answer, submit, alive or ping"
+             gaze_check, join, take_over, drawn, hold, watch, after, conduct, answer, submit, alive, seen or ping"
         )
     })?;
     match message {
@@ -247,6 +254,7 @@ pub(crate) fn parse(text: &str) -> Result<Parsed, String> {
         ClientMessage::Drawn {} => Ok(Parsed::Drawn),
         ClientMessage::TakeOver {} => Ok(Parsed::TakeOver),
         ClientMessage::Alive {} => Ok(Parsed::Alive),
+        ClientMessage::Seen { frames } => Ok(Parsed::Seen(frames)),
         ClientMessage::Ping { id } => Ok(Parsed::Ping(id)),
     }
 }

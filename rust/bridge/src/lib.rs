@@ -46,6 +46,7 @@ mod input;
 mod input_arbiter;
 pub mod live;
 mod meshes;
+mod pictures;
 mod recorded_signals;
 mod server;
 mod signals;
@@ -64,11 +65,12 @@ pub use feed::GhostArm;
 pub use gaze_check::{GazeCheck, GazePoint};
 pub use input::{AfterTrial, ClientInput, ControllerPose, StudyAction};
 pub use meshes::MeshFile;
+pub use pictures::PictureAge;
 pub use recorded_signals::{RecordedEmg, RecordedWindow};
 pub use server::{PageContent, PageOptions, PageServer};
 pub use signals::{
-    ChannelSpectrum, InertialValue, Intent, IntentOver, Recognition, ResultCard, ResultLine, Signals,
-    TrialStatus,
+    ChannelSpectrum, InertialValue, Intent, IntentOver, LatencyRow, LatencyStage, Recognition, ResultCard,
+    ResultLine, Signals, TrialStatus,
 };
 pub use study::{
     ExperimenterScreen, FormPair, FormScreen, GivenAnswer, NextSession, NowScreen, NowWhat, ParticipantLine,

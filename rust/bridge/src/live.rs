@@ -3,7 +3,7 @@
 //! From the server: `hello {page_version, revision, brace_controller}` first; `frame` with the fields of
 //! [`DisplayFrame`](proact_types::DisplayFrame) at the pace of publishing, the latest only; `events {events}`
 //! with the events of frames that this client missed, at first those of the trial so far; `content {revision}`
-//! when `/api/content` has changed; `status` with the fields of [`TrialStatus`](crate::TrialStatus); `pong {id}`;
+//! when `/api/content` has changed; `status` with the fields of [`TrialStatus`](crate::TrialStatus); `pong {id, clock_ms}`;
 //! `ghost {arm}` of a second arm that is only shown, with the fields of [`GhostArm`](crate::GhostArm), or null when it is gone;
 //! `error {message}` when a message of the client was ignored; `driver {name, you, may_drive}` when another client
 //! drives.
@@ -15,7 +15,8 @@
 //! one is held, `gaze {origin, direction, measured}`, `trunk {forward, lateral, axial}`, `head {position, quaternion}`,
 //! `controller {hand, time_ms, position, quaternion, tracked}` of the one on the brace,
 //! `restart {method, again}`, `gaze_check {source, points}`, `join`, `take_over`, `hold {on}`
-//! while a dialog is open; `after {ask}` when a trial that was shown is over; always `drawn`, `ping {id}` and `watch {signals}`,
+//! while a dialog is open; `after {ask}` when a trial that was shown is over; always `drawn`, `ping {id}`, `seen {frames}` with
+//! `{time, came_ms, shown_ms}` of each frame that was on a picture, on the clock that `pong` tells, and `watch {signals}`,
 //! after which the participant's page gets signals too, or no longer. Metres, rad, frame `world`,
 //! quaternions x, y, z, w. At most 64 KiB each, text only. A hundred malformed messages end the connection.
 //!
@@ -163,9 +164,12 @@ impl Reader<'_> {
                     Parsed::TakeOver => {
                         drives(role, right, shared.interactive()).map(|()| parsed).map_err(str::to_owned)
                     }
-                    Parsed::Join(_) | Parsed::Drawn | Parsed::Alive | Parsed::Watch(_) | Parsed::Ping(_) => {
-                        Ok(parsed)
-                    }
+                    Parsed::Join(_)
+                    | Parsed::Drawn
+                    | Parsed::Alive
+                    | Parsed::Watch(_)
+                    | Parsed::Seen(_)
+                    | Parsed::Ping(_) => Ok(parsed),
                 }),
                 Ok(Message::Binary(data)) => {
                     Err(format!("message ignored: got {} binary bytes, expected JSON text", data.len()))
@@ -218,8 +222,18 @@ impl Reader<'_> {
                     shared.arbitrate(|arbiter| arbiter.accept(client, Instant::now(), None));
                 }
                 Ok(Parsed::Watch(signals)) => watches.store(signals, Ordering::Relaxed),
+                Ok(Parsed::Seen(frames)) => {
+                    // Of several screens, that of whoever drives.
+                    let driver = shared.input_arbiter().driver().1.map(|(driver, _)| driver);
+                    if role == Role::Participant && driver.is_none_or(|driver| driver == client) {
+                        shared.pictures().see(&frames);
+                    }
+                }
                 // As with errors: who does not read gets no answers.
-                Ok(Parsed::Ping(id)) => drop(replies.try_send(Reply::Pong(id))),
+                Ok(Parsed::Ping(id)) => {
+                    let clock_ms = shared.pictures().clock_ms(Instant::now());
+                    let _ = replies.try_send(Reply::Pong { id, clock_ms });
+                }
                 Err(reason) => {
                     bad_messages += 1;
                     if bad_messages == MAX_BAD_MESSAGES {
@@ -236,7 +250,7 @@ impl Reader<'_> {
 
 /// Something to tell this client alone.
 enum Reply {
-    Pong(u32),
+    Pong { id: u32, clock_ms: f64 },
     Error(String),
     Close(CloseFrame),
 }
@@ -284,8 +298,8 @@ impl Writer<'_> {
             let sent = tokio::select! {
                 biased;
                 reply = replies.recv() => match reply {
-                    Some(Reply::Pong(id)) => {
-                        send(&mut outgoing, Message::Text(ServerMessage::Pong { id }.to_text())).await
+                    Some(Reply::Pong { id, clock_ms }) => {
+                        send(&mut outgoing, Message::Text(ServerMessage::Pong { id, clock_ms }.to_text())).await
                     }
                     Some(Reply::Error(message)) => {
                         let text = ServerMessage::Error { message: &message }.to_text();

@@ -5,6 +5,7 @@ use crate::{
     input_arbiter::{ClientId, InputArbiter},
     live::{self, Role},
     meshes::{self, MeshFile, MeshesById},
+    pictures::{PictureAge, Pictures},
     trials::{self, StoredTrials, TrialLibrary},
 };
 use axum::{
@@ -138,6 +139,8 @@ pub(crate) struct Shared {
     trials: Mutex<Arc<StoredTrials>>,
     /// What tracking sources there are, as JSON.
     tracking: Mutex<Bytes>,
+    /// When frames were on a screen.
+    pictures: Mutex<Pictures>,
     /// Pictures are taken one after the other.
     pub(crate) one_picture: Semaphore,
 }
@@ -209,6 +212,10 @@ impl Shared {
         Arc::clone(&self.trials.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
+    pub(crate) fn pictures(&self) -> MutexGuard<'_, Pictures> {
+        self.pictures.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     fn tracking(&self) -> MutexGuard<'_, Bytes> {
         self.tracking.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -246,6 +253,7 @@ impl PageServer {
             next_client: AtomicU64::new(1),
             trials: Mutex::new(Arc::new(StoredTrials::new(Arc::new(Vec::new()))?)),
             tracking: Mutex::new(Bytes::from_static(b"[]")),
+            pictures: Mutex::default(),
             one_picture: Semaphore::new(1),
         });
         let (router, watchdog) = (router(Arc::clone(&shared)), watch_silence(Arc::clone(&shared)));
@@ -273,7 +281,14 @@ impl PageServer {
     /// latest next, and the events of those between.
     pub fn publish(&self, frame: &DisplayFrame) {
         let text = ServerMessage::Frame(frame).to_text();
+        self.shared.pictures().send(frame.time, Instant::now());
         self.shared.feed.send_modify(|feed| feed.publish(frame, text));
+    }
+
+    /// When frames were on the screen of whoever drives, or watches where nobody does, as pages have told since the last call;
+    /// of each trial on its own clock.
+    pub fn take_picture_ages(&self) -> Vec<PictureAge> {
+        self.shared.pictures().take()
     }
 
     /// Asks the participant's page for a gaze check, or for a calibration; the next status says so. Counted as long as this server

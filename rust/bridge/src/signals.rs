@@ -151,6 +151,59 @@ pub struct Intent {
     pub posterior: Vec<f64>,
 }
 
+/// A part of the way from a muscle to the light of a screen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+#[serde(rename_all = "snake_case")]
+pub enum LatencyStage {
+    /// From the change of what a simulated person makes to the gesture in force: windows and decision rule, trial time.
+    Recognition,
+    /// From the arrival of a live armband's sample to the tick that takes it.
+    Queue,
+    /// The EMG stage of a tick.
+    Emg,
+    /// Gaze, task and what is meant.
+    Intent,
+    /// The control method, with its watch over the sources.
+    Method,
+    /// Joint targets.
+    Actuation,
+    /// From the beginning of a tick in which a window ends to its joint targets: the four above together.
+    Target,
+    /// Physics.
+    World,
+    /// The task's rules, cues and digest.
+    Task,
+    /// All stages of a tick.
+    Tick,
+    /// From a gesture in force, with arm and hand at rest, to the first joint that moves; a plan's time is in it. Trial time.
+    Motion,
+    /// From there to the next frame, trial time.
+    Frame,
+    /// From the server to the page.
+    Line,
+    /// From there to the screen, with the delay by which the page smooths motion.
+    Picture,
+    /// From the change of what a simulated person makes to the picture on which a joint has moved.
+    Whole,
+}
+
+/// How long one stage took so far in the trial.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+pub struct LatencyRow {
+    /// Which.
+    pub stage: LatencyStage,
+    /// How often it was measured.
+    pub count: u64,
+    /// Milliseconds.
+    pub median_ms: f64,
+    /// What 99 of 100 keep, milliseconds.
+    pub p99_ms: f64,
+    /// Milliseconds.
+    pub worst_ms: f64,
+}
+
 /// What the experimenter watches beside the scene: about ten times a second, the latest only.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
@@ -190,6 +243,8 @@ pub struct Signals {
     pub tick_max_us: f64,
     /// Simulated over real time since the message before; 1 is in step.
     pub pace: f64,
+    /// What the way from muscle to light takes, stage by stage; what was not measured yet is not there.
+    pub latency: Vec<LatencyRow>,
     /// Pages connected.
     pub pages: usize,
 }

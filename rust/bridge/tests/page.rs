@@ -345,6 +345,38 @@ async fn the_experimenter_pauses_what_a_spectator_only_watches() {
 }
 
 #[tokio::test]
+async fn the_way_of_a_frame_to_the_screen_is_told_by_whoever_drives_on_the_servers_clock() {
+    let server = start(true);
+    let (mut page, mut second) = (connect(&server).await, connect(&server).await);
+    for (client, name) in [(&mut page, "Ann"), (&mut second, "Ben")] {
+        say(client, &format!(r#"{{"type":"join","name":"{name}"}}"#)).await;
+        next_of(client, "driver").await;
+    }
+    say(&mut page, r#"{"type":"ping","id":1}"#).await;
+    let before = next_of(&mut page, "pong").await["clock_ms"].as_f64().unwrap();
+    server.publish(&frame(16));
+    assert_eq!(next_of(&mut page, "frame").await["time"], 16);
+    say(&mut page, r#"{"type":"ping","id":2}"#).await;
+    let after = next_of(&mut page, "pong").await["clock_ms"].as_f64().unwrap();
+    assert!(after >= before, "{before} {after}");
+    let seen = |shown_ms: f64| {
+        format!(r#"{{"type":"seen","frames":[{{"time":16,"came_ms":{after},"shown_ms":{shown_ms}}}]}}"#)
+    };
+    // Whoever only watches has another screen. The answer to a ping comes after what was said before it.
+    say(&mut second, &seen(after + 70.0)).await;
+    say(&mut second, r#"{"type":"ping","id":3}"#).await;
+    next_of(&mut second, "pong").await;
+    say(&mut page, &seen(after + 50.0)).await;
+    say(&mut page, r#"{"type":"seen","frames":[{"time":16,"came_ms":"soon","shown_ms":1}]}"#).await;
+    let refused = next_of(&mut page, "error").await["message"].to_string();
+    assert!(refused.contains("expected f64"), "{refused}");
+    let ages = server.take_picture_ages();
+    assert_eq!(ages.len(), 1, "{ages:?}");
+    assert_eq!((ages[0].time, ages[0].page.as_millis()), (SimTime(16), 50));
+    assert!(ages[0].line.as_secs_f64() * 1e3 <= after - before, "{ages:?}");
+}
+
+#[tokio::test]
 async fn a_participants_page_gets_signals_as_long_as_it_asks_for_them() {
     let server = start(true);
     let mut page = connect(&server).await;

@@ -6,6 +6,7 @@ use proact_types::{
     BodyState, EmgSample, GazeSample, Gesture, PlanReply, PlanRequest, PlantCommand, PlantState, Point,
     SimTime, Vector,
 };
+use std::time::Duration;
 
 /// Why the physics could not take a step.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -93,6 +94,11 @@ pub trait PlanService {
 pub trait EmgSource {
     /// Samples that arrive in tick `now`, oldest first, while the wearer performs `intended`. Called once per tick.
     fn sample_at(&mut self, now: SimTime, intended: Gesture) -> ArrayVec<EmgSample, 8>;
+
+    /// How long the oldest of these waited since it came, where samples come by themselves.
+    fn waited(&self) -> Option<Duration> {
+        None
+    }
 }
 
 /// An eye tracker.

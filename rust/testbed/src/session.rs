@@ -2,7 +2,7 @@ use crate::{
     SpanDigest, Testbed, TestbedError, TickOutput,
     impairment::Impairments,
     ports::PlanService,
-    stages::{Driven, PersonInput, PersonParts, PersonStage},
+    stages::{Driven, PersonInput, PersonParts, PersonStage, StageName},
 };
 use proact_arm::Side;
 use proact_tasks::TaskResult;
@@ -52,6 +52,11 @@ impl Session {
         &mut self.person
     }
 
+    /// Who acts, to be asked only.
+    pub fn who(&self) -> &PersonStage {
+        &self.person
+    }
+
     /// The pose of the head now: `world_from_head`.
     pub fn head(&self) -> Pose {
         self.person.head()
@@ -72,6 +77,18 @@ impl Session {
     /// # Errors
     /// [`TestbedError`]; the trial is over then.
     pub fn step(&mut self, last: bool) -> Result<Step, TestbedError> {
+        self.step_watched(last, &mut |_| ())
+    }
+
+    /// [`Session::step`] that says when each stage is done, for whoever has a clock.
+    ///
+    /// # Errors
+    /// As [`Session::step`].
+    pub fn step_watched(
+        &mut self,
+        last: bool,
+        done: &mut dyn FnMut(StageName),
+    ) -> Result<Step, TestbedError> {
         let testbed = &mut self.testbed;
         let time = SimTime(testbed.now().0 + 1);
         let arm = &testbed.plant().state().position[..testbed.model().arm_count()];
@@ -80,7 +97,7 @@ impl Session {
             input.gaze = None;
         }
         self.impairments.pass(time, &mut input);
-        let output = testbed.tick(&input, last)?;
+        let output = testbed.tick_watched(&input, last, done)?;
         input.plan.clone_from(&output.plan);
         input.method.clone_from(&output.method);
         input.decoder.clone_from(&output.decoder);

@@ -4,8 +4,8 @@ use crate::{
     stages::{
         ActuationInput, ActuationOutput, ActuationStage, DisplayInput, DisplayStage, Driven, EmgStage,
         EmgStageInput, EmgStageOutput, FeedbackInput, FeedbackStage, GazeMeasurement, IntentInput,
-        IntentOutput, IntentStage, MethodInput, MethodStage, TaskStage, TaskStageInput, WorldInput,
-        WorldStage,
+        IntentOutput, IntentStage, MethodInput, MethodStage, StageName, TaskStage, TaskStageInput,
+        WorldInput, WorldStage,
     },
 };
 use proact_arm::{ArmModel, ArmModelError};
@@ -294,6 +294,19 @@ impl Testbed {
     /// # Errors
     /// [`TestbedError`]; the trial cannot go on then.
     pub fn tick(&mut self, input: &TickInput, last: bool) -> Result<TickOutput, TestbedError> {
+        self.tick_watched(input, last, &mut |_| ())
+    }
+
+    /// [`Testbed::tick`] that says when each stage is done, for whoever has a clock.
+    ///
+    /// # Errors
+    /// As [`Testbed::tick`].
+    pub fn tick_watched(
+        &mut self,
+        input: &TickInput,
+        last: bool,
+        done: &mut dyn FnMut(StageName),
+    ) -> Result<TickOutput, TestbedError> {
         self.now = SimTime(self.now.0 + 1);
         let now = self.now;
         self.check_input(input)?;
@@ -308,6 +321,7 @@ impl Testbed {
         let mut gesture = self.emg.step(now, samples);
         note(std::mem::take(&mut gesture.events));
         self.digest.gesture(&gesture);
+        done(StageName::Emg);
 
         let looked = IntentInput {
             gaze: GazeMeasurement::of(input),
@@ -317,6 +331,7 @@ impl Testbed {
         let mut intent = self.intent.step(now, looked, kinematics);
         note(std::mem::take(&mut intent.events));
         self.digest.intent(&intent);
+        done(StageName::Intent);
 
         let asked = MethodInput {
             gesture: &gesture,
@@ -333,6 +348,7 @@ impl Testbed {
         let mut method = self.method.step(now, asked, kinematics);
         note(std::mem::take(&mut method.events));
         self.digest.method(&method, self.method.stop());
+        done(StageName::Method);
 
         let Driven { mut joints, hand, hold_hand } = std::mem::take(&mut self.driven);
         let arm = self.model.arm_count();
@@ -355,11 +371,13 @@ impl Testbed {
         let mut actuation = self.actuation.step(now, commanded);
         note(std::mem::take(&mut actuation.events));
         self.digest.actuation(&actuation);
+        done(StageName::Actuation);
 
         let moved = WorldInput { command: &actuation.command, hand, hand_moving: actuation.hand_moving };
         let world = self.world.step(now, moved)?;
         note(world.events);
         self.digest.world(self.world.state(), world.carried);
+        done(StageName::World);
 
         let judged = TaskStageInput { world: self.world.state(), held: world.hand.holds };
         let task = self.task.step(now, judged);
@@ -376,6 +394,7 @@ impl Testbed {
         output.finished = task.state.finished;
         output.span = self.digest.end_tick(now, last || output.finished);
         self.said = Said { gesture, intent, actuation, frozen: world.frozen };
+        done(StageName::Task);
         Ok(output)
     }
 

@@ -12,6 +12,7 @@ import { button, element, setClass, setText } from "./dom";
 import { FrameCount } from "./framecount";
 import { spelled, type Circumstances } from "./hints";
 import { eventText, scoreText } from "./hud";
+import { LatencyTable } from "./latencytable";
 import { objectName } from "./objects";
 import { Live } from "./live";
 import { Motion } from "./motion";
@@ -66,6 +67,7 @@ function start(): void {
   const stop = new StopBanner();
   const trial = new Figures();
   const rates = new Figures();
+  const latencies = new LatencyTable();
   const log = element("ol", "loglist");
   log.tabIndex = 0;
   log.setAttribute("aria-label", texts.eventsLabel);
@@ -104,7 +106,7 @@ function start(): void {
   const pane = (title: string, classes: string, ...children: HTMLElement[]) =>
     element("section", `pane ${classes}`, element("h2", "", title), ...children);
   const actions = spectator ? null : pane(texts.trial, "", methods, element("div", "actionsgrid", ...Object.values(buttons)));
-  const side = element("div", "side", actions, pane(texts.state, "", trial.root), pane(texts.rates, "", rates.root));
+  const side = element("div", "side", actions, pane(texts.state, "", trial.root), pane(texts.rates, "", rates.root), pane(strings.latency.title, "", latencies.root));
   const logPane = element("section", "pane logpane", element("div", "loghead", element("h2", "", texts.events), button(texts.save, save)), log);
   const bar = element(
     "header",
@@ -204,6 +206,7 @@ function start(): void {
     lastTime = -1;
     stop.show(null);
     traces.clear();
+    latencies.clear();
   }
 
   function frame(next: DisplayFrame): void {
@@ -268,6 +271,7 @@ function start(): void {
       rates.set("EMG", `${next.emg_rate_hz.toFixed(0)} Hz, ${(100 * next.emg_lost_share).toFixed(1)} % lost`, next.emg_lost_share > 0.01);
     }
     rates.set(texts.pages, String(next.pages));
+    latencies.show(next.latency);
   }
 
   function addEvents(more: TrialEvent[]): void {

@@ -1,5 +1,6 @@
 // The connection to the server: it comes back by itself after a reload, a restart or a lost line.
 
+import { ClockBeside, PictureTimes } from "./picturetimes";
 import type { Driver } from "./wheel";
 import type {
   ClientMessage,
@@ -56,6 +57,9 @@ export class Live {
   private pageVersion: string | null = null;
   private contentWanted = 0;
   private asked = { id: 0, at: 0 };
+  private readonly clock = new ClockBeside();
+  /** When frames were on the screen; whoever draws says so. The server is told. */
+  readonly pictures = new PictureTimes();
 
   constructor(
     private readonly handlers: LiveHandlers,
@@ -65,6 +69,7 @@ export class Live {
     window.setInterval(() => {
       this.asked = { id: (this.asked.id + 1) % 65_536, at: performance.now() };
       this.send({ type: "ping", id: this.asked.id });
+      this.tellPictures();
     }, PING_MS);
     // The network is back, or the laptop woke up: no need to wait for the next attempt.
     window.addEventListener("online", () => this.socket?.close());
@@ -72,6 +77,12 @@ export class Live {
 
   get open(): boolean {
     return this.socket?.readyState === WebSocket.OPEN;
+  }
+
+  private tellPictures(): void {
+    const ahead = this.clock.ahead;
+    const frames = ahead === null ? [] : this.pictures.take(ahead);
+    if (frames.length > 0) this.send({ type: "seen", frames });
   }
 
   /** Sends if connected. Most is not sent on a stuck line: where one looked then is worth nothing later. */
@@ -102,6 +113,7 @@ export class Live {
           return;
         }
         this.pageVersion = message.page_version;
+        this.clock.clear();
         this.attempts = 0;
         this.handlers.connected(true);
         this.handlers.brace?.(message.brace_controller);
@@ -109,11 +121,13 @@ export class Live {
         void this.fetchContent();
         break;
       case "content":
+        this.pictures.clear();
         this.handlers.reset();
         this.handlers.another?.();
         void this.fetchContent();
         break;
       case "frame":
+        this.pictures.came(message.time, performance.now());
         this.handlers.frame(message);
         break;
       case "events":
@@ -138,7 +152,11 @@ export class Live {
         this.handlers.participant?.(message);
         break;
       case "pong":
-        if (message.id === this.asked.id) this.handlers.roundTrip?.(performance.now() - this.asked.at);
+        if (message.id === this.asked.id) {
+          const now = performance.now();
+          this.clock.take(this.asked.at, now, message.clock_ms);
+          this.handlers.roundTrip?.(now - this.asked.at);
+        }
         break;
       case "error":
         this.handlers.refused(message.message);

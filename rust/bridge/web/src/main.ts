@@ -521,6 +521,7 @@ function start(): void {
   let drawnAt = 0;
   function draw(wall: number): void {
     const began = performance.now();
+    live.pictures.turn(began);
     const seconds = Math.max((wall - before) / 1000, 0);
     before = wall;
     reading();
@@ -542,6 +543,7 @@ function start(): void {
     const due = headset.worn || (wall - drawnAt >= PICTURE_MS && !study.covers);
     if (due) drawnAt = wall;
     if (due && stage.draw(motion.at(wall), frame, seconds, wall)) {
+      live.pictures.draw(motion.drawn);
       debug.framesDrawn = stage.drawn;
       debug.worn = headset.worn;
       if (!drawn && frame && live.open) {

@@ -37,6 +37,11 @@ export class Motion {
     return this.frames[this.frames.length - 1] ?? null;
   }
 
+  /** The instant that was drawn last, ms of trial time. */
+  get drawn(): number {
+    return this.playhead;
+  }
+
   clear(): void {
     this.frames = [];
     this.arrived = null;

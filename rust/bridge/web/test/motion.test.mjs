@@ -57,3 +57,39 @@ test("a new trial, whose time starts over, is drawn at once", () => {
 test("nothing is drawn before the first frame", () => {
   assert.equal(new Motion().at(0), null);
 });
+
+const { ClockBeside, PictureTimes } = await load("picturetimes");
+
+test("a frame is on the screen with the turn after the first picture that was no older", () => {
+  const pictures = new PictureTimes();
+  pictures.came(16, 100);
+  pictures.came(33, 117);
+  pictures.came(33, 130);
+  pictures.draw(10);
+  pictures.turn(125);
+  assert.deepEqual(pictures.take(0), []);
+  pictures.draw(17);
+  pictures.turn(142);
+  assert.deepEqual(pictures.take(1000), [{ time: 16, came_ms: 1100, shown_ms: 1142 }]);
+  pictures.draw(50);
+  pictures.turn(159);
+  pictures.turn(176);
+  assert.deepEqual(pictures.take(0), [{ time: 33, came_ms: 117, shown_ms: 159 }]);
+  // Another trial begins: frames of the one before that were never drawn are nobody's.
+  pictures.came(50, 180);
+  pictures.came(0, 200);
+  pictures.draw(0);
+  pictures.turn(210);
+  assert.deepEqual(pictures.take(0), [{ time: 0, came_ms: 200, shown_ms: 210 }]);
+});
+
+test("another clock is read by the shortest of the last round trips", () => {
+  const clock = new ClockBeside();
+  assert.equal(clock.ahead, null);
+  clock.take(100, 140, 5150);
+  assert.equal(clock.ahead, 5030);
+  clock.take(200, 202, 5202);
+  assert.equal(clock.ahead, 5001);
+  for (let k = 0; k < 10; k += 1) clock.take(300, 310, 5310 + k);
+  assert.equal(clock.ahead, 5005, "a trip that is long ago says nothing of today");
+});

@@ -37,6 +37,23 @@ pub use person::{PersonInput, PersonParts, PersonStage};
 pub use task::{TaskOutput, TaskStage, TaskStageInput};
 pub use world::{WorldInput, WorldOutput, WorldStage};
 
+/// The stages that compute in a tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StageName {
+    /// [`EmgStage`].
+    Emg,
+    /// [`IntentStage`].
+    Intent,
+    /// [`MethodStage`].
+    Method,
+    /// [`ActuationStage`].
+    Actuation,
+    /// [`WorldStage`].
+    World,
+    /// [`TaskStage`] and [`FeedbackStage`].
+    Task,
+}
+
 /// Centres of the objects in `world`, in the order of the scene.
 fn object_centres(state: &PlantState) -> Vec<Point> {
     state.objects.iter().map(|object| Point::from(object.pose.translation.vector)).collect()

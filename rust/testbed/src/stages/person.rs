@@ -206,6 +206,16 @@ impl PersonStage {
         self.trunk.body().head_pose(&self.trunk.posture())
     }
 
+    /// The gesture that a simulated participant makes now; none when a person drives, whose muscles nobody asks.
+    pub fn intended(&self) -> Option<Gesture> {
+        self.parts.participant.as_ref().map(|_| self.intention.gesture)
+    }
+
+    /// How long the oldest EMG sample of the last tick had waited for it; see [`EmgSource::waited`].
+    pub fn waited(&self) -> Option<std::time::Duration> {
+        self.parts.emg.as_ref()?.waited()
+    }
+
     /// What enters the testbed in tick `now`.
     pub fn step(&mut self, now: SimTime, input: PersonInput<'_>) -> TickInput {
         self.trunk.step(now, self.intention.trunk);

@@ -220,7 +220,7 @@ density: Array<number>, };
 /** A message of the page on the WebSocket. */
 export type ClientMessage = { "type": "gesture", gesture: Gesture, } | { "type": "gaze", origin: [number, number, number], direction: [number, number, number], measured?: boolean, } | { "type": "trunk", forward: number, lateral: number, axial: number, } | { "type": "head", position: [number, number, number],
 /** x, y, z, w. */
-quaternion: [number, number, number, number], } | { "type": "controller" } & ControllerPose | { "type": "restart", method?: string, again?: boolean, } | { "type": "study", action: StudyAction, } | { "type": "gaze_check" } & GazeCheck | { "type": "join", name: string, } | { "type": "take_over", } | { "type": "drawn", } | { "type": "hold", on: boolean, } | { "type": "watch", signals: boolean, } | { "type": "after", ask: AfterTrial, } | { "type": "conduct" } & StudyRequest | { "type": "answer" } & GivenAnswer | { "type": "submit", step: number, } | { "type": "alive", } | { "type": "ping", id: number, };
+quaternion: [number, number, number, number], } | { "type": "controller" } & ControllerPose | { "type": "restart", method?: string, again?: boolean, } | { "type": "study", action: StudyAction, } | { "type": "gaze_check" } & GazeCheck | { "type": "join", name: string, } | { "type": "take_over", } | { "type": "drawn", } | { "type": "hold", on: boolean, } | { "type": "watch", signals: boolean, } | { "type": "after", ask: AfterTrial, } | { "type": "conduct" } & StudyRequest | { "type": "answer" } & GivenAnswer | { "type": "submit", step: number, } | { "type": "alive", } | { "type": "seen", frames: Array<SeenFrame>, } | { "type": "ping", id: number, };
 
 /** A collision shape of a link. */
 export type CollisionShape = {
@@ -703,6 +703,22 @@ upper: number,
 velocity: number,
 /** Highest effort, N m. */
 effort: number, };
+
+/** How long one stage took so far in the trial. */
+export type LatencyRow = {
+/** Which. */
+stage: LatencyStage,
+/** How often it was measured. */
+count: number,
+/** Milliseconds. */
+median_ms: number,
+/** What 99 of 100 keep, milliseconds. */
+p99_ms: number,
+/** Milliseconds. */
+worst_ms: number, };
+
+/** A part of the way from a muscle to the light of a screen. */
+export type LatencyStage = "recognition" | "queue" | "emg" | "intent" | "method" | "actuation" | "world" | "task" | "tick" | "motion" | "frame" | "line" | "picture" | "whole";
 
 /** A traffic light. */
 export type Light = "green" | "amber" | "red";
@@ -1228,6 +1244,15 @@ export type Scoring = { "by": "nothing" } | { "by": "task_load",
 /** Every pair of items is asked for: which of them contributed more. */
 pairs: boolean, } | { "by": "usability", };
 
+/** A frame that was on a picture, as the page tells it. Times are on the server's clock, as `pong` gave it to the page. */
+export type SeenFrame = {
+/** Which frame: its instant. */
+time: SimTime,
+/** It had come to the page, ms. */
+came_ms: number,
+/** The first picture that was no older than it had been handed to the screen, ms. */
+shown_ms: number, };
+
 /** A mistake in a sequence. */
 export type SequenceMistake = {
 /** Sequence in which it was made, from 0. */
@@ -1253,7 +1278,7 @@ mean_delay_secs: number, };
 /** Messages from the server to the page. */
 export type ServerMessage = { "type": "hello", page_version: string, revision: number,
 /** The controller that is strapped to the brace: it is neither gaze nor buttons. */
-brace_controller: Side | null, } | { "type": "content", revision: number, } | { "type": "frame" } & DisplayFrame | { "type": "status" } & TrialStatus | { "type": "driver", name: string | null, you: boolean, may_drive: boolean, } | { "type": "ghost", arm: GhostArm | null, } | { "type": "signals" } & Signals | { "type": "study" } & ExperimenterScreen | { "type": "participant" } & ParticipantScreen | { "type": "pong", id: number, } | { "type": "events", events: Array<TrialEvent>, } | { "type": "error", message: string, };
+brace_controller: Side | null, } | { "type": "content", revision: number, } | { "type": "frame" } & DisplayFrame | { "type": "status" } & TrialStatus | { "type": "driver", name: string | null, you: boolean, may_drive: boolean, } | { "type": "ghost", arm: GhostArm | null, } | { "type": "signals" } & Signals | { "type": "study" } & ExperimenterScreen | { "type": "participant" } & ParticipantScreen | { "type": "pong", id: number, clock_ms: number, } | { "type": "events", events: Array<TrialEvent>, } | { "type": "error", message: string, };
 
 /** A session under way. */
 export type SessionScreen = {
@@ -1326,6 +1351,8 @@ tick_mean_us: number,
 tick_max_us: number,
 /** Simulated over real time since the message before; 1 is in step. */
 pace: number,
+/** What the way from muscle to light takes, stage by stage; what was not measured yet is not there. */
+latency: Array<LatencyRow>,
 /** Pages connected. */
 pages: number, };
 

@@ -1,0 +1,77 @@
+// When frames came and when they were on the screen, for the table of latencies. What the browser's compositor and the screen add
+// after the page has drawn is not seen from here.
+
+import type { ClientMessage } from "./generated/types";
+
+type SeenFrame = Extract<ClientMessage, { type: "seen" }>["frames"][number];
+
+/** Frames that are waited for: more than come while a message waits. */
+const MOST = 128;
+
+export class PictureTimes {
+  /** Came, and are on no picture yet. */
+  private waiting: { time: number; came: number }[] = [];
+  /** On the picture that was drawn last, which is on the screen with the browser's next turn. */
+  private drawn: { time: number; came: number }[] = [];
+  private seen: SeenFrame[] = [];
+
+  /** A frame of the instant `time`, ms, came now. */
+  came(time: number, now: number): void {
+    const latest = this.waiting.at(-1);
+    if (latest && latest.time > time) this.waiting = [];
+    if (latest?.time === time) return;
+    if (this.waiting.length === MOST) this.waiting.shift();
+    this.waiting.push({ time, came: now });
+  }
+
+  /** A picture was drawn, of the instant `time`. */
+  draw(time: number): void {
+    const next = this.waiting.findIndex((frame) => frame.time > time);
+    this.drawn.push(...this.waiting.splice(0, next < 0 ? this.waiting.length : next));
+  }
+
+  /** The browser's next turn: what was drawn in the one before is on the screen. */
+  turn(now: number): void {
+    for (const { time, came } of this.drawn) this.seen.push({ time, came_ms: came, shown_ms: now });
+    this.drawn = [];
+    if (this.seen.length > MOST) this.seen.splice(0, this.seen.length - MOST);
+  }
+
+  /** What was seen since the last call, on a clock that is `ahead` of the page's, ms. */
+  take(ahead: number): SeenFrame[] {
+    const seen = this.seen.map(({ time, came_ms, shown_ms }) => ({ time, came_ms: came_ms + ahead, shown_ms: shown_ms + ahead }));
+    this.seen = [];
+    return seen;
+  }
+
+  clear(): void {
+    this.waiting = [];
+    this.drawn = [];
+    this.seen = [];
+  }
+}
+
+/** Round trips from which the shortest is taken. */
+const PINGS = 10;
+
+/** How far another clock is ahead of the page's. */
+export class ClockBeside {
+  private trips: { took: number; ahead: number }[] = [];
+
+  /** Asked at `asked`, answered at `answered` with the other clock's time, all ms. */
+  take(asked: number, answered: number, other: number): void {
+    if (this.trips.length === PINGS) this.trips.shift();
+    this.trips.push({ took: answered - asked, ahead: other - (asked + answered) / 2 });
+  }
+
+  /** By the shortest round trip, ms; none before the first. */
+  get ahead(): number | null {
+    let best: { took: number; ahead: number } | null = null;
+    for (const trip of this.trips) if (!best || trip.took < best.took) best = trip;
+    return best?.ahead ?? null;
+  }
+
+  clear(): void {
+    this.trips = [];
+  }
+}
