@@ -40,7 +40,8 @@ packages=$(sed -n '/^ros_test_packages="/,/"$/p' "$repository/tests/lanes.sh" | 
 # shellcheck disable=SC2086 # a list of words
 step "ROS 1 of the release" env DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends python3-pip $packages
 step "catkin build and colcon" /usr/bin/python3 -m pip install catkin_tools colcon-common-extensions colcon-ros
-step "the workspace by catkin_make, catkin build and colcon, and a launch" sh /proact/tests/ros/workspace.sh
+# What PyPI brought lies there.
+step "the workspace by catkin_make, catkin build and colcon, and a launch" env PATH=/usr/local/bin:/usr/bin:/bin sh /proact/tests/ros/workspace.sh
 step "the nodes" /proact/proact ros-binary /proact/build/proact-ros
 for test in test_names test_sim "test_lockstep --methods=D"; do
     # shellcheck disable=SC2086 # a test and its words
