@@ -23,7 +23,7 @@ enter_namespace() {
 }
 
 finish_root() {
-    umount "$root/proc" 2>/dev/null || true
+    umount "$root/proc" "$root/dev/pts" 2>/dev/null || true
     rm -rf "$root"
 }
 
@@ -63,6 +63,8 @@ bootstrap() { # RELEASE [MIRROR]
         if [ -f "$file" ]; then install -D -m 644 "$file" "$root$file"; fi
     done
     mount -t proc proc "$root/proc"
+    # catkin build wants terminals for its jobs.
+    mount -t devpts -o ptmxmode=0666 devpts "$root/dev/pts"
 }
 
 # Makes a Debian 12 in $root, or another release: with the archives that a new user of it has, of which this machine may

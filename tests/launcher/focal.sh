@@ -34,12 +34,12 @@ step "./proact demo" /proact/proact demo --headless --method D --seed 1 --out /t
 tail -n 1 "$root/log"
 step "./proact test cpp" /proact/proact test cpp
 
-# catkin-tools and colcon are not in this release; PyPI has them.
+# catkin-tools and colcon are not in this release; PyPI has them, of catkin-tools one that its catkin_pkg still knows.
 packages=$(sed -n '/^ros_test_packages="/,/"$/p' "$repository/tests/lanes.sh" | sed 's/.*="//; s/"//' | tr '\n' ' ' |
     sed 's/ catkin-tools / /; s/ colcon / /; s/ python3-colcon-ros / /')
 # shellcheck disable=SC2086 # a list of words
 step "ROS 1 of the release" env DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends python3-pip $packages
-step "catkin build and colcon" /usr/bin/python3 -m pip install catkin_tools colcon-common-extensions colcon-ros
+step "catkin build and colcon" /usr/bin/python3 -m pip install "catkin_tools<0.9" colcon-common-extensions colcon-ros
 # What PyPI brought lies there.
 step "the workspace by catkin_make, catkin build and colcon, and a launch" env PATH=/usr/local/bin:/usr/bin:/bin sh /proact/tests/ros/workspace.sh
 step "the nodes" /proact/proact ros-binary /proact/build/proact-ros

@@ -6,6 +6,7 @@ import { execFile } from "node:child_process";
 import { mkdir, readdir, rm, stat, writeFile } from "node:fs/promises";
 import { fileURLToPath } from "node:url";
 import { promisify } from "node:util";
+import { SCENES } from "./clips.mjs";
 import { start, startEmgTest, startServe, startStudy } from "./program.mjs";
 
 const run = promisify(execFile);
@@ -178,6 +179,11 @@ function written(entries) {
     "node tests/page/run.mjs --mode gallery --program target/release/proact --out build/gallery",
     "```",
     "",
+    "## Moving pictures",
+    "",
+    "From recorded trials, faster than they were; made by `--mode clips` in the place of `--mode gallery`.",
+    "",
+    ...SCENES.flatMap(({ name, title, speed }) => [`![${title}](images/clips/${name}.webp)`, "", `${title}; ${speed} times as fast.`, ""]),
     parts.join("\n"),
   ].join("\n");
 }

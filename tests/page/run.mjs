@@ -15,7 +15,7 @@
 // keys,mouse,finger: by each of these instead of by keys alone. replay: beside a replay of two trials. bag: beside a replay of a
 // bag. emg: the view of EMG, beside serve --emg-source synthetic. signals: drawer of signals,
 // intent, scores and views, beside the same. limb: starts `emg test` itself, with the motion test and
-// target achievement control. ghost: starts `serve --method-command proact:vmpl` itself, and is its decoder. report: beside a report on trials. gallery: starts what it needs itself, takes pictures of every page and writes docs/gallery.md. access: starts `serve --bind` itself; who gets in. restart: starts `serve` itself, kills it, starts it again, and the
+// target achievement control. ghost: starts `serve --method-command proact:vmpl` itself, and is its decoder. report: beside a report on trials. gallery: starts what it needs itself, takes pictures of every page and writes docs/gallery.md. clips: the same with moving pictures of trials. access: starts `serve --bind` itself; who gets in. restart: starts `serve` itself, kills it, starts it again, and the
 // open page has to come back.
 // soak: starts `serve` itself, and drives trial after trial.
 // Screenshots go to the output folder. Exits 0 only if everything was seen.
@@ -32,6 +32,7 @@ import { driveBlocks } from "./drive.mjs";
 import { bag, experimenter } from "./desk.mjs";
 import { emg } from "./emg.mjs";
 import { brace } from "./brace.mjs";
+import { clips } from "./clips.mjs";
 import { gallery } from "./gallery.mjs";
 import { ghost } from "./ghost.mjs";
 import { jogBlock } from "./jog.mjs";
@@ -113,7 +114,7 @@ let page;
 try {
   const context = await browser.newContext({ viewport: { width: 1280, height: 720 }, ignoreHTTPSErrors: true });
   page = await pageOf(context);
-  const modes = { watch, interactive: interact, methods, restart, access, newcomer, headset, safety, experimenter, replay, bag, report, afterwards, wheel, load, layout, conduct, study_forms: studyForms, study, accessibility, strip, tracking, emg, signals, limb, gallery, ghost, brace, soak: (page, tools) => soak(page, { ...tools, ...soakOptions() }) };
+  const modes = { watch, interactive: interact, methods, restart, access, newcomer, headset, safety, experimenter, replay, bag, report, afterwards, wheel, load, layout, conduct, study_forms: studyForms, study, accessibility, strip, tracking, emg, signals, limb, gallery, clips, ghost, brace, soak: (page, tools) => soak(page, { ...tools, ...soakOptions() }) };
   const mode = modes[options.mode];
   if (!mode) throw new Error(`mode ${options.mode} is unknown; expected ${Object.keys(modes).join(", ")}`);
   await mode(page, {

@@ -66,7 +66,7 @@ pub(crate) fn among_blocks(count: u32, sleep: bool) -> Result<f64, Box<dyn Error
 /// So many blocks on a large table.
 fn blocks_around(count: u32) -> Scene {
     let mut scene = table_with_a_block();
-    scene.fixed[0].shape = Shape::Box { size: [4.0, 4.0, 0.03] };
+    scene.fixed[0].shape = Shape::Box { size: [8.0, 8.0, 0.03] };
     let block = scene.objects[0].clone();
     let place = |k: u32| Pose::translation(0.1 * f64::from(k % 16), 0.1 * f64::from(k / 16), TABLE + 0.025);
     scene.objects =

@@ -407,14 +407,14 @@ fn a_scene_without_objects_or_with_too_many_is_refused_before_it_is_made() {
         )
     };
     let error = refusal(format!("{SMALL}\n{}", grid("[100, 100]")));
-    assert_eq!(error, "the task's scene: 10002 objects, expected 1 to 192");
+    assert_eq!(error, "the task's scene: 10002 objects, expected 1 to 512");
     // Numbers whose products and sums do not fit.
     let most = grid("[9223372036854775807, 9223372036854775807]");
     let error = refusal(format!("{SMALL}\n{most}\n{most}"));
-    assert!(error.ends_with("objects, expected 1 to 192"), "{error}");
+    assert!(error.ends_with("objects, expected 1 to 512"), "{error}");
     let end = SMALL.find("[[scene.objects]]").expect("it has objects");
     let none = SMALL[..end].replace("order = [\"b\", \"a\"]\n", "");
-    assert_eq!(refusal(none), "the task's scene: 0 objects, expected 1 to 192");
+    assert_eq!(refusal(none), "the task's scene: 0 objects, expected 1 to 512");
 }
 
 #[test]

@@ -36,7 +36,7 @@ pub enum Shape {
 const SHELF_APART: f64 = 1e-4;
 
 /// Most objects that a scene may have.
-pub const MAX_OBJECTS: usize = 192;
+pub const MAX_OBJECTS: usize = 512;
 
 /// A movable object of the scene, by its place in [`Scene::objects`]. All arrays over objects have that order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -102,7 +102,12 @@ impl ObjectSet {
 
     /// They, in the order of the scene.
     pub fn iter(&self) -> impl Iterator<Item = ObjectId> + '_ {
-        (0..MAX_OBJECTS).map(ObjectId::new).filter(|object| self.contains(*object))
+        self.0.iter().enumerate().flat_map(|(place, &word)| {
+            // From the lowest bit that is left to the next one.
+            let words = std::iter::successors(Some(word), |left| Some(left & left.wrapping_sub(1)));
+            let bits = words.take_while(|left| *left != 0).map(|left| left.trailing_zeros() as usize);
+            bits.map(move |bit| ObjectId::new(64 * place + bit))
+        })
     }
 }
 
@@ -330,14 +335,14 @@ mod tests {
 
     #[test]
     fn a_set_holds_what_was_put_in_in_the_order_of_the_scene_and_survives_its_text() {
-        let set: ObjectSet = [70, 3, 191, 3].map(ObjectId::new).into_iter().collect();
-        assert_eq!(set.iter().map(ObjectId::index).collect::<Vec<_>>(), [3, 70, 191]);
-        assert_eq!((set.len(), ObjectSet::first(4).len(), ObjectSet::default().is_empty()), (3, 4, true));
+        let set: ObjectSet = [70, 3, 511, 64, 3, 63].map(ObjectId::new).into_iter().collect();
+        assert_eq!(set.iter().map(ObjectId::index).collect::<Vec<_>>(), [3, 63, 64, 70, 511]);
+        assert_eq!((set.len(), ObjectSet::first(4).len(), ObjectSet::default().is_empty()), (5, 4, true));
         assert!(
             set.contains(ObjectId(70)) && !set.contains(ObjectId(71)) && !set.contains(ObjectId(u16::MAX))
         );
         let text = serde_json::to_string(&set).expect("writes");
-        assert_eq!(text, "[3,70,191]");
+        assert_eq!(text, "[3,63,64,70,511]");
         assert_eq!(serde_json::from_str::<ObjectSet>(&text).expect("reads"), set);
     }
 

@@ -5,8 +5,8 @@ use crate::{bridge, dynamics, planning, quantile};
 use proact_types::MAX_OBJECTS;
 use std::error::Error;
 
-/// Up to the most that a scene may have.
-const OBJECTS: [u32; 8] = [1, 2, 5, 10, 20, 50, 100, MAX_OBJECTS as u32];
+/// Up to nearly the most that a scene may have.
+const OBJECTS: [u32; 9] = [1, 2, 5, 10, 20, 50, 100, 200, 500];
 /// Blocks on the table of a plan; drawn places for more than these are hard to find.
 const BLOCKS: [usize; 5] = [4, 8, 12, 16, 20];
 /// Plans for each number of blocks.
@@ -19,9 +19,9 @@ pub(super) fn objects() -> Result<Growth, Box<dyn Error>> {
     for (name, sleep) in [("tick, blocks asleep", true), ("tick, blocks kept awake", false)] {
         let points = OBJECTS.map(|count| Ok((f64::from(count), dynamics::among_blocks(count, sleep)?)));
         let points = points.into_iter().collect::<Result<Vec<_>, Box<dyn Error>>>()?;
-        let most = points.last().map_or(0.0, |point| point.1);
+        let (count, most) = points.last().copied().unwrap_or_default();
         let bound = format!(
-            "one core; of the 1,000 us of a tick in real time {most:.0} are used at {MAX_OBJECTS}, the most that a scene may have"
+            "one core; of the 1,000 us of a tick in real time {most:.0} are used at {count:.0}; a scene may have {MAX_OBJECTS}"
         );
         lines.push(Line { name: name.to_owned(), points, bound });
     }
