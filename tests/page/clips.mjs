@@ -15,7 +15,7 @@ const CLIPS = fileURLToPath(new URL("../../docs/images/clips", import.meta.url))
 export const SCENES = [
   { name: "D", title: "Method D: looked at, locked, planned around the obstacles, gripped, carried, released", words: ["--method", "D"], from: 0.5, to: 18.5, speed: 2 },
   { name: "A", title: "Method A, joint by joint", words: ["--method", "A"], from: 4, to: 34, speed: 5 },
-  { name: "cup", title: "Another task: cups that must stay upright", words: ["--method", "D", "--task", "cup_transfer"], from: 0.5, to: 20.5, speed: 2.5 },
+  { name: "cup", title: "Another task: cups over a partition", words: ["--method", "D", "--task", "cup_transfer"], from: 0.5, to: 20.5, speed: 2.5 },
 ];
 const VIEW = { width: 640, height: 400 };
 const PICTURES_HZ = 12.5;
