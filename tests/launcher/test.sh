@@ -325,6 +325,10 @@ launch test shell
 check "a lane whose packages apt has not is skipped" out_has "0 passed, 0 failed, 1 skipped"
 check "and the package is named" err_has "apt has no shellcheck"
 check "a skipped lane is no failure" status_is 0
+check "an ordinary user's lists stay as they are" not_called "apt-get update"
+echo 0 >"$work/state/uid"
+launch test shell
+check "root's lists are fetched anew before a lane is skipped" called "apt-get update"
 launch test --list
 check "lanes can be listed" out_has "short: format"
 
