@@ -59,14 +59,16 @@ impl Link {
     /// Waits until the page's server has handled everything that was sent before. `number`: of this call.
     pub(crate) fn settle_page(&mut self, number: u64) -> Result<(), Box<dyn Error>> {
         let id = number as u32;
-        let answer = json!({"type": "pong", "id": id});
         self.0.get_ref().set_read_timeout(Some(PATIENCE))?;
         self.send(&json!({"type": "ping", "id": id}))?;
         for _ in 0..MOST_PINGS {
             loop {
                 match self.read() {
-                    Ok(Message::Text(text)) if serde_json::from_str::<Json>(&text)? == answer => {
-                        return Ok(());
+                    Ok(Message::Text(text)) => {
+                        let said: Json = serde_json::from_str(&text)?;
+                        if said["type"] == "pong" && said["id"] == id {
+                            return Ok(());
+                        }
                     }
                     Ok(_) => {}
                     Err(tungstenite::Error::Io(error)) if is_timeout(&error) => break,

@@ -39,9 +39,10 @@ export class LatencyTable {
   }
 
   private add(stage: LatencyStage): HTMLElement[] {
-    const head = element("th", "", texts.stages[stage]);
+    const [name, about] = texts.stages[stage];
+    const head = element("th", "", name);
     head.scope = "row";
-    head.title = texts.abouts[stage];
+    head.title = about ?? "";
     const cells = [0, 1, 2].map(() => element("td"));
     this.rows.set(stage, cells);
     // In the order of the way, whatever was measured first.
