@@ -718,7 +718,7 @@ p99_ms: number,
 worst_ms: number, };
 
 /** A part of the way from a muscle to the light of a screen. */
-export type LatencyStage = "recognition" | "queue" | "emg" | "intent" | "method" | "actuation" | "world" | "task" | "tick" | "motion" | "frame" | "line" | "picture" | "whole";
+export type LatencyStage = "recognition" | "queue" | "emg" | "intent" | "method" | "actuation" | "target" | "world" | "task" | "tick" | "motion" | "frame" | "line" | "picture" | "whole";
 
 /** A traffic light. */
 export type Light = "green" | "amber" | "red";
