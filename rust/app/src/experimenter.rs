@@ -304,6 +304,11 @@ fn acts(input: &ClientInput) -> bool {
     }
 }
 
+/// Whether a trial whose time waits for the person's first action need not wait with `input`.
+pub(crate) fn begins_or_ends(input: &ClientInput) -> bool {
+    acts(input) || matches!(input, ClientInput::Restart { .. } | ClientInput::Study(StudyAction::Abort))
+}
+
 /// Adds a gaze check to the record of a trial; without a record it is only shown.
 pub fn store_gaze_check(dir: Option<&Path>, time: SimTime, check: &GazeCheck) -> std::io::Result<()> {
     let Some(dir) = dir else { return Ok(()) };

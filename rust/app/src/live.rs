@@ -1,10 +1,10 @@
 //! A trial that a person drives in real time.
 
-use crate::latency::StageClock;
 use crate::{
     CardTally, Experimenter, LivePerson, Pace, Recorder, ResultCards, experimenter::store_gaze_check,
     person::drive_by_page, run::finish,
 };
+use crate::{experimenter::begins_or_ends, latency::StageClock};
 use crate::{vmpl::is_by_decoder, vmpl_ghost::GhostReceiver};
 use proact_bridge::{ClientInput, GazeCheck, PageServer};
 use proact_intent::GazeOffset;
@@ -125,7 +125,9 @@ impl LiveTrial<'_> {
         loop {
             if self.session.testbed().frame_is_due() || self.session.testbed().now().0 == 0 {
                 let mut inputs = self.inputs.drain();
-                if shown.is_some() && !std::mem::replace(&mut began_at_page, true) {
+                // What comes in the first instants is not to wait for itself.
+                let begun = inputs.iter().any(begins_or_ends);
+                if shown.is_some() && !std::mem::replace(&mut began_at_page, true) && !begun {
                     experimenter.wait_for_first_action();
                 }
                 let still =
