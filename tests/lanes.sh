@@ -423,7 +423,7 @@ test_main() {
         all=$(for lane in $lanes; do packages_of "$lane"; done)
         # shellcheck disable=SC2086 # a list of words
         if [ "$(id -u)" = 0 ] && [ -n "$all" ] && [ -n "$(unknown_of $all)" ]; then
-            apt-get -q update >&2 || say "apt-get update failed; going on with the package lists that are here"
+            fetch_lists
         fi
     fi
     packages=

@@ -6,6 +6,10 @@
 #   tests/launcher/debootstrap.sh RELEASE [LANES...]     such as bookworm, trixie, jammy, noble
 set -eu
 
+[ "$#" -gt 0 ] || {
+    echo "debootstrap.sh: expected a release, such as trixie, and lanes if you like; got nothing" >&2
+    exit 2
+}
 repository=$(cd "$(dirname "$0")/../.." && pwd)
 # shellcheck source=tests/launcher/debian_root.sh
 . "$repository/tests/launcher/debian_root.sh"

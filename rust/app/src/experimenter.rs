@@ -189,7 +189,7 @@ impl<'a> Experimenter<'a> {
     ///
     /// # Errors
     /// What the disk refuses.
-    pub fn keep(&mut self, dir: &Path) -> std::io::Result<()> {
+    pub(crate) fn keep(&mut self, dir: &Path) -> Result<(), String> {
         self.latency.see(&self.page.take_picture_ages());
         self.latency.keep(dir)
     }

@@ -3,6 +3,8 @@
 //! Wall clock where computers are waited for, trial time where the trial itself takes it: in real time the two pass alike. What
 //! a person's own muscles do, nobody knows; the rows that begin with a muscle are those of simulated people.
 
+use crate::write_whole;
+use arrayvec::ArrayVec;
 use hdrhistogram::Histogram;
 use proact_bridge::{LatencyRow, LatencyStage, PictureAge};
 use proact_testbed::{Session, Step, stages::StageName};
@@ -15,7 +17,7 @@ use std::{
 };
 
 /// The table of a trial, in its record.
-pub(crate) const LATENCY_FILE: &str = "latency.json";
+const LATENCY_FILE: &str = "latency.json";
 /// Longest time that is told apart from longer ones, ns.
 const LONGEST_NS: u64 = 60_000_000_000;
 /// Slower than this, arm and hand are at rest, rad/s.
@@ -59,37 +61,28 @@ struct Gestured {
 pub(crate) struct StageClock {
     began: Instant,
     last: Instant,
-    took: [(LatencyStage, Duration); 6],
+    took: ArrayVec<(LatencyStage, Duration), 6>,
 }
 
 impl StageClock {
     /// A tick begins.
     pub(crate) fn start() -> Self {
         let now = Instant::now();
-        let none = Duration::ZERO;
-        let took = [
-            (LatencyStage::Emg, none),
-            (LatencyStage::Intent, none),
-            (LatencyStage::Method, none),
-            (LatencyStage::Actuation, none),
-            (LatencyStage::World, none),
-            (LatencyStage::Task, none),
-        ];
-        Self { began: now, last: now, took }
+        Self { began: now, last: now, took: ArrayVec::new() }
     }
 
     /// A stage has ended.
     pub(crate) fn done(&mut self, stage: StageName) {
-        let index = match stage {
-            StageName::Emg => 0,
-            StageName::Intent => 1,
-            StageName::Method => 2,
-            StageName::Actuation => 3,
-            StageName::World => 4,
-            StageName::Task => 5,
+        let row = match stage {
+            StageName::Emg => LatencyStage::Emg,
+            StageName::Intent => LatencyStage::Intent,
+            StageName::Method => LatencyStage::Method,
+            StageName::Actuation => LatencyStage::Actuation,
+            StageName::World => LatencyStage::World,
+            StageName::Task => LatencyStage::Task,
         };
         let now = Instant::now();
-        self.took[index].1 = now - self.last;
+        self.took.push((row, now - self.last));
         self.last = now;
     }
 
@@ -106,6 +99,8 @@ pub(crate) struct Latency {
     /// What is made, and since when, until it is in force; then no time.
     intended: (Option<Gesture>, Option<SimTime>),
     in_force: Gesture,
+    /// The fastest joint after the tick before, rad/s.
+    fastest: f64,
     /// A gesture that has moved nothing yet.
     waiting: Option<Gestured>,
     /// A motion that no frame has shown yet.
@@ -125,6 +120,7 @@ impl Default for Latency {
             times: times.into(),
             intended: (None, None),
             in_force: Gesture::NoMotion,
+            fastest: 0.0,
             waiting: None,
             moved: None,
             shown: VecDeque::new(),
@@ -135,7 +131,7 @@ impl Default for Latency {
 impl Latency {
     /// One tick of `session`, whose stages took what `clock` says.
     pub(crate) fn take(&mut self, step: &Step, session: &Session, clock: &StageClock) {
-        for (stage, took) in clock.took {
+        for &(stage, took) in &clock.took {
             self.note(stage, took);
         }
         self.note(LatencyStage::Tick, clock.took());
@@ -176,7 +172,8 @@ impl Latency {
                 self.intended.1 = None;
                 self.note(LatencyStage::Recognition, span(now, muscle));
             }
-            let begins = in_force != Gesture::NoMotion && fastest < AT_REST;
+            // The gesture may move a joint in the very tick that brings it.
+            let begins = in_force != Gesture::NoMotion && self.fastest < AT_REST;
             self.waiting = begins.then_some(Gestured { muscle, at: now });
         }
         if let Some(waiting) = self.waiting {
@@ -188,6 +185,7 @@ impl Latency {
                 self.waiting = None;
             }
         }
+        self.fastest = fastest;
     }
 
     /// Frames were on a screen.
@@ -224,14 +222,14 @@ impl Latency {
     ///
     /// # Errors
     /// What the disk refuses.
-    pub(crate) fn keep(&self, dir: &Path) -> std::io::Result<()> {
+    pub(crate) fn keep(&self, dir: &Path) -> Result<(), String> {
         #[derive(Serialize)]
         struct Table {
             stages: Vec<LatencyRow>,
         }
-        let mut text = serde_json::to_string_pretty(&Table { stages: self.rows() })?;
-        text.push('\n');
-        std::fs::write(dir.join(LATENCY_FILE), text)
+        let text = serde_json::to_string_pretty(&Table { stages: self.rows() });
+        let text = text.map_err(|error| format!("cannot write {LATENCY_FILE}: {error}"))?;
+        write_whole(&dir.join(LATENCY_FILE), &format!("{text}\n"))
     }
 
     fn note(&mut self, stage: LatencyStage, took: Duration) {
@@ -271,7 +269,7 @@ mod tests {
         follow(1, 100, Gesture::NoMotion, Gesture::NoMotion, 0.0);
         // Made at 100, in force at 250, moves at 260.
         follow(100, 250, close, Gesture::NoMotion, 0.0);
-        follow(250, 260, close, close, 0.01);
+        follow(250, 260, close, close, 0.03);
         follow(260, 270, close, close, 0.5);
         assert_eq!(row(&latency, LatencyStage::Recognition), Some((1, 150.0)));
         assert_eq!(row(&latency, LatencyStage::Motion), Some((1, 10.0)));
@@ -295,6 +293,7 @@ mod tests {
             latency.follow(SimTime(now), intended, in_force, speed);
         };
         // The arm moves already; then a gesture that moves nothing; then one that a person made, whose muscle nobody knows.
+        at(9, None, Gesture::NoMotion, 0.5);
         at(10, None, Gesture::HandOpen, 0.5);
         at(20, None, Gesture::NoMotion, 0.0);
         at(30, None, Gesture::WristFlexion, 0.0);

@@ -181,7 +181,7 @@ impl LiveTrial<'_> {
                 shown = Some(DisplayFrame { events: vec![], feedback: vec![], ..frame.clone() });
             }
             self.person.show(&step);
-            let over = if step.output.finished { Some(Ended::Finished) } else { None };
+            let over = step.output.finished.then_some(Ended::Finished);
             if let Some(ended) = ending.take().or(over) {
                 if let Some(dir) = &self.dir {
                     experimenter.keep(dir)?;

@@ -63,7 +63,10 @@ impl Pictures {
         match self.sent.back() {
             Some((latest, _)) if *latest == time => return,
             // Another trial began.
-            Some((latest, _)) if *latest > time => self.sent.clear(),
+            Some((latest, _)) if *latest > time => {
+                self.sent.clear();
+                self.ages.clear();
+            }
             _ => {}
         }
         if self.sent.len() == MOST_SENT {
@@ -129,7 +132,8 @@ mod tests {
         assert_eq!(pictures.take(), [age(16, 3, 40), age(33, 0, 40)]);
         assert_eq!(pictures.take(), []);
 
-        // Another trial has the same instants.
+        // Another trial has the same instants; what was told of the one before and not taken is of no trial.
+        pictures.see(&[seen(16, 103.0, 143.0)]);
         pictures.send(SimTime(1), after(&pictures, 1000));
         pictures.see(&[seen(16, 1000.0, 1000.0)]);
         assert_eq!(pictures.take(), []);

@@ -206,7 +206,7 @@ function start(): void {
     lastTime = -1;
     stop.show(null);
     traces.clear();
-    latencies.clear();
+    latencies.show([]);
   }
 
   function frame(next: DisplayFrame): void {

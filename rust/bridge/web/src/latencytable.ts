@@ -14,7 +14,9 @@ function shortly(ms: number): string {
 export class LatencyTable {
   readonly root = element("table", "latencies");
   private readonly body = element("tbody");
-  private readonly rows = new Map<LatencyStage, HTMLElement[]>();
+  /** The stages that are shown, and the cells of each. */
+  private shown = "";
+  private cells: HTMLElement[][] = [];
 
   constructor() {
     const heads = texts.columns.map((text) => {
@@ -25,30 +27,25 @@ export class LatencyTable {
     this.root.append(element("caption", "", texts.about), element("thead", "", element("tr", "", ...heads)), this.body);
   }
 
+  /** Rows in the order of the way; another stage makes the table anew. */
   show(rows: LatencyRow[]): void {
-    if (rows.length < this.rows.size) this.clear();
-    for (const row of rows) {
-      const cells = this.rows.get(row.stage) ?? this.add(row.stage);
-      [row.median_ms, row.p99_ms, row.worst_ms].forEach((ms, k) => setText(cells[k]!, shortly(ms)));
+    const stages = rows.map((row) => row.stage);
+    if (stages.join() !== this.shown) {
+      this.shown = stages.join();
+      this.cells = stages.map(() => [0, 1, 2].map(() => element("td")));
+      this.body.replaceChildren(...stages.map((stage, k) => element("tr", stage, headOf(stage), ...(this.cells[k] ?? []))));
     }
+    rows.forEach((row, k) => {
+      const times = [row.median_ms, row.p99_ms, row.worst_ms];
+      this.cells[k]?.forEach((cell, column) => setText(cell, shortly(times[column] ?? NaN)));
+    });
   }
+}
 
-  clear(): void {
-    this.body.replaceChildren();
-    this.rows.clear();
-  }
-
-  private add(stage: LatencyStage): HTMLElement[] {
-    const [name, about] = texts.stages[stage];
-    const head = element("th", "", name);
-    head.scope = "row";
-    head.title = about ?? "";
-    const cells = [0, 1, 2].map(() => element("td"));
-    this.rows.set(stage, cells);
-    // In the order of the way, whatever was measured first.
-    const order = Object.keys(texts.stages);
-    const place = [...this.rows.keys()].filter((known) => order.indexOf(known) < order.indexOf(stage)).length;
-    this.body.insertBefore(element("tr", stage, head, ...cells), this.body.children[place] ?? null);
-    return cells;
-  }
+function headOf(stage: LatencyStage): HTMLElement {
+  const [name, about] = texts.stages[stage];
+  const head = element("th", "", name);
+  head.scope = "row";
+  head.title = about ?? "";
+  return head;
 }

@@ -114,6 +114,7 @@ export class Live {
         }
         this.pageVersion = message.page_version;
         this.clock.clear();
+        this.pictures.clear();
         this.attempts = 0;
         this.handlers.connected(true);
         this.handlers.brace?.(message.brace_controller);

@@ -14,12 +14,18 @@ export class PictureTimes {
   /** On the picture that was drawn last, which is on the screen with the browser's next turn. */
   private drawn: { time: number; came: number }[] = [];
   private seen: SeenFrame[] = [];
+  /** Instant of the frame that came last; none at first. */
+  private latest: number | null = null;
 
-  /** A frame of the instant `time`, ms, came now. */
+  /**
+   * A frame of the instant `time`, ms, came now. The first one of a connection or trial says nothing of the line: the server may have
+   * had it for long. Nor does one that is shown again while time stands still.
+   */
   came(time: number, now: number): void {
-    const latest = this.waiting.at(-1);
-    if (latest && latest.time > time) this.waiting = [];
-    if (latest?.time === time) return;
+    const [before, first] = [this.latest, this.latest === null || time < this.latest];
+    if (first) this.clear();
+    this.latest = time;
+    if (first || time === before) return;
     if (this.waiting.length === MOST) this.waiting.shift();
     this.waiting.push({ time, came: now });
   }
@@ -48,6 +54,7 @@ export class PictureTimes {
     this.waiting = [];
     this.drawn = [];
     this.seen = [];
+    this.latest = null;
   }
 }
 
