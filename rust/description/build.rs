@@ -21,10 +21,17 @@ fn main() {
         .flag("-ffp-contract=off"); // results must not depend on the compiler's choice of fused operations
 
     // The core silences urdfdom by its messages' own library, which newer releases of urdfdom do not name for others.
-    for include in [probe("urdfdom", "1.0"), probe("console_bridge", "0.4")].concat() {
-        build.flag(format!("-isystem{}", include.display()));
+    const LIBRARIES: [(&str, &str); 2] = [("urdfdom", "1.0"), ("console_bridge", "0.4")];
+    for (package, at_least) in LIBRARIES {
+        for include in probe(package, at_least, false) {
+            build.flag(format!("-isystem{}", include.display()));
+        }
     }
     build.compile("proact_description");
+    // Behind the core that needs them: a linker that takes libraries as needed drops those that come before.
+    for (package, at_least) in LIBRARIES {
+        probe(package, at_least, true);
+    }
 
     // Built in by rust-embed.
     println!("cargo:rerun-if-changed=../../ros1_ws/src/proact_description/arms");
@@ -36,12 +43,13 @@ fn main() {
     }
 }
 
-/// Include folders of a Debian library, linking it on the way.
+/// Include folders of a Debian library, linking it on the way if `links`.
 ///
 /// The compiler's own folder is left out: as `-isystem` it hides the C headers from `<cstdlib>`.
-fn probe(package: &str, at_least: &str) -> Vec<PathBuf> {
+fn probe(package: &str, at_least: &str, links: bool) -> Vec<PathBuf> {
+    let mut config = pkg_config::Config::new();
     let library =
-        pkg_config::Config::new().atleast_version(at_least).probe(package).unwrap_or_else(|error| {
+        config.atleast_version(at_least).cargo_metadata(links).probe(package).unwrap_or_else(|error| {
             panic!("{package} was not found ({error}). On Debian: apt-get install liburdfdom-dev pkg-config")
         });
     library

@@ -49,10 +49,12 @@ fn main() {
     ] {
         build.file(core.join("src").join(source).with_extension("cpp"));
     }
-    for include in probe("ode") {
+    for include in probe("ode", false) {
         build.flag(format!("-isystem{}", include.display()));
     }
     build.compile("proact_dynamics");
+    // Behind the core that needs it: a linker that takes libraries as needed drops those that come before.
+    probe("ode", true);
 
     for watched in ["src/bridge.rs", "src/adapter.cpp", "src/adapter.hpp"] {
         println!("cargo:rerun-if-changed={watched}");
@@ -62,12 +64,14 @@ fn main() {
     }
 }
 
-/// Include folders of a Debian library, linking it on the way.
+/// Include folders of a Debian library, linking it on the way if `links`.
 ///
 /// The compiler's own folder is left out: as `-isystem` it hides the C headers from `<cstdlib>`.
-fn probe(package: &str) -> Vec<PathBuf> {
-    let library = pkg_config::Config::new().atleast_version("0.16").probe(package).unwrap_or_else(|error| {
-        panic!("{package} 0.16 or newer was not found ({error}). On Debian: apt-get install libode-dev")
-    });
+fn probe(package: &str, links: bool) -> Vec<PathBuf> {
+    let mut config = pkg_config::Config::new();
+    let library =
+        config.atleast_version("0.16").cargo_metadata(links).probe(package).unwrap_or_else(|error| {
+            panic!("{package} 0.16 or newer was not found ({error}). On Debian: apt-get install libode-dev")
+        });
     library.include_paths.into_iter().filter(|path| path != Path::new("/usr/include")).collect()
 }

@@ -26,11 +26,13 @@ fn main() {
         .flag("-Wextra");
 
     for package in ["orocos-kdl", "eigen3"] {
-        for include in probe(package) {
+        for include in probe(package, false) {
             build.flag(format!("-isystem{}", include.display()));
         }
     }
     build.compile("proact_kinematics");
+    // Behind the core that needs it: a linker that takes libraries as needed drops those that come before.
+    probe("orocos-kdl", true);
 
     for watched in ["src/bridge.rs", "src/adapter.cpp", "src/adapter.hpp"] {
         println!("cargo:rerun-if-changed={watched}");
@@ -40,11 +42,11 @@ fn main() {
     }
 }
 
-/// Include folders of a Debian library, linking it on the way.
+/// Include folders of a Debian library, linking it on the way if `links`.
 ///
 /// The compiler's own folder is left out: as `-isystem` it hides the C headers from `<cstdlib>`.
-fn probe(package: &str) -> Vec<PathBuf> {
-    let library = pkg_config::probe_library(package).unwrap_or_else(|error| {
+fn probe(package: &str, links: bool) -> Vec<PathBuf> {
+    let library = pkg_config::Config::new().cargo_metadata(links).probe(package).unwrap_or_else(|error| {
         panic!(
             "{package} was not found ({error}). On Debian: apt-get install liborocos-kdl-dev libeigen3-dev"
         )

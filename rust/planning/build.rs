@@ -30,12 +30,14 @@ fn main() {
         .flag("-Wall")
         .flag("-Wextra");
 
-    for (package, links) in [("fcl", true), ("eigen3", true), ("ompl", false)] {
-        for include in probe(package, links) {
+    for package in ["fcl", "eigen3", "ompl"] {
+        for include in probe(package, false) {
             build.flag(format!("-isystem{}", include.display()));
         }
     }
     build.compile("proact_planning");
+    // Behind the core that needs them: a linker that takes libraries as needed drops those that come before.
+    probe("fcl", true);
     // OMPL's own list of libraries names Boost files that its package does not bring; the library alone links.
     println!("cargo:rustc-link-lib=ompl");
 
