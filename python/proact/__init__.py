@@ -7,7 +7,7 @@ time unless a name says otherwise. The frame ``world`` has x away from the perso
 from ._proact import __version__
 from .arms import Arm, Plan
 from .environments import TASKS, ProactEnv, register
-from .parts import GESTURES, Classifier, Command, ControlMethod, Intention, Participant, Seen
+from .parts import GESTURES, Classifier, Command, ControlMethod, Intention, IntentModel, Look, Participant, Seen
 from .recordings import Recording, load, load_table
 from .trials import compare, replay, run_trial, training_windows
 
@@ -19,7 +19,9 @@ __all__ = [
     "Command",
     "ControlMethod",
     "GESTURES",
+    "IntentModel",
     "Intention",
+    "Look",
     "Participant",
     "Plan",
     "ProactEnv",

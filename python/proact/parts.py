@@ -1,4 +1,5 @@
-"""Control methods, participants and classifiers written in Python: what a trial shows them, and what they may answer."""
+"""Control methods, intent models, participants and classifiers written in Python: what a trial shows them, and what they may
+answer."""
 
 from __future__ import annotations
 
@@ -245,6 +246,65 @@ class Participant:
                 "limb": None,
             }
         )
+
+
+class Look:
+    """What an intent model sees of one gaze. ``m`` objects, in the order of the scene.
+
+    ``time_ms``: int. ``valid``: False during a blink, when origin and direction mean nothing. ``origin``: shape (3,), the eye,
+    ``world``, m. ``direction``: shape (3,), of any length. ``objects``: shape (m, 3), centres, ``world``, m. ``pickable``: shape
+    (m,), bool, which may be meant. ``due``: shape (m,), bool, which the task asks for; all of them for a method without task
+    context. ``prior``: shape (m,), what the task says of each; sums to one, zeros where nothing may be meant. ``selection``: counts
+    up when a new selection begins. ``tip``: shape (3,), where the hand would meet an object, ``world``, m, or None. ``raw``: all of
+    it as it came.
+    """
+
+    def __init__(self, raw: dict[str, Any]):
+        def points(value: Any) -> np.ndarray:
+            # What is not finite came as null, which becomes NaN.
+            return np.array(value, dtype=np.float64)
+
+        self.raw = raw
+        self.time_ms: int = raw["time"]
+        gaze = raw["gaze"]
+        self.valid: bool = gaze["valid"]
+        self.origin = points(gaze["origin"])
+        self.direction = points(gaze["direction"])
+        self.objects = points(raw["objects"]).reshape(-1, 3)
+        self.pickable = np.array(raw["pickable"], dtype=bool)
+        self.due = np.array(raw["due"], dtype=bool)
+        self.prior = points(raw["prior"])
+        self.selection: int = raw["selection"]
+        self.tip = None if raw["tip"] is None else points(raw["tip"])
+
+    def angles(self) -> np.ndarray:
+        """The angle between the gaze and the line to each object, shape (m,), rad."""
+        lines = self.objects - self.origin
+        cosines = lines @ self.direction / (np.linalg.norm(lines, axis=1) * np.linalg.norm(self.direction))
+        return np.arccos(np.clip(cosines, -1.0, 1.0))
+
+
+class IntentModel:
+    """A model of which object a person means. Override ``infer``; ``begin`` is called before each trial."""
+
+    def begin(self) -> None:
+        """Forgets the trial before."""
+
+    def infer(self, look: Look) -> Optional[Sequence[float]]:
+        """How likely each object is meant: shape (m,), numbers from zero up in any scale; those of objects that are not
+        ``pickable`` do not count. None, or all zero: the gaze told nothing, and nothing is highlighted; during a blink what was
+        known before stands."""
+        raise NotImplementedError("an intent model has an infer(look) of its own")
+
+    def _ask(self, line: str) -> str:
+        look = Look(json.loads(line))
+        answer = self.infer(look)
+        if answer is None:
+            return json.dumps({"time": look.time_ms, "posterior": None})
+        posterior = checked("infer", answer, (len(look.objects),))
+        if posterior.min(initial=0.0) < 0:
+            raise ValueError(f"infer gave {posterior.tolist()}, expected numbers from 0 up")
+        return json.dumps({"time": look.time_ms, "posterior": posterior.tolist()})
 
 
 class Classifier:

@@ -1,4 +1,4 @@
-"""Whole trials, with methods, participants and classifiers in Python, and their replay."""
+"""Whole trials, with methods, intent models, participants and classifiers in Python, and their replay."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from . import _proact
 from ._worker import Worker
-from .parts import ControlMethod, Participant, classifier_function
+from .parts import ControlMethod, IntentModel, Participant, classifier_function
 
 
 def run_trial(
@@ -27,6 +27,7 @@ def run_trial(
     settings: Iterable[str] = (),
     participant: Optional[Participant] = None,
     classifier: Any = None,
+    intent: Optional[IntentModel] = None,
     emg: Optional[str] = "synthetic",
     gaze_error_deg: float = 1.5,
     patience_secs: float = 10.0,
@@ -36,8 +37,9 @@ def run_trial(
 
     method: a name (``A`` to ``D``), the file of an outside one, or a ``ControlMethod``. ``D`` unless given.
     participant: a ``Participant``; the simulated one unless given. classifier: a ``Classifier``, or anything with ``fit`` and
-    ``predict_proba``: it is trained on the trial's EMG first. emg: ``synthetic``, a folder of recordings, or None: gestures of a
-    ``participant`` are then taken directly. gaze_error_deg: error of the eye tracker of a ``participant``, degrees.
+    ``predict_proba``: it is trained on the trial's EMG first. intent: an ``IntentModel`` in the place of the configuration's; those
+    that ship are chosen by ``settings``, such as ``intent_model=filtered``. emg: ``synthetic``, a folder of recordings, or None:
+    gestures of a ``participant`` are then taken directly. gaze_error_deg: error of the eye tracker of a ``participant``, degrees.
     patience_secs: a Python part that takes longer on the clock has not answered: the arm holds.
     record: a folder for the record; none is made unless given. ``replay`` needs no Python.
 
@@ -58,6 +60,7 @@ def run_trial(
         "participant": None,
         "classifier": None,
         "model": None,
+        "intent": None,
         "patience_secs": float(patience_secs),
     }
     if isinstance(method, ControlMethod):
@@ -69,6 +72,11 @@ def run_trial(
     if participant is not None:
         participant.begin()
         python["participant"] = worker(participant._ask)
+    if intent is not None:
+        if not isinstance(intent, IntentModel):
+            raise TypeError(f"intent is a {type(intent).__name__}, expected a proact.IntentModel")
+        intent.begin()
+        python["intent"] = worker(intent._ask)
     if classifier is not None:
         if emg is None:
             raise ValueError("a classifier needs EMG: give emg='synthetic' or a folder of recordings")

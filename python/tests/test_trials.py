@@ -1,4 +1,4 @@
-"""Trials with methods, participants and classifiers in Python: those that work, and those that fail in every way."""
+"""Trials with methods, intent models, participants and classifiers in Python: those that work, and those that fail in every way."""
 
 import json
 import threading
@@ -213,6 +213,81 @@ def test_a_participant_that_fails_lets_go_and_the_trial_goes_on(how, words, tmp_
     assert proact.replay(tmp_path / "trial")["digest"] == result["digest"]
 
 
+class NearestToGaze(proact.IntentModel):
+    """The narrower the angle, the likelier; the task has its say."""
+
+    def begin(self):
+        self.looks = 0
+
+    def infer(self, look):
+        self.looks += 1
+        return look.prior * np.exp(-0.5 * (look.angles() / 0.03) ** 2) if look.valid else None
+
+
+def test_an_intent_model_in_python_is_driven_by_the_simulated_participant_and_replayed_without_it(tmp_path):
+    model = NearestToGaze()
+    result = proact.run_trial("D", seed=1, intent=model, record=tmp_path / "trial")
+    assert result["faults"] == [] and result["score"] == 4 and model.looks > 1000
+    assert "proact:python" in (tmp_path / "trial" / "config.toml").read_text()
+    found = proact.replay(tmp_path / "trial")
+    assert found["agrees"] and found["digest"] == result["digest"]
+    table = proact.compare(["C", "D"], seeds=[1], limit_secs=5.0, intent=NearestToGaze())
+    assert all(not result["faults"] for row in table.values() for result in row["results"])
+
+
+class LooksAtThird(Holds):
+    def step(self, frame):
+        intention = super().step(frame)
+        intention.look_at = frame["objects"][2]["translation"]
+        return intention
+
+
+def test_what_an_intent_model_says_is_what_is_highlighted_and_what_cannot_be_meant_does_not_count(tmp_path):
+    class Stubborn(proact.IntentModel):
+        def infer(self, look):
+            likely = np.array([0.0, 5.0, 0.0, 0.0])
+            return likely if look.time_ms < 1500 else np.zeros(4)
+
+    person = LooksAtThird("no_motion")
+    result = run("D", person, intent=Stubborn(), record=tmp_path / "trial")
+    shown = {frame["time"]: frame["target"]["object"] for frame in person.frames}
+    assert all(shown[at] == 1 for at in shown if 500 < at < 1500), "it says the second one"
+    assert all(shown[at] is None for at in shown if at > 1600), "it says nothing any more"
+    assert result["faults"] == [] and proact.replay(tmp_path / "trial")["digest"] == result["digest"]
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [
+        (lambda look: 1 / 0, "raised ZeroDivisionError: division by zero"),
+        (lambda look: np.full(4, np.nan), "infer is [nan"),
+        (lambda look: [1.0, 2.0], "infer has shape (2,), expected (4,)"),
+        (lambda look: [1.0, -2.0, 0.0, 0.0], "infer gave [1.0, -2.0, 0.0, 0.0], expected numbers from 0 up"),
+        (lambda look: "the red one", "infer is 'the red one', expected numbers"),
+        (lambda look: threading.Event().wait(0.4), "has not answered within 150 ms"),
+    ],
+)
+def test_an_intent_model_that_fails_stops_the_arm_and_says_why(how, words, tmp_path):
+    class Breaks(NearestToGaze):
+        def infer(self, look):
+            return how(look) if 1500 <= look.time_ms < 2500 else super().infer(look)
+
+    class Drives(Elbow):
+        needs_gaze = True
+
+    person = LooksAtThird()
+    patience = {"patience_secs": 0.15} if "answered" in words else {}
+    result = run(Drives(), person, intent=Breaks(), record=tmp_path / "trial", **patience)
+    assert moved(person, 0.8, 1.4) > 0.1, "it moves while all is well"
+    assert abs(moved(person, 1.8, 2.9)) < 0.002, "and waits for a relaxed hand after that"
+    during = [frame for frame in person.frames if 1700 < frame["time"] < 2400]
+    assert all(words in frame["stop"]["reason"] and frame["stop"]["cause"] == "undecided" for frame in during)
+    assert all(frame["target"]["object"] is None for frame in during)
+    assert any(words in fault for fault in result["faults"]), result["faults"]
+    found = proact.replay(tmp_path / "trial")
+    assert found["agrees"] and found["digest"] == result["digest"]
+
+
 class NearestMean(proact.Classifier):
     def fit(self, features, labels):
         self.scale = features.std(axis=0) + 1e-9
@@ -287,6 +362,8 @@ def test_a_classifier_that_takes_too_long_stops_the_arm(tmp_path):
 def test_what_cannot_be_is_refused():
     with pytest.raises(TypeError, match="method is a int, expected a name or a proact.ControlMethod"):
         proact.run_trial(3)
+    with pytest.raises(TypeError, match="intent is a str, expected a proact.IntentModel"):
+        proact.run_trial("D", intent="filtered")
     with pytest.raises(ValueError, match="nobody gives gestures without it"):
         proact.run_trial("A", emg=None)
     with pytest.raises(ValueError, match="a classifier needs EMG"):

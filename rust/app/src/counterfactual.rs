@@ -6,7 +6,7 @@ use crate::{
     trial,
 };
 use proact_control::MethodRegistry;
-use proact_testbed::{Testbed, TestbedError, first_divergence};
+use proact_testbed::{Testbed, TestbedError, TrialConfig, first_divergence};
 use proact_types::{DisplayFrame, Gesture, Pose};
 use serde::Serialize;
 use std::{collections::BTreeSet, error::Error, path::Path};
@@ -65,11 +65,19 @@ pub fn counterfactual(
     if config.method_process.is_some() {
         return Err("the method was another program: what it would have answered is not in the record".into());
     }
+    let other_model = values.iter().any(|value| value.trim_start().starts_with("intent_model"));
+    if config.intent_process.is_some() && !other_model {
+        return Err(
+            "the intent model was another program: what it would have answered is not in the record; \
+            give one of the program's own, such as intent_model=product"
+                .into(),
+        );
+    }
     if config.emg.is_none() && values.iter().any(|value| value.trim_start().starts_with("emg.")) {
         return Err("the trial has no EMG: its gestures came from keys".into());
     }
     let arm = Arm::recorded(dir, &config)?;
-    let altered = config.with_values(values)?;
+    let altered = TrialConfig { intent_process: None, ..config.with_values(values)? };
     let mut own = trial::replayed(methods, &arm, config.clone(), read_classifier(&record, &config)?)?;
     let (mut other, plans) =
         trial::replanned(methods, &arm, altered.clone(), read_classifier(&record, &altered)?)?;

@@ -37,7 +37,7 @@ pub struct IntentReport {
     pub skipped: Vec<TrialSkipped>,
     /// Picks in them.
     pub picks: usize,
-    /// One entry a model.
+    /// One entry a model; one in another program comes last, where it was that of every trial.
     pub models: Vec<ModelScore>,
 }
 
@@ -69,11 +69,14 @@ pub struct TrialSkipped {
     pub reason: String,
 }
 
+/// What a model in another program is called here.
+pub const OUTSIDE_MODEL: &str = "outside";
+
 /// Score of one model.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ModelScore {
-    /// Which model.
-    pub model: IntentModelName,
+    /// Which model: the name of one of the program's own, or [`OUTSIDE_MODEL`].
+    pub model: String,
     /// Its score.
     #[serde(flatten)]
     pub score: Score,
@@ -139,7 +142,13 @@ impl IntentReport {
 }
 
 /// One gaze sample with what was known when it came.
-type Sample = (SimTime, GazeSample, Candidates);
+struct Sample {
+    time: SimTime,
+    gaze: GazeSample,
+    scene: Candidates,
+    /// What the trial's own model made of it; none if it told nothing.
+    used: Option<Posterior>,
+}
 
 /// From the start of the trial, or a release, until a block is attached.
 struct Pick {
@@ -175,6 +184,7 @@ pub fn intent(
     let count = dirs.len();
     let (mut trials, mut skipped, mut not_begun) = (Vec::new(), Vec::new(), Vec::new());
     let mut episodes = IntentModelName::ALL.map(|_| Vec::new());
+    let (mut outside, mut always_outside) = (Vec::new(), true);
     for (number, dir) in dirs.into_iter().enumerate() {
         progress(number, count, &dir);
         match picks(methods, &dir) {
@@ -182,8 +192,11 @@ pub fn intent(
             Ok(Some(Picked { config, scene, interrupted, picks })) => {
                 let options = options.copied().unwrap_or(config.intent);
                 for (name, episodes) in IntentModelName::ALL.into_iter().zip(&mut episodes) {
-                    episodes.extend(forecast(name, &options, &picks)?);
+                    let mut model = name.build(&options)?;
+                    episodes.extend(forecast(&picks, |at| model.observe(at.time, &at.gaze, &at.scene)));
                 }
+                always_outside &= config.intent_process.is_some();
+                outside.extend(forecast(&picks, |at| at.used.clone()));
                 trials.push(TrialUsed {
                     dir,
                     method: config.method_label(),
@@ -211,10 +224,10 @@ pub fn intent(
             format!("no pick to score: no block was picked in {} trials{reasons}", trials.len()).into()
         );
     }
-    let models = IntentModelName::ALL
-        .into_iter()
-        .zip(&episodes)
-        .map(|(model, episodes)| Ok(ModelScore { model, score: score(episodes)? }))
+    let own = IntentModelName::ALL.iter().map(|name| name.as_str()).zip(&episodes);
+    let models = own
+        .chain(always_outside.then_some((OUTSIDE_MODEL, &outside)))
+        .map(|(model, episodes)| Ok(ModelScore { model: model.to_owned(), score: score(episodes)? }))
         .collect::<Result<_, proact_analysis::AnalysisError>>()?;
     Ok(IntentReport { trials, not_begun, skipped, picks, models })
 }
@@ -274,12 +287,14 @@ fn picks(methods: &MethodRegistry, dir: &Path) -> Result<Option<Picked>, Box<dyn
             break;
         }
         // Before the tick: what its own inference will work on.
-        if let Some(gaze) = input.gaze
-            && testbed.plant().state().attached.is_none()
-        {
-            samples.push((now, gaze, candidates(&testbed, &mut kinematics)?));
-        }
+        let looked = input.gaze.filter(|_| testbed.plant().state().attached.is_none());
+        let scene = looked.map(|_| candidates(&testbed, &mut kinematics)).transpose()?;
         let output = testbed.tick(&input, now == end)?;
+        if let (Some(gaze), Some(scene)) = (looked, scene) {
+            let told = gaze.valid && testbed.posterior().iter().any(|p| *p > 0.0);
+            let used = told.then(|| testbed.posterior().to_vec());
+            samples.push(Sample { time: now, gaze, scene, used });
+        }
         spans.extend(output.span);
         for event in output.events {
             match event.kind {
@@ -329,28 +344,24 @@ fn candidates(testbed: &Testbed, kinematics: &mut Kinematics) -> Result<Candidat
     })
 }
 
-/// What the model called `name` says during the picks of one trial.
-fn forecast(
-    name: IntentModelName,
-    options: &IntentOptions,
-    picks: &[Pick],
-) -> Result<Vec<Episode>, Box<dyn Error>> {
-    let mut model = name.build(options)?;
-    let mut episodes = Vec::new();
-    for pick in picks {
+/// What a model says during the picks of one trial; `observe` takes each sample in, in the order of time.
+fn forecast(picks: &[Pick], mut observe: impl FnMut(&Sample) -> Option<Posterior>) -> Vec<Episode> {
+    let episode = |pick: &Pick| {
         let mut last: Option<(SimTime, Posterior)> = None;
-        let mut forecasts = Vec::with_capacity(pick.samples.len());
-        for (time, gaze, scene) in &pick.samples {
-            if let Some(posterior) = model.observe(*time, gaze, scene) {
-                last = Some((*time, posterior));
+        let mut told = |sample: &Sample| {
+            let time = sample.time;
+            if let Some(posterior) = observe(sample) {
+                last = Some((time, posterior));
             }
             let kept = last.as_ref().filter(|(said, _)| time.millis_since(*said) <= KEPT_MILLIS);
-            let probabilities = kept.map_or_else(|| no_opinion(scene), |(_, posterior)| posterior.clone());
-            forecasts.push(Forecast { time: *time, probabilities });
-        }
-        episodes.push(Episode { start: pick.start, truth: pick.truth.index(), forecasts });
-    }
-    Ok(episodes)
+            let probabilities =
+                kept.map_or_else(|| no_opinion(&sample.scene), |(_, posterior)| posterior.clone());
+            Forecast { time, probabilities }
+        };
+        let forecasts = pick.samples.iter().map(&mut told).collect();
+        Episode { start: pick.start, truth: pick.truth.index(), forecasts }
+    };
+    picks.iter().map(episode).collect()
 }
 
 /// The same for every object that can be picked; for all of them if none can.

@@ -18,10 +18,12 @@ pub(crate) struct IntentView {
 }
 
 impl IntentView {
-    /// Of the trial of `testbed`; none where the method does not select by gaze.
+    /// Of the trial of `testbed`; none where the method does not select by gaze, or where a model in another process says what is
+    /// meant, of which these numbers are not.
     pub(crate) fn of(testbed: &Testbed) -> Option<Self> {
         let method = testbed.method();
-        let selects = method.needs.gaze && method.style == MethodStyle::Selecting;
+        let own = testbed.config().intent_process.is_none();
+        let selects = own && method.needs.gaze && method.style == MethodStyle::Selecting;
         // Options that no model takes have been refused with the trial.
         let model = |name: IntentModelName| name.build(&testbed.config().intent).ok();
         selects.then_some(())?;

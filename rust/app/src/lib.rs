@@ -28,6 +28,7 @@ mod film_of_emg;
 pub mod fit;
 mod head_shoulder;
 mod heap;
+pub mod intent_process;
 pub mod intent_scores;
 mod intent_view;
 pub mod lab_streaming;

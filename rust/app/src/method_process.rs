@@ -16,15 +16,17 @@ const LONGEST_LINE: u64 = 1 << 20;
 /// In a batch each answer is waited for, but not for ever.
 const BATCH_PATIENCE: Duration = Duration::from_secs(10);
 
-/// Why a method in another process cannot be asked.
+/// Why a method, or an intent model, in another process cannot be asked.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MethodProcessError {
     /// The program does not start.
     #[error(
-        "the method {command:?} does not start: {source}; give a program that reads and writes JSON lines"
+        "the {part} {command:?} does not start: {source}; give a program that reads and writes JSON lines"
     )]
     Start {
+        /// What it is in the trial, such as `method`.
+        part: &'static str,
         /// The program and its arguments.
         command: Vec<String>,
         /// Why.
@@ -77,10 +79,30 @@ pub fn read_method_file(path: &Path) -> Result<MethodEntry, MethodFileError> {
     Ok(MethodEntry::outside(entry.info().clone(), MethodProgram { command, ..program.clone() }))
 }
 
-/// The process, and how long a step may wait for it.
-struct Running {
+/// A program that answers line by line, and how long a tick may wait for it.
+pub(crate) struct Running {
     process: LineProcess,
     patience: Duration,
+}
+
+impl Running {
+    /// Starts `command`, which is this `part` of a trial. A live trial does not wait `for_each_answer`.
+    pub(crate) fn start(
+        part: &'static str,
+        command: &[String],
+        for_each_answer: bool,
+        deadline_ms: u64,
+    ) -> Result<Self, MethodProcessError> {
+        let failed = |source| MethodProcessError::Start { part, command: command.to_owned(), source };
+        let process = LineProcess::start(command, LONGEST_LINE).map_err(failed)?;
+        let patience = if for_each_answer { BATCH_PATIENCE } else { Duration::from_millis(deadline_ms) };
+        Ok(Self { process, patience })
+    }
+
+    /// Its answer to the line of `now`, or why there is none.
+    pub(crate) fn answer(&mut self, now: SimTime, line: &str) -> Result<String, String> {
+        self.process.ask(now.0, line.to_owned(), self.patience).map_err(|fault| fault.to_string())
+    }
 }
 
 /// Starts the program that `method` is, if it is one, to drive the arm `model`. A live trial does not wait `for_each_answer`.
@@ -97,14 +119,11 @@ pub fn start(
     if let Some((VMPL_COMMAND, words)) = command.split_first().map(|(first, words)| (first.as_str(), words)) {
         return Ok(Some(Box::new(VmplMethod::open(words, model)?)));
     }
-    let failed = |source| MethodProcessError::Start { command: command.clone(), source };
-    let process = LineProcess::start(command, LONGEST_LINE).map_err(failed)?;
-    let patience = if for_each_answer { BATCH_PATIENCE } else { Duration::from_millis(*deadline_ms) };
-    Ok(Some(Box::new(Running { process, patience })))
+    Ok(Some(Box::new(Running::start("method", command, for_each_answer, *deadline_ms)?)))
 }
 
 impl MethodProcess for Running {
     fn ask(&mut self, now: SimTime, line: &str) -> MethodAnswer {
-        self.process.ask(now.0, line.to_owned(), self.patience).map_err(|fault| fault.to_string())
+        self.answer(now, line)
     }
 }

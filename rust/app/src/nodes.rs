@@ -1,7 +1,7 @@
 //! The stages of a trial as nodes on a ROS 1 graph. Each function runs one node until the graph ends it, or an error does:
 //! no graph, a part that cannot be made, a message that cannot go out.
 
-use crate::{arm::Arm, armband::LiveArmband, method_process, trial};
+use crate::{arm::Arm, armband::LiveArmband, intent_process, method_process, trial};
 use proact_control::MethodRegistry;
 use proact_devices::{EmgOrigin, GazeSource};
 use proact_emg::EmgModel;
@@ -78,6 +78,7 @@ pub fn intent(methods: &MethodRegistry, arm: &Arm, config: &TrialConfig) -> Outc
     let scene = config.build_task(&model)?.scene().clone();
     let counts = Counts::of(&model, &scene);
     let stage = IntentStage::new(config, config.method_entry(methods)?.needs(), model, &scene)?;
+    let stage = stage.with_process(intent_process::start(config)?);
     Ok(node::run_intent(IntentParts { stage, kinematics, counts, scene })?)
 }
 

@@ -124,6 +124,7 @@ impl Study {
                 seed: plan.seed,
                 arrangement: None,
                 process: None,
+                intent: None,
                 emg: None,
             };
             let config = trial_config(&plan.choice(k), context)

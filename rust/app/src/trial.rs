@@ -6,7 +6,7 @@ pub use own_parts::{EmgOf, OwnParts, simulated_by};
 
 use crate::{
     arm::{Arm, ArmError},
-    method_process, tell,
+    intent_process, method_process, tell,
 };
 use proact_arm::{ArmModel, Side};
 use proact_control::{JogProfile, JogSteps, JointJog, JointSubset, MethodRegistry, ports::MethodProcess};
@@ -59,7 +59,7 @@ pub enum AssemblyError {
     /// Physics.
     #[error("physics: {0}")]
     Plant(#[from] PlantError),
-    /// The process of the control method.
+    /// The process of the control method, or of the intent model.
     #[error(transparent)]
     Method(#[from] crate::method_process::MethodProcessError),
     /// The testbed.
@@ -124,9 +124,10 @@ pub fn kinematic(
     let plant: Box<dyn Plant> = Box::new(KinematicPlant::new(model.clone(), scene, base));
     let plans = Box::new(InstantPlans::new(model.clone()));
     let process = process(methods, &config, arm.model())?;
+    let intent = intent_process::start(&config)?;
     let testbed =
         testbed_around(methods, arm, config, plans, Some(person.classifier), process, |_, _| Ok(plant))?;
-    Ok(Session::new(testbed, person.parts))
+    Ok(Session::new(testbed.with_intent(intent), person.parts))
 }
 
 /// A simulated participant with armband and eye tracker.
@@ -287,8 +288,10 @@ pub fn bare(
     let plans = Box::new(planner(arm.model(), &config)?);
     let methods = MethodRegistry::standard();
     let process = process(&methods, &config, arm.model())?;
+    let intent = intent_process::start(&config)?;
     let made = |model: &ArmModel, config: &TrialConfig| Ok(around(physics(model, config)?));
-    Ok((testbed_around(&methods, &arm, config, plans, Some(classifier), process, made)?, feed))
+    let testbed = testbed_around(&methods, &arm, config, plans, Some(classifier), process, made)?;
+    Ok((testbed.with_intent(intent), feed))
 }
 
 /// A testbed that takes its plans from the log.
@@ -407,8 +410,9 @@ fn testbed(
     let plans = worker.log();
     let process = process(methods, &config, arm.model())?;
     let decoder = decoder(&config, classifier.as_ref())?;
+    let intent = intent_process::start(&config)?;
     let testbed = testbed_around(methods, arm, config, Box::new(worker), classifier, process, physics)?;
-    Ok((testbed.with_decoder(decoder), plans))
+    Ok((testbed.with_decoder(decoder).with_intent(intent), plans))
 }
 
 /// The process of the trial's method, started, if it has one.

@@ -3,6 +3,7 @@
 use crate::{Arm, heap::settle_heap, method_process::read_method_file};
 use proact_control::{MethodProgram, MethodRegistry};
 use proact_emg::EmgConfig;
+use proact_intent::IntentProgram;
 use proact_study::TrialChoice;
 use proact_tasks::{DEFAULT_TASK, SHIPPED, TaskChoice};
 use proact_testbed::{Setup, TrialConfig};
@@ -26,6 +27,8 @@ pub struct TrialContext<'a> {
     pub arrangement: Option<&'a str>,
     /// A program in the place of the method.
     pub process: Option<MethodProgram>,
+    /// A program in the place of the intent model.
+    pub intent: Option<IntentProgram>,
     /// Settings of the EMG stage that assignments to `emg` begin with.
     pub emg: Option<EmgConfig>,
 }
@@ -38,7 +41,7 @@ pub fn trial_config(
     choice: &TrialChoice,
     context: TrialContext<'_>,
 ) -> Result<(Arm, TrialConfig), Box<dyn Error>> {
-    let TrialContext { methods, default_setup, seed, arrangement, process, emg } = context;
+    let TrialContext { methods, default_setup, seed, arrangement, process, intent, emg } = context;
     let or = |name: &Option<String>, default: &str| name.clone().unwrap_or_else(|| default.to_owned());
     let method = or(&choice.method, DEFAULT_METHOD);
     let arm = Arm::named(&or(&choice.arm, TrialConfig::DEFAULT_ARM))?;
@@ -55,6 +58,7 @@ pub fn trial_config(
     if process.is_some() {
         config.method_process = process;
     }
+    config.intent_process = intent;
     if sets_emg(&choice.set) {
         config.emg = emg;
     }

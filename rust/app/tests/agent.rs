@@ -114,6 +114,7 @@ fn joint_speeds_of_an_agent_are_those_of_a_method_in_another_process() {
         method: Some(Box::new(Speeds(speeds))),
         participant: Some(Box::new(Script(vec![Gesture::NoMotion; STEPS]))),
         decoder: None,
+        intent: None,
     };
     let alike = config("A").by(&MethodEntry::outside(info, program));
     assert_eq!(trial.session().testbed().digest(), digest_without_agent(alike, own));

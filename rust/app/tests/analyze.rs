@@ -45,9 +45,11 @@ fn a_recorded_pick_is_scored_the_same_alone_and_in_a_folder_and_what_is_damaged_
     let alone = intent_scores::intent(&MethodRegistry::standard(), &dir, None, |_, _, _| {})?;
     assert_eq!((alone.picks, alone.trials.len(), alone.skipped.len()), (1, 1, 0));
     assert_eq!(alone.trials[0].picked, [block]);
-    let names: Vec<IntentModelName> = alone.models.iter().map(|m| m.model).collect();
-    assert_eq!(names, IntentModelName::ALL);
-    let score = |name| &alone.models.iter().find(|m| m.model == name).expect("all are there").score;
+    let names: Vec<&str> = alone.models.iter().map(|m| m.model.as_str()).collect();
+    assert_eq!(names, IntentModelName::ALL.map(IntentModelName::as_str));
+    let score = |name: IntentModelName| {
+        &alone.models.iter().find(|m| m.model == name.as_str()).expect("all are there").score
+    };
     assert_eq!(score(IntentModelName::Product).never_correct, 0, "the participant locked it with this model");
     let chance = 4.0_f64.ln();
     for name in [IntentModelName::GazeOnly, IntentModelName::Product, IntentModelName::Filtered] {

@@ -99,6 +99,7 @@ const CASES: &[(&str, &str, &[&str])] = &[
     ("intent.straightness_per_m", "50.0", &["intent_model=hand_motion"]),
     ("intent.switching_per_s", "3.0", &[FILTERED]),
     ("intent_model", "gaze_only", &[]),
+    ("intent_process.command", "[\"no-such-program\"]", &[]),
     ("method", "C", &[]),
     ("method_process.command", "[\"no-such-program\"]", &[]),
     ("motion.limb_rad_per_s", "0.1", &[A, "profile.level=below_elbow"]),

@@ -10,23 +10,32 @@ use std::{
 /// Longest answer that is looked at, bytes.
 const LONGEST_ANSWER: usize = 1000;
 
-/// Whether the program that `config`, from `file`, names for its method may be started: if `allowed` on the command
-/// line, or if somebody at the terminal says yes.
+/// Whether the programs that `config`, from `file`, names may be started: if `allowed` on the command line, or if somebody at
+/// the terminal says yes to each.
 ///
 /// # Errors
-/// Nobody consented; the command is shown.
-pub(crate) fn to_the_command_of(
+/// Nobody consented; the first such command is shown.
+pub(crate) fn to_the_commands_of(
     config: &TrialConfig,
     file: &str,
     allowed: bool,
 ) -> Result<(), Box<dyn Error>> {
-    let Some(process) = config.method_process.as_ref().filter(|_| !allowed) else { return Ok(()) };
-    let command = shown(&process.command);
-    if io::stdin().is_terminal() && io::stderr().is_terminal() {
-        asked(file, &command, &mut io::stdin().lock(), &mut io::stderr())
-    } else {
-        Err(refusal(file, &command).into())
+    if allowed {
+        return Ok(());
     }
+    let named = [
+        ("method_process", config.method_process.as_ref().map(|program| &program.command)),
+        ("intent_process", config.intent_process.as_ref().map(|program| &program.command)),
+    ];
+    for (section, command) in named {
+        let Some(command) = command else { continue };
+        let command = shown(command);
+        if !(io::stdin().is_terminal() && io::stderr().is_terminal()) {
+            return Err(refusal(file, section, &command).into());
+        }
+        asked(file, section, &command, &mut io::stdin().lock(), &mut io::stderr())?;
+    }
+    Ok(())
 }
 
 /// The words as they reach the program; what a terminal would act upon is spelt out.
@@ -34,28 +43,29 @@ fn shown(command: &[String]) -> String {
     command.iter().map(|word| format!("{word:?}")).collect::<Vec<_>>().join(" ")
 }
 
-fn refusal(file: &str, command: &str) -> String {
+fn refusal(file: &str, section: &str, command: &str) -> String {
     format!(
-        "{file} would start the program {command} (method_process.command), with all rights that you have: read it, \
+        "{file} would start the program {command} ({section}.command), with all rights that you have: read it, \
          then add --allow-command, or take the section out of the file"
     )
 }
 
 fn asked(
     file: &str,
+    section: &str,
     command: &str,
     answers: &mut impl BufRead,
     terminal: &mut impl Write,
 ) -> Result<(), Box<dyn Error>> {
     write!(
         terminal,
-        "{file} starts this program, with all rights that you have:\n  {command}\nStart it? [y/N] "
+        "{file} starts this program ({section}.command), with all rights that you have:\n  {command}\nStart it? [y/N] "
     )?;
     terminal.flush()?;
     let mut line = Vec::new();
     let read = read_line(answers, LONGEST_ANSWER, &mut line)?;
     let yes = line.trim_ascii().eq_ignore_ascii_case(b"y") || line.trim_ascii().eq_ignore_ascii_case(b"yes");
-    if read == LineRead::Whole && yes { Ok(()) } else { Err(refusal(file, command).into()) }
+    if read == LineRead::Whole && yes { Ok(()) } else { Err(refusal(file, section, command).into()) }
 }
 
 #[cfg(test)]
@@ -75,7 +85,7 @@ mod tests {
             ("yesterday\n", false),
         ] {
             let mut terminal = Vec::new();
-            let asked = asked("x.toml", &command, &mut answer.as_bytes(), &mut terminal);
+            let asked = asked("x.toml", "method_process", &command, &mut answer.as_bytes(), &mut terminal);
             assert_eq!(asked.is_ok(), consents, "{answer:?}");
             let text = String::from_utf8(terminal).unwrap();
             assert!(text.contains(&command) && text.ends_with("[y/N] "), "{text}");

@@ -64,7 +64,7 @@ pub(crate) struct DemoArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  proact run trial.toml --headless --json\n\n\
     A configuration is what a trial directory holds as config.toml. One that names a program for its method \
-    (method_process.command) starts it only with --allow-command, or after a yes at the terminal.")]
+    or its intent model (method_process.command, intent_process.command) starts it only with --allow-command, or after a yes at the terminal.")]
 pub(crate) struct RunArgs {
     /// Trial configuration
     config: PathBuf,
@@ -176,7 +176,7 @@ pub(crate) fn run(registry: &Registry, args: &RunArgs) -> Result<bool, Box<dyn E
             format!("cannot read {}: {e}; give a trial configuration (TOML)", args.config.display())
         })?;
     let config = TrialConfig::from_toml(&text).map_err(|e| format!("{}: {e}", args.config.display()))?;
-    consent::to_the_command_of(&config, &args.config.display().to_string(), args.allow_command)?;
+    consent::to_the_commands_of(&config, &args.config.display().to_string(), args.allow_command)?;
     let source = args
         .emg
         .as_ref()

@@ -4,6 +4,7 @@ use clap::Args;
 use proact_app::{Arm, TrialContext, sets_emg, study::like, trial_config};
 use proact_control::{MethodProgram, MethodRegistry};
 use proact_emg::EmgConfig;
+use proact_intent::IntentProgram;
 use proact_study::TrialChoice;
 use proact_testbed::TrialConfig;
 use std::error::Error;
@@ -41,6 +42,9 @@ pub(crate) struct TrialArgs {
     /// Another program in the place of the method; it reads and writes JSON lines (docs/methods)
     #[arg(long, value_name = "PROGRAM ARGS")]
     method_command: Option<String>,
+    /// A program that says what the person means, in the place of the model; it reads and writes JSON lines (docs/intent.md)
+    #[arg(long, value_name = "PROGRAM ARGS")]
+    intent_command: Option<String>,
     /// Another value of the trial configuration, such as profile.level=below_elbow; may be repeated
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -59,12 +63,14 @@ impl TrialArgs {
         emg: Option<EmgConfig>,
     ) -> Result<(Arm, TrialConfig), Box<dyn Error>> {
         let choice = self.choice()?;
-        let process = self
-            .method_command
-            .as_ref()
-            .map(|command| MethodProgram::new(command.split_whitespace().map(str::to_owned).collect()));
+        let words = |command: &String| command.split_whitespace().map(str::to_owned).collect();
+        let process = self.method_command.as_ref().map(|command| MethodProgram::new(words(command)));
+        let intent = self.intent_command.as_ref().map(|command| IntentProgram::new(words(command)));
         let (seed, arrangement) = (self.seed, self.arrangement.as_deref());
-        trial_config(&choice, TrialContext { methods, default_setup, seed, arrangement, process, emg })
+        trial_config(
+            &choice,
+            TrialContext { methods, default_setup, seed, arrangement, process, intent, emg },
+        )
     }
 
     /// What was asked for, over what the set-up says that it should be like.
@@ -120,6 +126,7 @@ mod tests {
             limit: None,
             arrangement: None,
             method_command: Some("python3 method.py".into()),
+            intent_command: None,
             set: vec![],
         };
         // A program stands in the place of the method that was named beside it.

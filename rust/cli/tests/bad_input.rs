@@ -168,14 +168,18 @@ fn a_configuration_that_names_a_program_does_not_start_it_unasked() {
     let made = proact(place.path(), &["demo", "--headless", "--set", "limit_secs=0.1", "--out", "made"]);
     assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
     let text = fs::read_to_string(place.path().join("made/config.toml")).expect("a configuration");
-    let section = format!("\n[method_process]\ncommand = [\"touch\", {:?}]\n", planted.display().to_string());
-    fs::write(place.path().join("shared.toml"), text + &section).expect("writes");
-    let error = refused(place.path(), &["run", "shared.toml", "--headless"]);
-    assert_names(&error, &["shared.toml", "\"touch\"", "planted", "--allow-command"]);
-    assert!(!planted.exists());
-    // With the option it is started, and then refused for what it says, which is nothing.
-    proact(place.path(), &["run", "shared.toml", "--headless", "--no-record", "--allow-command"]);
-    assert!(planted.exists());
+    for section in ["method_process", "intent_process"] {
+        let command = format!("\n[{section}]\ncommand = [\"touch\", {:?}]\n", planted.display().to_string());
+        fs::write(place.path().join("shared.toml"), text.clone() + &command).expect("writes");
+        let error = refused(place.path(), &["run", "shared.toml", "--headless"]);
+        let words = format!("{section}.command");
+        assert_names(&error, &["shared.toml", "\"touch\"", "planted", &words, "--allow-command"]);
+        assert!(!planted.exists(), "{section}");
+        // With the option it is started, and then refused for what it says, which is nothing.
+        proact(place.path(), &["run", "shared.toml", "--headless", "--no-record", "--allow-command"]);
+        assert!(planted.exists(), "{section}");
+        fs::remove_file(&planted).expect("it is there");
+    }
 }
 
 #[test]

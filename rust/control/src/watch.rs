@@ -16,7 +16,8 @@ const MOVING: u32 = 2;
 /// - An armband is dead when the EMG stage says so, or when no decision came for `emg_ms`.
 /// - The source that commands gestures, a page or a topic, is dead after `link_ms` without a word. A page may be
 ///   silent while no gesture is held; a topic may not.
-/// - An eye tracker is dead when no new gaze came for `gaze_ms`, for methods that use gaze.
+/// - An eye tracker is dead when no new gaze came for `gaze_ms`, for methods that use gaze; its gaze is of no use, and stops the
+///   arm of such a method at once, while an intent model in another process gives nothing.
 /// - A tracked shoulder or limb that has moved is dead when it has not moved for `tracking_ms`.
 /// - A stage that is a process of its own is dead from the sign that it was lost to the sign that it is back.
 ///
@@ -33,6 +34,8 @@ pub struct SourceWatch {
     /// What the EMG stage says, and whether gestures pass it.
     armband: Option<(StopCause, String)>,
     armed: bool,
+    /// Why an intent model in another process gives nothing.
+    intent: Option<String>,
     stop: Option<Stop>,
     /// The source that stopped the arm is alive; a relaxed gesture is missing.
     returned: bool,
@@ -62,6 +65,7 @@ impl SourceWatch {
             spoken: true,
             armband: None,
             armed: true,
+            intent: None,
             stop: None,
             returned: false,
         }
@@ -107,6 +111,13 @@ impl SourceWatch {
     pub fn armband(&mut self, fault: Option<(StopCause, String)>, armed: bool) {
         self.armband = fault;
         self.armed = armed;
+    }
+
+    /// Why an intent model in another process gives nothing now; none while it answers, or if there is none.
+    pub fn intent(&mut self, fault: Option<&str>) {
+        if self.intent.as_deref() != fault {
+            self.intent = fault.map(str::to_owned);
+        }
     }
 
     /// Decides for `now`. `gesture` is the one in force. An event if the stop began or ended, which the method must
@@ -203,6 +214,9 @@ impl SourceWatch {
     }
 
     fn dead_eye_tracker(&self, now: SimTime) -> Option<(StopCause, String)> {
+        if let Some(reason) = self.intent.as_ref().filter(|_| self.needs_gaze) {
+            return Some((StopCause::Undecided, reason.clone()));
+        }
         let limit = self.limits?.gaze_ms;
         let source = InputSource::EyeTracker;
         let (cause, what) = self.dead_measurement(now, source, limit).filter(|_| self.needs_gaze)?;

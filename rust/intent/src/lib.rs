@@ -27,12 +27,14 @@ mod filtered;
 mod gaze_offset;
 mod hand_motion;
 mod model;
+mod outside;
 mod place;
 mod posterior;
 mod single;
 
 pub use gaze_offset::GazeOffset;
 pub use model::{Candidates, IntentModel, IntentModelName};
+pub use outside::{InferredLine, IntentProcess, IntentProgram, LookLine, OutsideModel, Told};
 pub use place::table_hit;
 pub use posterior::{IntentError, IntentOptions, Posterior, posterior, prior_weights};
 

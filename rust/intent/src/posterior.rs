@@ -112,6 +112,16 @@ pub enum IntentError {
         /// What is allowed.
         expected: &'static str,
     },
+    /// A number or a word of an intent model in another program cannot be.
+    #[error("intent_process.{key} = {got}, expected {expected}")]
+    Program {
+        /// Such as `deadline_ms`.
+        key: &'static str,
+        /// What was given.
+        got: String,
+        /// What is allowed.
+        expected: &'static str,
+    },
     /// No such model.
     #[error("intent model {got:?} is unknown; expected one of {known}")]
     Model {

@@ -44,6 +44,7 @@ impl Choice {
             seed,
             arrangement: None,
             process: None,
+            intent: None,
             emg: None,
         };
         trial_config(&choice, context).map_err(refused)

@@ -1,8 +1,8 @@
-//! Whole trials, with methods, participants and classifiers in Python.
+//! Whole trials, with methods, intent models, participants and classifiers in Python.
 
 use crate::{
     choice::{Choice, emg_origin, refused},
-    worker::{Decoder, Faults, Method, Person, Worker},
+    worker::{Decoder, Faults, Meaning, Method, Person, Worker},
 };
 use proact_app::{
     Arm, Audience, Recorder, Registry, ReplayOptions, replay_trial, run_to_end,
@@ -11,6 +11,7 @@ use proact_app::{
 use proact_control::{MethodEntry, MethodProgram, MethodRegistry, ports::MethodProcess};
 use proact_devices::FeedbackSinks;
 use proact_emg::{DecoderProcess, EmgModel};
+use proact_intent::{IntentProcess, IntentProgram};
 use proact_participants::Participant;
 use proact_testbed::{TrialConfig, TrialResult};
 use proact_types::{MethodInfo, PlannerView};
@@ -27,7 +28,7 @@ use std::{
     time::Duration,
 };
 
-/// What stands for the program of a method in Python. A replay takes its answers from the log.
+/// What stands for the program of a method, or of an intent model, in Python. A replay takes its answers from the log.
 const PYTHON_COMMAND: &str = "proact:python";
 /// Ticks from one look at Ctrl-C to the next.
 const SIGNAL_TICKS: u64 = 1000;
@@ -45,6 +46,7 @@ struct InPython {
     classifier: Option<Py<PyAny>>,
     /// Model whose windows the classifier decodes, JSON text.
     model: Option<String>,
+    intent: Option<Py<PyAny>>,
     patience_secs: f64,
 }
 
@@ -80,6 +82,9 @@ pub(crate) fn run_trial(
         program.check().map_err(refused)?;
         config = config.by(&MethodEntry::outside(info, program));
     }
+    if python.intent.is_some() {
+        config.intent_process = Some(IntentProgram::new(vec![PYTHON_COMMAND.to_owned()]));
+    }
     let run = Run { arm, methods, config, emg, gaze_error_deg, dir: record, python };
     // Others may run while the trial does; what is asked of Python comes back for the interpreter.
     let ran = py.detach(move || run.finish());
@@ -114,6 +119,9 @@ impl Run {
             decoder: python
                 .classifier
                 .map(|object| Box::new(Decoder(worker(object), faults.clone())) as Box<dyn DecoderProcess>),
+            intent: python
+                .intent
+                .map(|object| Box::new(Meaning(worker(object), faults.clone())) as Box<dyn IntentProcess>),
         };
         let trained = python.model.map(|model| EmgModel::from_json(&model)).transpose();
         let trained = trained.map_err(|error| error.to_string())?;

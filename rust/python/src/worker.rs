@@ -3,9 +3,10 @@
 
 use proact_control::ports::MethodProcess;
 use proact_emg::DecoderProcess;
+use proact_intent::IntentProcess;
 use proact_participants::Participant;
 use proact_types::{
-    DisplayFrame, Gesture, Intention, MethodAnswer, SimTime, TrunkPosture, Vector, WindowAnswer,
+    DisplayFrame, Gesture, IntentAnswer, Intention, MethodAnswer, SimTime, TrunkPosture, Vector, WindowAnswer,
 };
 use pyo3::{exceptions::PyKeyboardInterrupt, prelude::*};
 use std::{
@@ -86,16 +87,30 @@ impl Faults {
     }
 }
 
+/// The answer of `worker`, which is this `part` of the trial, to `line`; what went wrong is noted among the `faults`.
+fn answer(worker: &Worker, faults: &Faults, part: &str, line: &str) -> Result<String, String> {
+    worker.ask(line).map_err(|fault| {
+        let text = fault.text(part);
+        faults.note(&text);
+        text
+    })
+}
+
 /// A control method.
 pub(crate) struct Method(pub Worker, pub Faults);
 
 impl MethodProcess for Method {
     fn ask(&mut self, _now: SimTime, line: &str) -> MethodAnswer {
-        self.0.ask(line).map_err(|fault| {
-            let text = fault.text("method");
-            self.1.note(&text);
-            text
-        })
+        answer(&self.0, &self.1, "method", line)
+    }
+}
+
+/// An intent model.
+pub(crate) struct Meaning(pub Worker, pub Faults);
+
+impl IntentProcess for Meaning {
+    fn ask(&mut self, _now: SimTime, line: &str) -> IntentAnswer {
+        answer(&self.0, &self.1, "intent model", line)
     }
 }
 

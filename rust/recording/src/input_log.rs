@@ -7,7 +7,7 @@
 //! last one is the end mark: a log without it was broken off.
 
 use crate::{RECORD_FORMAT, RecordingError, files, format};
-use proact_types::{SimTime, TickInput, WindowAnswer};
+use proact_types::{IntentAnswer, SimTime, TickInput, WindowAnswer};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::{
     collections::BTreeMap,
@@ -40,6 +40,7 @@ enum RecordRef<'a> {
     Tick(SimTime, &'a TickInput),
     End(LogEnd),
     Decoded(SimTime, &'a TickInput, &'a [WindowAnswer]),
+    Inferred(SimTime, &'a TickInput, &'a [WindowAnswer], &'a IntentAnswer),
 }
 
 /// Every record but the first.
@@ -47,8 +48,10 @@ enum RecordRef<'a> {
 enum Record {
     Tick(SimTime, Box<TickInput>),
     End(LogEnd),
-    /// A tick in which a process that decodes EMG was asked. Last, so that logs without one are read as ever.
+    /// A tick in which a process that decodes EMG was asked. Behind the others, so that logs without one are read as ever.
     Decoded(SimTime, Box<TickInput>, Vec<WindowAnswer>),
+    /// A tick in which an intent model in another process was asked, last for the same reason.
+    Inferred(SimTime, Box<TickInput>, Vec<WindowAnswer>, IntentAnswer),
 }
 
 /// The end mark of a finished trial.
@@ -116,9 +119,10 @@ impl InputLogWriter {
             return Ok(());
         }
         self.records += 1;
-        self.put_value(&match input.decoder.as_slice() {
-            [] => RecordRef::Tick(tick, input),
-            answers => RecordRef::Decoded(tick, input, answers),
+        self.put_value(&match (input.decoder.as_slice(), &input.intent) {
+            ([], None) => RecordRef::Tick(tick, input),
+            (answers, None) => RecordRef::Decoded(tick, input, answers),
+            (answers, Some(answer)) => RecordRef::Inferred(tick, input, answers, answer),
         })
     }
 
@@ -246,6 +250,9 @@ impl InputLog {
             Record::Tick(tick, input) => self.tick(offset, tick, *input).map(Some),
             Record::Decoded(tick, input, decoder) => {
                 self.tick(offset, tick, TickInput { decoder, ..*input }).map(Some)
+            }
+            Record::Inferred(tick, input, decoder, intent) => {
+                self.tick(offset, tick, TickInput { decoder, intent: Some(intent), ..*input }).map(Some)
             }
             Record::End(end) => {
                 if end.records != self.records {

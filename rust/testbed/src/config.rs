@@ -4,7 +4,7 @@ use crate::{
 use proact_arm::{ArmModel, Side};
 use proact_control::{MethodEntry, MethodProgram, MethodRegistry, OUTSIDE, Profile};
 use proact_emg::{Classifier, EmgConfig};
-use proact_intent::{IntentModelName, IntentOptions};
+use proact_intent::{IntentModelName, IntentOptions, IntentProgram};
 use proact_participants::{Body, ParticipantOptions};
 use proact_tasks::{DEFAULT_TASK, Task, TaskChoice, Wearer};
 use proact_types::{GestureCommands, GestureName, GestureTableError};
@@ -121,6 +121,9 @@ pub struct TrialConfig {
     /// then says no more than what the posterior knows and how a simulated participant acts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub method_process: Option<MethodProgram>,
+    /// The program that says what the person means, in the place of `intent_model`; none if that does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub intent_process: Option<IntentProgram>,
     /// Delay, jitter and loss on the ways from the person and to the display.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub impairments: Vec<LinkImpairment>,
@@ -163,6 +166,7 @@ impl TrialConfig {
             planner: PlannerOptions::default(),
             setup,
             method_process: None,
+            intent_process: None,
             impairments: Vec::new(),
             feedback: FeedbackMapping::standard(),
             intent: IntentOptions::default(),
@@ -436,6 +440,7 @@ impl TrialConfig {
         self.motion.check()?;
         self.planner.check()?;
         self.method_process.as_ref().map_or(Ok(()), MethodProgram::check)?;
+        self.intent_process.as_ref().map_or(Ok(()), IntentProgram::check)?;
         LinkImpairment::check(&self.impairments)?;
         FeedbackMapping::check(&self.feedback)?;
         self.profile.check()?;

@@ -170,6 +170,11 @@ impl Digest {
 
     /// What the intent stage said of a new gaze.
     pub fn intent(&mut self, output: &IntentOutput) {
+        // Without a model in another process there is none, and nothing enters.
+        if let Some(answer) = &output.answer {
+            let (Ok(text) | Err(text)) = answer;
+            self.field(Field::InputGaze).word(u64::from(answer.is_ok())).text(text);
+        }
         if output.heard.is_some() {
             let mut field = self.field(Field::Intent);
             field.numbers(&output.posterior).vector(&output.place.coords);

@@ -205,7 +205,8 @@ fn part_of(link: ImpairedLink, input: &mut TickInput) -> Option<TickInput> {
 
 /// Puts what has come into `input`.
 fn join(input: &mut TickInput, part: TickInput) {
-    let TickInput { emg, gesture, gaze, shoulder, limb, signs, plan: _, method: _, decoder: _ } = part;
+    let TickInput { emg, gesture, gaze, shoulder, limb, signs, plan: _, method: _, decoder: _, intent: _ } =
+        part;
     input.emg.extend(emg);
     input.gesture = gesture.or(input.gesture);
     input.gaze = gaze.or(input.gaze);

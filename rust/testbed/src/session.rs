@@ -101,6 +101,7 @@ impl Session {
         input.plan.clone_from(&output.plan);
         input.method.clone_from(&output.method);
         input.decoder.clone_from(&output.decoder);
+        input.intent.clone_from(&output.intent);
         let due = testbed.frame_is_due() || output.finished;
         let drawn = due.then(|| testbed.frame(self.person.head())).transpose()?;
         let frame = self.impairments.show(time, drawn, output.finished);

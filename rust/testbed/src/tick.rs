@@ -14,11 +14,12 @@ use proact_control::{
     ports::{ArmKinematics, KinematicsError, MethodProcess},
 };
 use proact_emg::{Classifier, DecoderProcess, EmgError, EmgOutput};
+use proact_intent::IntentProcess;
 use proact_tasks::Task;
 use proact_types::{
     DisplayFrame, Event, EventKind, FeedbackCue, Gesture, GestureName, GestureTableError, HandState,
-    JointVector, MethodAnswer, MethodInfo, PlanReply, PlanRequest, Pose, SimTime, Stop, TickInput,
-    WindowAnswer,
+    IntentAnswer, JointVector, MethodAnswer, MethodInfo, PlanReply, PlanRequest, Pose, SimTime, Stop,
+    TickInput, WindowAnswer,
 };
 use std::sync::Arc;
 
@@ -103,6 +104,8 @@ pub struct TickOutput {
     pub method: Option<MethodAnswer>,
     /// What a process that decodes EMG answered: it belongs to the input log.
     pub decoder: Vec<WindowAnswer>,
+    /// What an intent model in another process answered: it belongs to the input log.
+    pub intent: Option<IntentAnswer>,
     /// A window of EMG ended, or the stream became stale.
     pub emg: Option<EmgOutput>,
     /// The command that the EMG stage published.
@@ -203,6 +206,12 @@ impl Testbed {
         self
     }
 
+    /// The same testbed, whose intent model is that of `process`; none in a replay, which takes its answers from the log.
+    pub fn with_intent(mut self, process: Option<Box<dyn IntentProcess>>) -> Self {
+        self.intent = self.intent.with_process(process);
+        self
+    }
+
     /// Simulated time of the last tick.
     pub fn now(&self) -> SimTime {
         self.now
@@ -261,6 +270,11 @@ impl Testbed {
     /// The gestures that the EMG model tells apart, in the order of [`EmgOutput::posterior`]; none without a model.
     pub fn emg_gestures(&self) -> &[GestureName] {
         self.emg.gestures()
+    }
+
+    /// Probability of each object after the last valid gaze; all zero where it told nothing.
+    pub fn posterior(&self) -> &[f64] {
+        &self.said.intent.posterior
     }
 
     /// What the arm does now.
@@ -327,6 +341,7 @@ impl Testbed {
             gaze: GazeMeasurement::of(input),
             world: self.world.state(),
             task: self.task.task().state(),
+            answer: input.intent.as_ref(),
         };
         let mut intent = self.intent.step(now, looked, kinematics);
         note(std::mem::take(&mut intent.events));
@@ -391,6 +406,7 @@ impl Testbed {
         (output.emg, output.message) = (gesture.decision.clone(), gesture.message);
         (output.request, output.plan, output.method) = (method.request, method.plan, method.answer);
         output.decoder.clone_from(&gesture.answers);
+        output.intent = intent.answer.take();
         output.finished = task.state.finished;
         output.span = self.digest.end_tick(now, last || output.finished);
         self.said = Said { gesture, intent, actuation, frozen: world.frozen };

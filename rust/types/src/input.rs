@@ -73,6 +73,10 @@ pub struct GazeSample {
 /// What a method in another process answered to one control step: its line, or why there is none.
 pub type MethodAnswer = Result<String, String>;
 
+/// What an intent model in another process answered to one gaze: its line, or why there is none. It belongs to the input log: a
+/// replay asks no process.
+pub type IntentAnswer = Result<String, String>;
+
 /// What a process that decodes EMG said of one window. It belongs to the input log: a replay asks no process.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum WindowAnswer {
@@ -115,6 +119,9 @@ pub struct TickInput {
     /// input log keeps it beside the other fields, so that ticks without it are written as they always were.
     #[serde(skip)]
     pub decoder: Vec<WindowAnswer>,
+    /// What an intent model in another process answered to the gaze of this tick. Filled as `plan` is, and kept as `decoder` is.
+    #[serde(skip)]
+    pub intent: Option<IntentAnswer>,
 }
 
 #[cfg(test)]

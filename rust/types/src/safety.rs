@@ -122,7 +122,7 @@ pub enum StopCause {
     WrongRate,
     /// It measures, but sees nothing: the eye is lost.
     Lost,
-    /// Samples come, and the process that decodes them gives no usable decision.
+    /// Samples come, and the process that decodes them, or says what is meant, gives nothing usable.
     Undecided,
 }
 

@@ -242,6 +242,7 @@ impl Driver {
             method: (!as_person).then(|| Box::new(board.clone()) as Box<dyn MethodProcess>),
             participant: Some(Box::new(board)),
             decoder: None,
+            intent: None,
         };
         Ok((driver, own))
     }

@@ -69,6 +69,7 @@ impl TrialOrder {
             seed: self.seed,
             arrangement: self.arrangement.as_deref(),
             process: None,
+            intent: None,
             emg,
         };
         trial_config(&self.choice, context)

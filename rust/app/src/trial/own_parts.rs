@@ -1,10 +1,11 @@
 //! A simulated trial with parts that the calling program brings in its own process.
 
 use super::{Assembly, AssemblyError, decoder, physics, planner, process, simulated_person, testbed_around};
-use crate::Arm;
+use crate::{Arm, intent_process};
 use proact_control::{MethodRegistry, ports::MethodProcess};
 use proact_devices::{EmgOrigin, GazeSource};
 use proact_emg::{DecoderProcess, EmgModel};
+use proact_intent::IntentProcess;
 use proact_participants::Participant;
 use proact_testbed::{ConfigError, PersonParts, Session, TrialConfig};
 
@@ -18,6 +19,8 @@ pub struct OwnParts {
     pub method: Option<Box<dyn MethodProcess>>,
     /// Decodes EMG in the place of the program that the configuration names.
     pub decoder: Option<Box<dyn DecoderProcess>>,
+    /// Says what is meant in the place of the program that the configuration names (`intent_process`).
+    pub intent: Option<Box<dyn IntentProcess>>,
 }
 
 /// Where the EMG of a trial comes from, and the model that was trained before, if one is given.
@@ -63,8 +66,9 @@ pub fn simulated_by(
     let plans = worker.log();
     let method = own.method.map_or_else(|| process(methods, &config, arm.model()), |own| Ok(Some(own)))?;
     let decoder = own.decoder.map_or_else(|| decoder(&config, classifier.as_ref()), |own| Ok(Some(own)))?;
+    let intent = own.intent.map_or_else(|| intent_process::start(&config), |own| Ok(Some(own)))?;
     let plan_service = Box::new(worker);
     let testbed = testbed_around(methods, arm, config, plan_service, classifier.clone(), method, physics)?;
-    let session = Session::new(testbed.with_decoder(decoder), parts);
+    let session = Session::new(testbed.with_decoder(decoder).with_intent(intent), parts);
     Ok(Assembly { session, classifier, arm: arm.clone(), plans })
 }

@@ -163,7 +163,7 @@ impl IntentNode {
 
     fn infer(&mut self, now: SimTime, gaze: Option<GazeMeasurement>) -> rosrust::error::Result<()> {
         let Some(Instant { world, task, .. }) = self.state.get() else { return Ok(()) };
-        let input = IntentInput { gaze, world, task };
+        let input = IntentInput { gaze, world, task, answer: None };
         let output = self.parts.stage.step(now, input, self.parts.kinematics.as_mut());
         let stamp = self.common.stamp();
         // Before the original's topics, which listeners that know the typed message pass over.

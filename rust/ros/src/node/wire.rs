@@ -306,6 +306,7 @@ pub(super) fn intent(tick: SimTime, stamp: SimTime, output: &IntentOutput) -> In
         place: convert::point(&output.place),
         gaze: output.gaze.iter().map(gaze).collect(),
         seen_at: tick_of(output.seen_at),
+        fault: output.fault.clone().unwrap_or_default(),
         events: texts(&output.events),
     }
 }
@@ -331,6 +332,8 @@ pub(super) fn read_intent(message: &Intent, objects: usize) -> Result<IntentOutp
         place,
         gaze: none_or_one("gaze", &message.gaze)?.map(read_gaze),
         seen_at: at(message.seen_at),
+        answer: None,
+        fault: Some(message.fault.clone()).filter(|fault| !fault.is_empty()),
         events: events(&message.events)?,
     })
 }

@@ -2,11 +2,13 @@ use super::object_centres;
 use crate::{ConfigError, GraspChoice, TestbedError, TrialConfig};
 use proact_arm::ArmModel;
 use proact_control::ports::ArmKinematics;
-use proact_intent::{Candidates, IntentModel, IntentOptions, Posterior, table_hit};
+use proact_intent::{
+    Candidates, IntentModel, IntentOptions, IntentProcess, OutsideModel, Posterior, Told, table_hit,
+};
 use proact_tasks::TaskState;
 use proact_types::{
-    EventKind, GazeSample, InputSign, InputSource, Needs, ObjectId, ObjectSet, PlaceRegion, PlantState,
-    Point, Scene, SignKind, SimTime, TaskContext, TickInput, Vector,
+    EventKind, GazeSample, InputSign, InputSource, IntentAnswer, Needs, ObjectId, ObjectSet, PlaceRegion,
+    PlantState, Point, Scene, SignKind, SimTime, TaskContext, TickInput, Vector,
 };
 use std::sync::Arc;
 
@@ -58,6 +60,8 @@ pub struct IntentInput<'a> {
     pub world: &'a PlantState,
     /// The task after the tick before.
     pub task: &'a TaskState,
+    /// What the input log has of an intent model in another process; none live.
+    pub answer: Option<&'a IntentAnswer>,
 }
 
 /// What a new gaze says about its tracker.
@@ -86,6 +90,10 @@ pub struct IntentOutput {
     pub gaze: Option<GazeSample>,
     /// When the eye was last seen.
     pub seen_at: Option<SimTime>,
+    /// What a model in another process answered in this tick.
+    pub answer: Option<IntentAnswer>,
+    /// Why the last answer of a model in another process is of no use, so that nothing is highlighted; none if it is.
+    pub fault: Option<String>,
     /// What happened.
     pub events: Vec<EventKind>,
 }
@@ -113,6 +121,14 @@ impl IntentStage {
         })
     }
 
+    /// The same stage, whose model is that of `process`, where the configuration names a program; none in a replay.
+    pub fn with_process(mut self, process: Option<Box<dyn IntentProcess>>) -> Self {
+        if let Model::Outside(model) = &mut self.filter.model {
+            model.set_process(process);
+        }
+        self
+    }
+
     /// One tick. `kinematics` is that of the arm, base to tip.
     pub fn step(
         &mut self,
@@ -130,13 +146,14 @@ impl IntentStage {
                 false => GazeHeard::Blank,
             });
             let scene = self.candidates(&input, kinematics);
-            self.filter.take(now, &sample, &scene);
+            output.answer = self.filter.take(now, &sample, &scene, input.answer);
         }
         output.posterior = self.filter.posterior().clone();
         output.highlight = self.filter.highlight(now);
         output.place = self.filter.place();
         output.gaze = self.filter.sample();
         output.seen_at = self.filter.seen_at();
+        output.fault = self.filter.fault().map(str::to_owned);
         output
     }
 
@@ -192,9 +209,19 @@ impl IntentStage {
 /// A gaze that passes a shelf's edge this closely means the shelf, metres: eye trackers are off by as much.
 const BESIDE_SHELF: f64 = 0.02;
 
+/// Who says what is meant.
+enum Model {
+    /// One of the program's own.
+    Own(Box<dyn IntentModel>),
+    /// One in another process.
+    Outside(OutsideModel),
+}
+
 /// Turns gaze samples into the highlighted object and the place marker.
 pub struct GazeFilter {
-    model: Box<dyn IntentModel>,
+    model: Model,
+    /// Why the last answer of a model in another process is of no use.
+    fault: Option<String>,
     hysteresis: f64,
     filter_ms: f64,
     put_down: PlaceRegion,
@@ -214,9 +241,11 @@ impl GazeFilter {
     /// # Errors
     /// Options that the intent model refuses.
     pub fn new(config: &TrialConfig, scene: &Scene) -> Result<Self, ConfigError> {
-        let model = config.intent_model.build(&config.intent)?;
+        let own = config.intent_model.build(&config.intent)?;
+        let outside = config.intent_process.as_ref().map(|_| OutsideModel::new(config.intent));
         Ok(Self {
-            model,
+            model: outside.map_or(Model::Own(own), Model::Outside),
+            fault: None,
             hysteresis: config.intent.hysteresis,
             filter_ms: config.place_filter_ms as f64,
             put_down: scene.put_down,
@@ -231,13 +260,37 @@ impl GazeFilter {
     }
 
     /// A new measurement. A lost eye changes nothing until it is lost for too long; a look that tells the model
-    /// nothing takes the highlight away.
-    pub fn take(&mut self, now: SimTime, gaze: &GazeSample, scene: &Candidates) {
-        let before = self.last.replace((now, *gaze)).map_or(now, |(time, _)| time);
-        let found = self.model.observe(now, gaze, scene);
-        if !gaze.valid {
-            return;
+    /// nothing takes the highlight away, and so does a model in another process that fails. `logged` is the answer that the
+    /// input log has of one; its answer comes back.
+    pub fn take(
+        &mut self,
+        now: SimTime,
+        gaze: &GazeSample,
+        scene: &Candidates,
+        logged: Option<&IntentAnswer>,
+    ) -> Option<IntentAnswer> {
+        let (found, answer) = match &mut self.model {
+            Model::Own(model) => (Ok(model.observe(now, gaze, scene)), None),
+            Model::Outside(model) => {
+                let Told { answer, posterior } = model.observe(now, gaze, scene, logged);
+                (posterior, Some(answer))
+            }
+        };
+        self.fault = found.as_ref().err().map(|reason| format!("the intent model gives nothing: {reason}"));
+        match found {
+            Err(_) => {
+                self.posterior.fill(0.0);
+                self.highlight = None;
+            }
+            Ok(found) if gaze.valid => self.choose(found),
+            Ok(_) => {}
         }
+        self.follow(now, gaze);
+        answer
+    }
+
+    /// What is meant by what the model `found`; none if the look told it nothing.
+    fn choose(&mut self, found: Option<Posterior>) {
         let count = self.posterior.len();
         let told = found.is_some();
         self.posterior = found.unwrap_or_else(|| vec![0.0; count]);
@@ -249,7 +302,14 @@ impl GazeFilter {
             (true, Some(kept), highlight) if kept >= self.posterior[best] => highlight,
             (true, _, _) => Some(ObjectId::new(best)),
         };
+    }
 
+    /// The place marker goes where the gaze meets a surface.
+    fn follow(&mut self, now: SimTime, gaze: &GazeSample) {
+        let before = self.last.replace((now, *gaze)).map_or(now, |(time, _)| time);
+        if !gaze.valid {
+            return;
+        }
         let on_table = || {
             let hit = table_hit(gaze, self.table_height)?;
             Some(self.put_down.clamp(&hit, self.table_height))
@@ -293,6 +353,11 @@ impl GazeFilter {
     /// When the eye was last seen.
     pub fn seen_at(&self) -> Option<SimTime> {
         self.seen_at
+    }
+
+    /// Why the last answer of a model in another process is of no use; none if it is, or if there is no such model.
+    pub fn fault(&self) -> Option<&str> {
+        self.fault.as_deref()
     }
 
     /// The last measurement, valid or not.

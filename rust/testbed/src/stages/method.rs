@@ -209,6 +209,7 @@ impl MethodStage {
         for sign in input.signs {
             watch.hear(now, sign.source, sign.kind);
         }
+        watch.intent(input.intent.fault.as_deref());
         watch.armband(input.gesture.fault.clone(), input.gesture.armed);
         watch.step(now, input.gesture.gesture)
     }

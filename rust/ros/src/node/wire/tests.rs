@@ -149,6 +149,8 @@ fn decisions_intents_and_commands_come_back() {
         place: Point::new(0.1, 0.2, 0.3),
         gaze: None,
         seen_at: None,
+        answer: None,
+        fault: Some("the intent model gives nothing: it has ended".to_owned()),
         events: vec![EventKind::GazeUnusable],
     };
     let message = intent(SimTime(9), SimTime(9), &meant);
