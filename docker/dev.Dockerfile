@@ -13,7 +13,7 @@ SHELL ["/bin/bash", "-o", "pipefail", "-c"]
 RUN apt-get update \
     && apt-get install -y --no-install-recommends \
         g++ make cmake pkg-config ca-certificates liborocos-kdl-dev libompl-dev libode-dev liburdfdom-dev \
-        liburdfdom-headers-dev libfcl-dev libccd-dev libeigen3-dev fonts-dejavu-core cargo-web rustc-web rustfmt-web rust-web-clippy \
+        liburdfdom-headers-dev libfcl-dev libccd-dev libeigen3-dev libsqlite3-dev fonts-dejavu-core cargo-web rustc-web rustfmt-web rust-web-clippy \
         nodejs npm git gdb valgrind shellcheck clangd chromium python3-venv less procps \
     && rm -rf /var/lib/apt/lists/*
 ENV DEBIAN_FRONTEND=

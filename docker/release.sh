@@ -65,6 +65,7 @@ committed() { # PATH INTO: a folder as it was committed, without what tests left
 committed ros1_ws/src/proact_description/arms "$data/arms"
 committed docs/methods "$data/methods"
 committed docs/decoders "$data/decoders"
+committed docs/intent_models "$data/intent_models"
 committed docs/tasks "$data/tasks"
 committed rust/tasks/data "$data/tasks/shipped"
 rm "$data/tasks/shipped/bbt_norms.toml"
