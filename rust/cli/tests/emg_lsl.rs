@@ -383,6 +383,8 @@ fn a_trial_begins_and_ends_with_markers_that_another_program_reads() {
         assert_eq!(one, "1");
         assert!((7.9..9.0).contains(&(ended - began)), "{heard:?}");
     }
-    assert!(Command::new("kill").args(["-INT", &serve.0.id().to_string()]).status().unwrap().success());
+    assert!(
+        Command::new("sh").args(["-c", &format!("kill -INT {}", serve.0.id())]).status().unwrap().success()
+    );
     assert_eq!(next().0, "3");
 }

@@ -313,7 +313,7 @@ fn a_report_on_a_study_that_was_broken_off_says_how_far_it_got() {
     while begun() < 3 && run.try_wait().unwrap().is_none() {
         std::thread::yield_now();
     }
-    assert!(Command::new("kill").args(["-INT", &run.id().to_string()]).status().unwrap().success());
+    assert!(Command::new("sh").args(["-c", &format!("kill -INT {}", run.id())]).status().unwrap().success());
     assert!(!run.wait().unwrap().success(), "it was broken off");
     let report = json(place.path(), &["analyze", "half", "--json"]);
     let notes = report["notes"].to_string();

@@ -22,9 +22,9 @@ impl IntentProgram {
         Self { command, deadline_ms: Self::default_deadline() }
     }
 
-    /// The fastest eye trackers that are worn measure every 5 ms.
+    /// A page's gaze comes every 17 ms, and a machine with other work to do is late by some.
     fn default_deadline() -> u64 {
-        5
+        10
     }
 
     /// Checks ranges.
@@ -276,7 +276,7 @@ mod tests {
     #[test]
     fn a_program_is_data_and_what_cannot_be_is_refused_by_name() {
         let program: IntentProgram = toml::from_str("command = [\"python3\", \"model.py\"]").expect("reads");
-        assert_eq!((program.deadline_ms, program.check()), (5, Ok(())));
+        assert_eq!((program.deadline_ms, program.check()), (10, Ok(())));
         for (key, bad) in [
             ("command", IntentProgram::new(Vec::new())),
             ("deadline_ms", IntentProgram { deadline_ms: 0, ..program.clone() }),

@@ -237,6 +237,7 @@ const hints = {
   shoulder: "Move back to where the tracker sees your shoulder.",
   limb: "Move back to where the tracker sees your arm.",
   stage: "Start the part of the program that ended.",
+  program: "Check that this program runs and answers.",
   mouseOnto: (what: string) => `Move the mouse onto ${what}.`,
   lookAt: (what: string) => `Look at ${what}.`,
   closes: "Wait: the hand closes.",

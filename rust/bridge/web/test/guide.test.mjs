@@ -103,6 +103,8 @@ const TABLE = [
   [{ target: locked, stop: stop("eye_tracker", "silent") }, page, "Move the mouse onto the box."],
   [{ target: locked, stop: stop("eye_tracker", "lost") }, muscles, "Sit so that the eye tracker sees your eyes."],
   [{ stop: stop("eye_tracker", "frozen") }, muscles, "Check that the eye tracker is connected."],
+  [{ stop: stop("eye_tracker", "undecided") }, page, "Check that this program runs and answers."],
+  [{ stop: stop("armband", "undecided") }, muscles, "Check that this program runs and answers."],
   [{ mode, stop: stop("page", "silent") }, page, "Let go of all keys to go on."],
   [{ stop: stop("eye_tracker", "silent", "the eye tracker is silent; it is back: relax the hand to go on") }, page, "Let go of all keys to go on."],
   [{ stop: stop("armband", "silent", "the armband is silent; it is back: relax the hand to go on") }, muscles, "Relax your hand to go on."],
