@@ -182,7 +182,7 @@ lane_python() {
         "$venv/bin/python3" -m pip --disable-pip-version-check install --quiet "$root/python[test]" ruff==0.17.6 mypy==2.4.1 &&
         (cd "$root/python" && "$venv/bin/ruff" check --no-cache . && "$venv/bin/ruff" format --no-cache --check . &&
             "$venv/bin/mypy" --cache-dir /dev/null) &&
-        (cd "$root/python" && MPLBACKEND=agg "$venv/bin/python3" -m pytest -p no:cacheprovider tests) &&
+        (cd "$root/python" && MPLBACKEND=agg "$venv/bin/pytest" -p no:cacheprovider tests) &&
         "$venv/bin/python3" -m pip --disable-pip-version-check --quiet uninstall --yes gymnasium pandas &&
         (cd "$venv" && "$venv/bin/python3" -c 'import proact; print(proact.run_trial("A", limit_secs=1.0)["digest"])')
 }
