@@ -19,6 +19,13 @@ FIELDS = ["input.emg", "input.gesture", "input.gaze", "input.shoulder", "input.l
 # A lock-step of five processes takes about as long as the time that it simulates; a busy machine, several times that.
 PATIENCE = 20.0
 OUTSIDE = os.path.join(graph.ROOT, "docs", "methods", "follow_gaze.py")
+MEANT = os.path.join(graph.ROOT, "docs", "intent_models", "fading.py")
+# Means the second block for two seconds, and then says what cannot be used.
+BREAKS = """import json, sys
+for line in sys.stdin:
+    time = json.loads(line)["time"]
+    print(json.dumps({"time": time, "posterior": [0, 1, 0, 0] if time < 2000 else [0, -1, 0, 0]}), flush=True)
+"""
 
 
 def setUpModule():
@@ -90,6 +97,17 @@ class Short(Lockstep):
     def test_half_a_minute_of_each_method_is_that_of_one_process(self):
         for method in METHODS:
             self.check(["--method", method, "--seed", "1", "--set", "limit_secs=30"])
+
+    def test_an_intent_model_in_a_program_is_asked_by_its_node_and_one_that_breaks_stops_the_method_of_another(self):
+        if "D" not in METHODS:
+            self.skipTest("method D is in the other half")
+        with tempfile.TemporaryDirectory() as folder:
+            breaks = os.path.join(folder, "breaks.py")
+            with open(breaks, "w") as script:
+                script.write(BREAKS)
+            for program, seconds in ((MEANT, 12), (breaks, 4)):
+                self.check(["--method", "D", "--seed", "1", "--set", f"limit_secs={seconds}",
+                            "--intent-command", shlex.join(["/usr/bin/python3", program])])
 
     def test_a_node_with_another_configuration_is_told_by_its_field(self):
         words = ["--method", "D", "--seed", "1", "--set", "limit_secs=1"]

@@ -4,8 +4,8 @@
 mod common;
 
 use arrayvec::ArrayVec;
-use common::{config, generator, moved, recordings, slices};
-use proact_app::{Arm, Recorder, ReplayOptions, replay_trial, trial};
+use common::{config, generator, moved, recordings, replays, slices};
+use proact_app::{Arm, Recorder, trial};
 use proact_control::MethodRegistry;
 use proact_devices::{SyntheticEmg, read_process_file, train_process};
 use proact_emg::{ClassifierKind, EmgConfig, EmgModel, ProcessConfig, ProcessInput};
@@ -79,11 +79,6 @@ fn run(model: &EmgModel, ticks: u64, at_once: bool, dir: &Path) -> Ran {
     }
     recorder.finish(&session.result()).unwrap();
     ran
-}
-
-fn replays(dir: &Path) {
-    let replay = replay_trial(dir, ReplayOptions::default()).unwrap();
-    assert!(replay.agrees, "{replay:?}");
 }
 
 #[test]

@@ -1,8 +1,11 @@
 //! An intent model in another process: the example of the documentation, processes that fail, the replay and the scores.
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)] // A test of files and processes.
 
+mod common;
+
+use common::replays;
 use proact_app::{
-    Arm, Recorder, ReplayOptions, counterfactual, intent_scores, replay_trial,
+    Arm, Recorder, counterfactual, intent_scores,
     trial::{self, Assembly, OwnParts, simulated_by},
 };
 use proact_control::MethodRegistry;
@@ -88,11 +91,6 @@ fn finish(trial: Assembly, dir: &Path) -> Ran {
     }
     recorder.finish(&session.result()).unwrap();
     ran
-}
-
-fn replays(dir: &Path) {
-    let replay = replay_trial(dir, ReplayOptions::default()).unwrap();
-    assert!(replay.agrees, "{replay:?}");
 }
 
 #[test]

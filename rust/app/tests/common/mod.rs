@@ -1,10 +1,12 @@
 //! What tests of EMG in live trials have in common.
 #![allow(dead_code)] // Each test program uses its part.
 
+use proact_app::{ReplayOptions, replay_trial};
 use proact_control::{JogProfile, Simultaneous};
 use proact_devices::{SyntheticEmg, SyntheticModel, stream};
 use proact_testbed::{Setup, TrialConfig};
 use proact_types::{DegreeOfFreedom, EmgSample, Gesture, GestureName};
+use std::path::Path;
 
 /// Eight channels at 1 kHz.
 pub fn generator(seed: u64) -> SyntheticEmg {
@@ -39,6 +41,12 @@ pub fn config(at_once: bool) -> TrialConfig {
         .into(),
     });
     config
+}
+
+/// The trial recorded in `dir` can be computed again.
+pub fn replays(dir: &Path) {
+    let replay = replay_trial(dir, ReplayOptions::default()).unwrap();
+    assert!(replay.agrees, "{replay:?}");
 }
 
 /// By how much the joint of the arm moved that moved most between two ticks, rad, of what was asked of the joints after each tick.
