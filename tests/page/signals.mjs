@@ -60,6 +60,8 @@ async function opens(page, check) {
 async function streams(page, line, { check, screenshot }) {
   await page.locator(".signalrow.emg .lanes li").nth(7).waitFor();
   await page.locator(".signalrow.joints .values li").nth(6).waitFor();
+  // Gestures come with the first window, which is later than the first samples.
+  await page.locator(".signalrow .values").first().locator("li").nth(4).waitFor();
   const values = await page.locator(".signalrow .values").evaluateAll((lists) => lists.map((list) => list.children.length));
   check(values[0] === 5 && values[1] === 2 && values[2] === 7, `gestures, gaze and joints have values: ${values.join(", ")}`);
   const limits = await page.locator(".signalrow.joints .values b").allTextContents();
