@@ -5,7 +5,7 @@ use crate::facing::faced;
 use crate::failure::Failure;
 use crate::problem::Problem;
 use crate::reach::{Limits, Reach};
-use crate::seeking::{Entry, Seeking, Tally, Touch};
+use crate::seeking::{End, Entry, Seeking, Tally, Touch};
 use crate::{PlannerOptions, PlanningError};
 use proact_arm::{Grasp, upright_axis};
 use proact_types::{AttachedObject, PlanGoal, PlanStatus, Point, Pose, Shape, Vector};
@@ -132,22 +132,31 @@ impl ApproachPaths {
                 orientation: None,
                 slack: seeking.context.slack,
             };
-            for end in seeking.ends(&reach, &clear)? {
-                for (end, turned_off) in faced(seeking.context, problem, &reach, &end) {
-                    let off = off + turned_off;
-                    let mut found = false;
-                    let ways = [
-                        (&mut clear, Touch::Nothing),
-                        (&mut pushing, Touch::Picked),
-                        (&mut digging, Touch::Loose),
-                    ];
-                    for (paths, touch) in ways.into_iter().take(touches) {
-                        found = seeking.add_path(&reach, off, &end, Entry::Pick(touch), paths)?;
-                        if found {
-                            break;
-                        }
-                    }
-                    if found {
+            let mut turned = Vec::new();
+            for (number, end) in seeking.ends(&reach, &clear)?.iter().enumerate() {
+                for (q, more) in faced(seeking.context, problem, &reach, end) {
+                    turned.push(End { q, number, off: off + more });
+                }
+            }
+            // What hits something although it may touch the block need not be looked at any closer.
+            if problem.loose.is_empty() {
+                turned = seeking.free(turned, Entry::Pick(Touch::Picked))?;
+            }
+            let mut found = None;
+            for end in turned {
+                // One turn of each.
+                if found == Some(end.number) {
+                    continue;
+                }
+                let ways = [
+                    (&mut clear, Touch::Nothing),
+                    (&mut pushing, Touch::Picked),
+                    (&mut digging, Touch::Loose),
+                ];
+                for (paths, touch) in ways.into_iter().take(touches) {
+                    if let Some(path) = seeking.path(&reach, &end, Entry::Pick(touch))? {
+                        paths.push(path);
+                        found = Some(end.number);
                         break;
                     }
                 }
@@ -214,6 +223,7 @@ impl ApproachPaths {
     ) -> Result<Vec<ApproachPath>, Failure> {
         let problem = seeking.problem;
         let mut paths = Vec::new();
+        let mut cramped = Vec::new();
         let base_from_tip =
             seeking.context.kinematics.forward(&problem.start).map_err(PlanningError::from)?;
         for (axis, off) in place_axes(object, &base_from_tip, &problem.up, self.place_tilt) {
@@ -226,12 +236,29 @@ impl ApproachPaths {
                 orientation: None,
                 slack: seeking.context.slack,
             };
-            for end in seeking.ends(&reach, &paths)? {
-                seeking.add_path(&reach, off, &end, Entry::Place, &mut paths)?;
+            let ends = seeking.ends(&reach, &paths)?.into_iter().enumerate();
+            let ends = ends.map(|(number, q)| End { q, number, off }).collect();
+            let free = seeking.free(ends, Entry::Place)?;
+            let (roomy, others) = seeking.by_room(free)?;
+            for end in roomy {
+                paths.extend(seeking.path(&reach, &end, Entry::Place)?);
             }
-            if paths.iter().filter(|path| !path.cramped).count() >= self.goals {
+            cramped.extend(others.into_iter().map(|end| (reach, end)));
+            if paths.len() >= self.goals {
                 break;
             }
+        }
+        // What is missing is made up where fingers touch something on their way open, near the start first.
+        cramped.sort_by(|(_, a), (_, b)| {
+            let of = |end: &End| cost(&seeking.context.limits, seeking.from, &end.q, end.off);
+            of(a).total_cmp(&of(b))
+        });
+        for (reach, end) in cramped {
+            if paths.len() >= self.goals {
+                break;
+            }
+            let path = seeking.path(&reach, &end, Entry::Place)?;
+            paths.extend(path.map(|path| ApproachPath { cramped: true, ..path }));
         }
         if paths.is_empty() { Err(seeking.failure("place")) } else { Ok(sorted(paths)) }
     }

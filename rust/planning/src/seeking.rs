@@ -46,6 +46,16 @@ pub(crate) enum Touch {
     Loose,
 }
 
+/// Arm angles that do what is asked.
+#[derive(Clone, Debug)]
+pub(crate) struct End {
+    pub q: Vec<f64>,
+    /// Ends that differ by the hand's turn about the vertical alone have the same number.
+    pub number: usize,
+    /// The angle to the preferred hand orientation, rad.
+    pub off: f64,
+}
+
 /// Hands on the way from closed to open that are looked at.
 const SWEEP: usize = 10;
 
@@ -123,27 +133,69 @@ impl Seeking<'_> {
         Ok(ends)
     }
 
-    /// Adds the straight way into `end` to `paths` if it is free. `off` is the angle to the preferred hand
-    /// orientation, rad.
-    pub fn add_path(
-        &mut self,
-        reach: &Reach,
-        off: f64,
-        end: &[f64],
-        entry: Entry,
-        paths: &mut Vec<ApproachPath>,
-    ) -> Result<bool, Failure> {
+    /// Those of `ends` where nothing is touched but what `entry` may touch.
+    pub fn free(&mut self, ends: Vec<End>, entry: Entry) -> Result<Vec<End>, Failure> {
         self.context.go_on()?;
-        match self.path_down(reach, end, &entry, self.tally.hit.is_none())? {
+        self.context.set_clearance(Clearance::Contact)?;
+        self.allow_entry(&entry)?;
+        let mut free = Vec::with_capacity(ends.len());
+        for end in ends {
+            if self.context.scene.is_free(&end.q)? {
+                free.push(end);
+            } else if self.tally.hit.is_none() {
+                self.tally.hit = self.context.scene.collisions(&end.q)?.into_iter().next();
+            }
+        }
+        Ok(free)
+    }
+
+    /// `ends` of a place parted into those where no finger touches anything on its way open, and the others.
+    pub fn by_room(&mut self, ends: Vec<End>) -> Result<(Vec<End>, Vec<End>), Failure> {
+        let model = self.context.model.clone();
+        let open = model.pose("hand", &self.problem.grasp.open_pose);
+        let (Ok(open), false) = (open, ends.is_empty()) else { return Ok((ends, Vec::new())) };
+        let request = self.problem.request;
+        self.context.go_on()?;
+        self.context.set_clearance(Clearance::Contact)?;
+        self.context.scene.set_attached(None)?;
+        let parted = self.swept(open, ends);
+        // As it was, whatever came of it.
+        self.context.scene.set_hand(&request.hand)?;
+        self.context.scene.set_attached(request.attached.as_ref())?;
+        parted
+    }
+
+    /// `ends` parted by whether none of the hands from the present one to `fingers` touches anything there.
+    fn swept(&mut self, fingers: &[f64], ends: Vec<End>) -> Result<(Vec<End>, Vec<End>), Failure> {
+        let (mut roomy, mut cramped) = (ends, Vec::new());
+        // The last one takes the most room.
+        for step in (1..=SWEEP).rev() {
+            if roomy.is_empty() {
+                break;
+            }
+            let share = step as f64 / SWEEP as f64;
+            let hand = self.problem.request.hand.iter().zip(fingers);
+            let hand: Vec<f64> = hand.map(|(from, to)| from + share * (to - from)).collect();
+            self.context.scene.set_hand(&hand)?;
+            for end in std::mem::take(&mut roomy) {
+                let free = self.context.scene.is_free(&end.q)?;
+                if free { &mut roomy } else { &mut cramped }.push(end);
+            }
+        }
+        Ok((roomy, cramped))
+    }
+
+    /// The straight way into `end`, if it is free.
+    pub fn path(&mut self, reach: &Reach, end: &End, entry: Entry) -> Result<Option<ApproachPath>, Failure> {
+        self.context.go_on()?;
+        match self.path_down(reach, &end.q, &entry, self.tally.hit.is_none())? {
             Ok(points) => {
-                let cramped = matches!(entry, Entry::Place) && !self.hand_is_free_after(&entry, end)?;
-                let cost = cost(&self.context.limits, self.from, &points[0], off);
-                paths.push(ApproachPath { points, cost, cramped });
-                Ok(true)
+                let cost = cost(&self.context.limits, self.from, &points[0], end.off);
+                Ok(Some(ApproachPath { points, cost, cramped: false }))
             }
             Err(hit) => {
                 self.tally.hit = self.tally.hit.take().or(hit);
-                Ok(false)
+                Ok(None)
             }
         }
     }
@@ -182,7 +234,9 @@ impl Seeking<'_> {
         if !self.context.scene.path_is_free(line.iter().map(Vec::as_slice), &search)? {
             return Ok(Err(self.first_hit(&line, name_it)?));
         }
-        if matches!(entry, Entry::Pick(_)) && !self.hand_is_free_after(entry, end)? {
+        if let Entry::Pick(touch) = entry
+            && !self.grip_is_free(*touch, end)?
+        {
             return Ok(Err(None));
         }
         self.context.set_clearance(Clearance::Transit)?;
@@ -244,46 +298,22 @@ impl Seeking<'_> {
         request.picked.clone().filter(|picked| request.obstacles.iter().any(|o| o.name == *picked))
     }
 
-    /// True if nothing is touched at `end` once the hand has closed around the block, or on its whole way open when it lets
-    /// go of it.
-    fn hand_is_free_after(&mut self, entry: &Entry, end: &[f64]) -> Result<bool, Failure> {
+    /// True if nothing else is touched at `end` once the hand has closed around the block.
+    fn grip_is_free(&mut self, touch: Touch, end: &[f64]) -> Result<bool, Failure> {
         let model = self.context.model.clone();
-        let (grasp, request) = (&self.problem.grasp, &self.problem.request);
-        let picks = matches!(entry, Entry::Pick(_));
-        let pose = if picks { &grasp.closed_pose } else { &grasp.open_pose };
-        let Ok(fingers) = model.pose("hand", pose) else { return Ok(true) };
+        let Ok(closed) = model.pose("hand", &self.problem.grasp.closed_pose) else { return Ok(true) };
         self.context.set_clearance(Clearance::Contact)?;
-        if picks && let Some(picked) = self.picked() {
+        if let Some(picked) = self.picked() {
             self.allow_hand(&picked)?;
         }
-        if let Entry::Pick(Touch::Loose) = entry {
+        if touch == Touch::Loose {
             self.allow_pushing()?;
         }
-        if !picks {
-            self.context.scene.set_attached(None)?;
-        }
-        let free = self.hands_are_free(fingers, if picks { 1 } else { SWEEP }, end);
+        self.context.scene.set_hand(closed)?;
+        let free = self.context.scene.is_free(end);
         // As it was, whatever came of it.
-        self.context.scene.set_hand(&request.hand)?;
-        if !picks {
-            self.context.scene.set_attached(request.attached.as_ref())?;
-        }
-        free
-    }
-
-    /// True if none of `steps` hands from the present one to `fingers` touches anything at `end`.
-    fn hands_are_free(&mut self, fingers: &[f64], steps: usize, end: &[f64]) -> Result<bool, Failure> {
-        // The last one takes the most room.
-        for step in (1..=steps).rev() {
-            let share = step as f64 / steps as f64;
-            let hand = self.problem.request.hand.iter().zip(fingers);
-            let hand: Vec<f64> = hand.map(|(from, to)| from + share * (to - from)).collect();
-            self.context.scene.set_hand(&hand)?;
-            if !self.context.scene.is_free(end)? {
-                return Ok(false);
-            }
-        }
-        Ok(true)
+        self.context.scene.set_hand(&self.problem.request.hand)?;
+        Ok(free?)
     }
 
     /// Lets the whole hand and what it carries touch `obstacle`.
