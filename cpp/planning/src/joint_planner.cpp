@@ -306,15 +306,27 @@ void tighten(Scene& scene, const JointQuery& query, std::vector<std::vector<doub
   }
 }
 
+/// Paths of which the best parts are joined, the least costly ones: as many as OMPL's own planner takes. The time and the
+/// memory that it takes to join them grow with the square of their number.
+constexpr std::size_t most_joined = 24;
+
+/// Adds a path to those that will be joined, which are sorted by their cost.
+void keep_best(std::vector<Found>& paths, const Found& found) {
+  const auto after = std::upper_bound(paths.begin(), paths.end(), found.cost,
+                                      [](double cost, const Found& other) { return cost < other.cost; });
+  paths.insert(after, found);
+  if (paths.size() > most_joined) paths.pop_back();
+}
+
 /// One path from the best parts of several that begin at one state, joined where a free motion leads from one to another.
-Found best_parts(Scene& scene, const JointQuery& query, const std::vector<std::vector<std::vector<double>>>& paths,
-                 const CancelFlag& cancel) {
+Found best_parts(Scene& scene, const JointQuery& query, const std::vector<Found>& paths, const CancelFlag& cancel) {
   const auto information = information_of(scene, query, seed_of(query.seed, 0), cancel);
   og::PathHybridization hybrid(information);
   ob::ScopedState<> state(information);
-  for (const auto& points : paths) {
+  for (const Found& other : paths) {
+    const auto& points = other.path;
     // Ends that are different goals cannot be mixed.
-    if (points.back() != paths.front().back()) continue;
+    if (points.back() != paths.front().path.back()) continue;
     auto path = std::make_shared<og::PathGeometric>(information);
     for (const auto& point : points) {
       copy_into(point, state.get());
@@ -417,7 +429,7 @@ JointPlan plan_joint(Scene& scene, const JointQuery& query, const CancelFlag& ca
   if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
   const bool anytime = query.planner == PlannerKind::anytime;
   double least = std::numeric_limits<double>::infinity();
-  std::vector<std::vector<std::vector<double>>> paths;
+  std::vector<Found> paths;
   // Only trees that end with their first path begin again, and only where that path came easily.
   const bool again = query.planner == PlannerKind::rrt_connect || query.planner == PlannerKind::bitrrt;
   const unsigned int searches = again ? 1 + query.more_searches : 1;
@@ -434,7 +446,7 @@ JointPlan plan_joint(Scene& scene, const JointQuery& query, const CancelFlag& ca
     plan.timed_out = plan.timed_out || found.timed_out;
     if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
     if (found.path.empty()) break;
-    if (anytime) paths.push_back(found.path);
+    if (anytime) keep_best(paths, found);
     if (found.cost < least) {
       least = found.cost;
       plan.path = found.path;
