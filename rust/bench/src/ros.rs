@@ -103,7 +103,7 @@ fn wait_for(port: &str) -> Outcome<()> {
 
 fn figures(measured: &Measured) -> Vec<BenchFigure> {
     let mut figures = Vec::new();
-    let note = "emg message to joint command, both over TCP; goal: 99 % under 5 ms";
+    let note = "emg message to joint command, both over TCP; goal: 99 % under 2 ms";
     for (name, share) in [("median", 0.5), ("99 %", 0.99), ("worst", 1.0)] {
         let name = format!("class message to joint command, {name}");
         figures.push(BenchFigure::alone(&name, quantile(&measured.command_ms, share), "ms", note));
