@@ -195,7 +195,7 @@ impl Bench {
                         &format!("box: {name} over that of {peer}, median"),
                         quantile(ratios, 0.5),
                         "1",
-                        &format!("{} problems; goal: at most 1.1", ratios.len()),
+                        &format!("{} problems; goal: at most 1.05", ratios.len()),
                     )
                 });
             }
