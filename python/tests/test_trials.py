@@ -207,9 +207,35 @@ def test_a_participant_that_fails_lets_go_and_the_trial_goes_on(how, words, tmp_
     person = Breaks()
     result = run("A", person, record=tmp_path / "trial")
     assert abs(moved(person, 2.0, 2.9)) < 0.002
-    assert person.frames[-1]["gesture"] == "no_motion"
+    assert all(frame["stop"] is None for frame in person.frames if frame["time"] <= 1500)
+    last = person.frames[-1]
+    assert last["gesture"] == "no_motion"
+    # The reason is what the page shows, and the arm goes on when the hand is relaxed after it is back.
+    assert (last["stop"]["source"], last["stop"]["cause"]) == ("participant", "undecided")
+    assert words in last["stop"]["reason"] and any(words in reason for reason in result["reasons"])
     assert any(words in fault for fault in result["faults"]), result["faults"]
     assert words in json.loads((tmp_path / "trial" / "python_faults.json").read_text())[0]
+    assert proact.replay(tmp_path / "trial")["digest"] == result["digest"]
+
+
+def test_a_participant_that_acts_again_moves_the_arm_again_once_the_hand_was_relaxed(tmp_path):
+    class Stumbles(Holds):
+        def step(self, frame):
+            intention = super().step(frame)
+            if 1500 < frame["time"] < 1700:
+                raise OSError("its camera is gone")
+            # It holds on for a while after it is back, and then does what it is told.
+            relaxes = frame["time"] > 2100 and frame["stop"] is not None
+            return proact.Intention() if relaxes else intention
+
+    person = Stumbles()
+    result = run("A", person, record=tmp_path / "trial")
+    stopped = [frame["time"] for frame in person.frames if frame["stop"] is not None]
+    assert stopped and 1500 < stopped[0] and 2100 < stopped[-1] < 2200, stopped
+    assert abs(moved(person, 1.8, 2.1)) < 0.002
+    assert person.frames[-1]["stop"] is None
+    assert abs(moved(person, 2.5, 2.9)) > 0.1
+    assert any("its camera is gone" in reason for reason in result["reasons"])
     assert proact.replay(tmp_path / "trial")["digest"] == result["digest"]
 
 

@@ -1,5 +1,5 @@
 use crate::DeadManProfile;
-use proact_types::{EventKind, Gesture, InputSource, SignKind, SimTime, Stop, StopCause};
+use proact_types::{EventKind, Gesture, InputSource, ParticipantAnswer, SignKind, SimTime, Stop, StopCause};
 
 /// What a source did within this time tells how it died: whether it goes on sending, ms.
 const RECENT_MS: u64 = 250;
@@ -19,6 +19,7 @@ const MOVING: u32 = 2;
 /// - An eye tracker is dead when no new gaze came for `gaze_ms`, for methods that use gaze; its gaze is of no use, and stops the
 ///   arm of such a method at once, while an intent model in another process gives nothing.
 /// - A tracked shoulder or limb that has moved is dead when it has not moved for `tracking_ms`.
+/// - A participant in another program is dead from the tick in which it fails to the one in which it acts again.
 /// - A stage that is a process of its own is dead from the sign that it was lost to the sign that it is back.
 ///
 /// Deterministic, and without storage that grows.
@@ -36,6 +37,8 @@ pub struct SourceWatch {
     armed: bool,
     /// Why an intent model in another process gives nothing.
     intent: Option<String>,
+    /// Why a participant in another program gives nothing.
+    participant: Option<String>,
     stop: Option<Stop>,
     /// The source that stopped the arm is alive; a relaxed gesture is missing.
     returned: bool,
@@ -66,6 +69,7 @@ impl SourceWatch {
             armband: None,
             armed: true,
             intent: None,
+            participant: None,
             stop: None,
             returned: false,
         }
@@ -118,6 +122,11 @@ impl SourceWatch {
         if self.intent.as_deref() != fault {
             self.intent = fault.map(str::to_owned);
         }
+    }
+
+    /// News of a participant in another program: it acts again, or why it gives nothing.
+    pub fn participant(&mut self, answer: &ParticipantAnswer) {
+        self.participant = answer.as_ref().err().cloned();
     }
 
     /// Decides for `now`. `gesture` is the one in force. An event if the stop began or ended, which the method must
@@ -183,6 +192,9 @@ impl SourceWatch {
                 InputSource::Stage => {
                     let lost = self.heard[source.index()].closed;
                     lost.then(|| (StopCause::Lost, "a stage of the testbed was lost".to_owned()))
+                }
+                InputSource::Participant => {
+                    self.participant.clone().map(|reason| (StopCause::Undecided, reason))
                 }
             }?;
             Some((source, cause, what))

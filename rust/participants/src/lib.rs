@@ -35,4 +35,9 @@ pub use steering::SteeringParticipant;
 pub trait Participant {
     /// Looks at `frame` and acts. Called once per display frame.
     fn step(&mut self, frame: &DisplayFrame) -> Intention;
+
+    /// Why the last step gave nothing; none while it acts. Who lives in another program may fail: the arm stops then.
+    fn fault(&self) -> Option<&str> {
+        None
+    }
 }

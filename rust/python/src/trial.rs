@@ -112,7 +112,7 @@ impl Run {
         let own = OwnParts {
             participant: python
                 .participant
-                .map(|object| Box::new(Person(worker(object), faults.clone())) as Box<dyn Participant>),
+                .map(|object| Box::new(Person::new(worker(object), faults.clone())) as Box<dyn Participant>),
             method: python
                 .method
                 .map(|object| Box::new(Method(worker(object), faults.clone())) as Box<dyn MethodProcess>),

@@ -132,23 +132,33 @@ impl DecoderProcess for Decoder {
     }
 }
 
-/// A participant.
-pub(crate) struct Person(pub Worker, pub Faults);
+/// A participant, and why it gave nothing when it was asked last.
+pub(crate) struct Person {
+    worker: Worker,
+    faults: Faults,
+    fault: Option<String>,
+}
 
 impl Person {
+    pub(crate) fn new(worker: Worker, faults: Faults) -> Self {
+        Self { worker, faults, fault: None }
+    }
+
     fn act(&mut self, frame: &DisplayFrame) -> Result<Intention, String> {
         let line = serde_json::to_string(frame).map_err(|error| error.to_string())?;
-        let answer = self.0.ask(&line).map_err(|fault| fault.text("participant"))?;
+        let answer = self.worker.ask(&line).map_err(|fault| fault.text("participant"))?;
         let read: Result<Intention, _> = serde_json::from_str(&answer);
         read.map_err(|error| format!("the Python participant answered {answer:?}: {error}"))
     }
 }
 
 impl Participant for Person {
-    /// Who fails lets go and closes the eyes: a relaxed hand stops the arm.
+    /// Who fails lets go and closes the eyes.
     fn step(&mut self, frame: &DisplayFrame) -> Intention {
+        self.fault = None;
         self.act(frame).unwrap_or_else(|text| {
-            self.1.note(&text);
+            self.faults.note(&text);
+            self.fault = Some(text);
             Intention {
                 gesture: Gesture::NoMotion,
                 gaze_direction: frame.world_from_head.rotation * Vector::x(),
@@ -157,5 +167,9 @@ impl Participant for Person {
                 limb: None,
             }
         })
+    }
+
+    fn fault(&self) -> Option<&str> {
+        self.fault.as_deref()
     }
 }

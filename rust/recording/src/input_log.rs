@@ -7,7 +7,7 @@
 //! last one is the end mark: a log without it was broken off.
 
 use crate::{RECORD_FORMAT, RecordingError, files, format};
-use proact_types::{IntentAnswer, SimTime, TickInput, WindowAnswer};
+use proact_types::{IntentAnswer, ParticipantAnswer, SimTime, TickInput, WindowAnswer};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::{
     collections::BTreeMap,
@@ -41,6 +41,7 @@ enum RecordRef<'a> {
     End(LogEnd),
     Decoded(SimTime, &'a TickInput, &'a [WindowAnswer]),
     Inferred(SimTime, &'a TickInput, &'a [WindowAnswer], &'a IntentAnswer),
+    Told(SimTime, &'a TickInput, &'a [WindowAnswer], &'a Option<IntentAnswer>, &'a ParticipantAnswer),
 }
 
 /// Every record but the first.
@@ -50,8 +51,10 @@ enum Record {
     End(LogEnd),
     /// A tick in which a process that decodes EMG was asked. Behind the others, so that logs without one are read as ever.
     Decoded(SimTime, Box<TickInput>, Vec<WindowAnswer>),
-    /// A tick in which an intent model in another process was asked, last for the same reason.
+    /// A tick in which an intent model in another process was asked, behind them for the same reason.
     Inferred(SimTime, Box<TickInput>, Vec<WindowAnswer>, IntentAnswer),
+    /// A tick with news of a participant in another program, last for the same reason.
+    Told(SimTime, Box<TickInput>, Vec<WindowAnswer>, Option<IntentAnswer>, ParticipantAnswer),
 }
 
 /// The end mark of a finished trial.
@@ -119,10 +122,11 @@ impl InputLogWriter {
             return Ok(());
         }
         self.records += 1;
-        self.put_value(&match (input.decoder.as_slice(), &input.intent) {
-            ([], None) => RecordRef::Tick(tick, input),
-            (answers, None) => RecordRef::Decoded(tick, input, answers),
-            (answers, Some(answer)) => RecordRef::Inferred(tick, input, answers, answer),
+        self.put_value(&match (input.decoder.as_slice(), &input.intent, &input.participant) {
+            ([], None, None) => RecordRef::Tick(tick, input),
+            (answers, None, None) => RecordRef::Decoded(tick, input, answers),
+            (answers, Some(answer), None) => RecordRef::Inferred(tick, input, answers, answer),
+            (answers, intent, Some(news)) => RecordRef::Told(tick, input, answers, intent, news),
         })
     }
 
@@ -253,6 +257,10 @@ impl InputLog {
             }
             Record::Inferred(tick, input, decoder, intent) => {
                 self.tick(offset, tick, TickInput { decoder, intent: Some(intent), ..*input }).map(Some)
+            }
+            Record::Told(tick, input, decoder, intent, news) => {
+                let input = TickInput { decoder, intent, participant: Some(news), ..*input };
+                self.tick(offset, tick, input).map(Some)
             }
             Record::End(end) => {
                 if end.records != self.records {

@@ -8,7 +8,7 @@ use proact_recording::{
     FLUSH_TICKS, INPUTS_FILE, InputLog, InputRecord, LogEnd, RESULT_FILE, RecordingError, Trial, TrialWriter,
     read_result,
 };
-use proact_types::{EmgSample, Event, EventKind, ObjectId, Pose, SimTime, TickInput, Vector};
+use proact_types::{EmgSample, Event, EventKind, ObjectId, Pose, SimTime, TickInput, Vector, WindowAnswer};
 use std::{fs, path::Path};
 
 fn read_inputs(dir: &Path) -> (Vec<InputRecord>, Result<Option<LogEnd>, RecordingError>) {
@@ -53,6 +53,35 @@ fn equal_trials_give_equal_files() {
         let name = entry.unwrap().file_name();
         assert_eq!(fs::read(one.join(&name)).unwrap(), fs::read(two.join(&name)).unwrap(), "{name:?}");
     }
+}
+
+// Catches an answer that goes into the log and does not come out of it, in any combination.
+#[test]
+fn what_other_programs_answered_is_kept_beside_the_tick_it_belongs_to() {
+    let place = tempfile::tempdir().unwrap();
+    let dir = place.path().join("trial");
+    let windows =
+        [vec![], vec![WindowAnswer::Line("rest".to_owned()), WindowAnswer::Late { deadline_ms: 50 }]];
+    let intents = [None, Some(Ok("[1, 0]".to_owned())), Some(Err("it has ended".to_owned()))];
+    let news = [None, Some(Ok(())), Some(Err("division by zero".to_owned()))];
+    let mut given = Vec::new();
+    for decoder in &windows {
+        for intent in &intents {
+            for participant in &news {
+                let (decoder, intent, participant) = (decoder.clone(), intent.clone(), participant.clone());
+                let tick = input(1 + given.len() as u64 % 2);
+                given.push(TickInput { decoder, intent, participant, ..tick });
+            }
+        }
+    }
+    let mut trial = TrialWriter::create(&dir, &header()).unwrap();
+    for (tick, input) in given.iter().enumerate() {
+        trial.write_input(SimTime(tick as u64 + 1), input).unwrap();
+    }
+    trial.finish(SimTime(given.len() as u64), &()).unwrap();
+    let (records, end) = read_inputs(&dir);
+    assert!(end.unwrap().is_some());
+    assert_eq!(records.into_iter().map(|record| record.input).collect::<Vec<_>>(), given);
 }
 
 #[test]

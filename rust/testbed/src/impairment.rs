@@ -205,8 +205,19 @@ fn part_of(link: ImpairedLink, input: &mut TickInput) -> Option<TickInput> {
 
 /// Puts what has come into `input`.
 fn join(input: &mut TickInput, part: TickInput) {
-    let TickInput { emg, gesture, gaze, shoulder, limb, signs, plan: _, method: _, decoder: _, intent: _ } =
-        part;
+    let TickInput {
+        emg,
+        gesture,
+        gaze,
+        shoulder,
+        limb,
+        signs,
+        plan: _,
+        method: _,
+        decoder: _,
+        intent: _,
+        participant: _,
+    } = part;
     input.emg.extend(emg);
     input.gesture = gesture.or(input.gesture);
     input.gaze = gaze.or(input.gaze);

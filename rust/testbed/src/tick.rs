@@ -355,6 +355,7 @@ impl Testbed {
             world: self.world.state(),
             hand: self.world.hand(),
             signs: &input.signs,
+            participant: input.participant.as_ref(),
             shoulder_tracked: input.shoulder.is_some(),
             limb: input.limb.as_ref(),
             plan: input.plan.as_ref(),

@@ -2,14 +2,15 @@
 
 mod common;
 
-use common::{Outcome, Run, config};
+use common::{Outcome, Run, config, replayed};
+use proact_participants::Participant;
 use proact_testbed::{
     PersonParts, Session, Testbed, TestbedError, doubles,
     ports::{Plant, PlantError},
 };
 use proact_types::{
-    BodyState, EventKind, Gesture, InputSource, JointVector, PlantCommand, PlantState, Pose, StopCause,
-    TickInput, Vector, joints,
+    BodyState, DisplayFrame, EventKind, Gesture, InputSource, Intention, JointVector, PlantCommand,
+    PlantState, Pose, SimTime, StopCause, TickInput, TrunkPosture, Vector, joints,
 };
 
 fn testbed(method: &str) -> Outcome<Testbed> {
@@ -197,5 +198,67 @@ fn the_arm_stops_when_its_page_dies_and_goes_on_after_a_relaxed_gesture() -> Out
     assert!(relaxed.events.iter().any(|event| event.kind == EventKind::Rearmed));
     say(&mut session, Gesture::WristExtension);
     assert!(Run::of(&mut session, 200)?.turned(20, 200) > 0.01);
+    Ok(())
+}
+
+/// A person in another program who holds a gesture, gives nothing from `fails` to `acts`, and relaxes from `relaxes` on for a moment.
+struct Stumbler {
+    now: SimTime,
+    relaxes: u64,
+}
+
+const FAILS: u64 = 1000;
+const ACTS: u64 = 1500;
+
+impl Participant for Stumbler {
+    fn step(&mut self, frame: &DisplayFrame) -> Intention {
+        self.now = frame.time;
+        let rests = self.fault().is_some() || (self.relaxes..self.relaxes + 100).contains(&self.now.0);
+        Intention {
+            gesture: if rests { Gesture::NoMotion } else { Gesture::WristExtension },
+            gaze_direction: Vector::x(),
+            eyes_open: true,
+            trunk: TrunkPosture::default(),
+            limb: None,
+        }
+    }
+
+    fn fault(&self) -> Option<&str> {
+        let reason = if self.now.0 < 1200 { "division by zero" } else { "no camera" };
+        (FAILS..ACTS).contains(&self.now.0).then_some(reason)
+    }
+}
+
+// Catches a participant whose program fails while nobody is told, one that moves the arm when it is back before the hand was
+// relaxed, and a log that does not know of it.
+#[test]
+fn a_participant_that_fails_stops_the_arm_with_its_reason_until_it_acts_again_with_a_relaxed_hand() -> Outcome
+{
+    let config = config("A", 60.0);
+    let stumbler = Stumbler { now: SimTime(0), relaxes: 2000 };
+    let person = PersonParts { participant: Some(Box::new(stumbler)), emg: None, gaze: None };
+    let mut session = Session::new(Testbed::new(config.clone(), doubles::parts(&config))?, person);
+    let run = Run::of(&mut session, 3000)?;
+
+    let told = |kind: &EventKind| match kind {
+        EventKind::Stopped { source: InputSource::Participant, cause, reason } => {
+            *cause == StopCause::Undecided && reason == "division by zero"
+        }
+        _ => false,
+    };
+    let (stops, goes_on) = (run.times(told), run.times(|kind| *kind == EventKind::Rearmed));
+    // From one display frame to the next are 17 ms.
+    assert!(matches!(stops[..], [at] if (FAILS..FAILS + 20).contains(&at)), "{stops:?}");
+    assert!(matches!(goes_on[..], [at] if (2000..2020).contains(&at)), "{goes_on:?}");
+    assert!(run.turned(500, FAILS) > 0.05 && run.turned(2200, 2900) > 0.05, "it moves while all is well");
+    assert_eq!(run.turned(FAILS + 250, 2000), 0.0);
+
+    let news: Vec<_> = run.inputs.iter().filter_map(|(_, input)| input.participant.clone()).collect();
+    assert_eq!(news, [Err("division by zero".to_owned()), Err("no camera".to_owned()), Ok(())]);
+    assert_eq!(replayed(&config, &run.inputs)?, run.spans);
+    let without =
+        |(time, input): &(SimTime, TickInput)| (*time, TickInput { participant: None, ..input.clone() });
+    let forgets: Vec<_> = run.inputs.iter().map(without).collect();
+    assert_ne!(replayed(&config, &forgets)?, run.spans, "the log would not be missed");
     Ok(())
 }

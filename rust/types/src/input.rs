@@ -77,6 +77,10 @@ pub type MethodAnswer = Result<String, String>;
 /// replay asks no process.
 pub type IntentAnswer = Result<String, String>;
 
+/// How it stands with a participant in another program: it acts again, or why it gives nothing. It belongs to the input log: a
+/// replay asks no participant.
+pub type ParticipantAnswer = Result<(), String>;
+
 /// What a process that decodes EMG said of one window. It belongs to the input log: a replay asks no process.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum WindowAnswer {
@@ -122,6 +126,9 @@ pub struct TickInput {
     /// What an intent model in another process answered to the gaze of this tick. Filled as `plan` is, and kept as `decoder` is.
     #[serde(skip)]
     pub intent: Option<IntentAnswer>,
+    /// News of a participant in another program: it began to fail, fails otherwise, or acts again. Kept as `decoder` is.
+    #[serde(skip)]
+    pub participant: Option<ParticipantAnswer>,
 }
 
 #[cfg(test)]

@@ -21,11 +21,13 @@ pub enum InputSource {
     LimbTracker,
     /// Another stage of the testbed, where each is a node of a ROS graph.
     Stage,
+    /// A participant in another program.
+    Participant,
 }
 
 impl InputSource {
     /// All of them; of several that are dead the first is named.
-    pub const ALL: [InputSource; 7] = [
+    pub const ALL: [InputSource; 8] = [
         InputSource::Armband,
         InputSource::GestureTopic,
         InputSource::Page,
@@ -33,6 +35,7 @@ impl InputSource {
         InputSource::ShoulderTracker,
         InputSource::LimbTracker,
         InputSource::Stage,
+        InputSource::Participant,
     ];
 
     /// Whether it measures where something is: the eye, the shoulder, the limb.
@@ -56,6 +59,7 @@ impl fmt::Display for InputSource {
             InputSource::ShoulderTracker => "shoulder tracker",
             InputSource::LimbTracker => "limb tracker",
             InputSource::Stage => "stage",
+            InputSource::Participant => "participant",
         })
     }
 }
@@ -122,7 +126,7 @@ pub enum StopCause {
     WrongRate,
     /// It measures, but sees nothing: the eye is lost.
     Lost,
-    /// Samples come, and the process that decodes them, or says what is meant, gives nothing usable.
+    /// The program that decodes its samples, says what is meant, or acts, gives nothing usable.
     Undecided,
 }
 

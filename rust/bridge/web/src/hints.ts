@@ -101,6 +101,7 @@ export function afterStop(stop: Stop, now: Circumstances): string {
     shoulder_tracker: words.shoulder,
     limb_tracker: words.limb,
     stage: words.stage,
+    participant: words.program,
   };
   return ways[stop.source];
 }

@@ -105,6 +105,7 @@ const TABLE = [
   [{ stop: stop("eye_tracker", "frozen") }, muscles, "Check that the eye tracker is connected."],
   [{ stop: stop("eye_tracker", "undecided") }, page, "Check that this program runs and answers."],
   [{ stop: stop("armband", "undecided") }, muscles, "Check that this program runs and answers."],
+  [{ stop: stop("participant", "undecided") }, page, "Check that this program runs and answers."],
   [{ mode, stop: stop("page", "silent") }, page, "Let go of all keys to go on."],
   [{ stop: stop("eye_tracker", "silent", "the eye tracker is silent; it is back: relax the hand to go on") }, page, "Let go of all keys to go on."],
   [{ stop: stop("armband", "silent", "the armband is silent; it is back: relax the hand to go on") }, muscles, "Relax your hand to go on."],

@@ -199,6 +199,7 @@ impl MethodNode {
             world: &instant.world,
             hand: instant.hand,
             signs: &input.signs,
+            participant: None,
             shoulder_tracked: input.shoulder.is_some(),
             limb: input.limb.as_ref(),
             plan: None,

@@ -12,8 +12,9 @@ use proact_control::{
     ports::{ArmKinematics, MethodProcess},
 };
 use proact_types::{
-    EventKind, Gesture, HandView, InputSign, InputSource, JointVector, MethodAnswer, ModeView, PlanReply,
-    PlanRequest, PlannerView, PlantState, Scene, SignKind, SimTime, Stop, TargetView,
+    EventKind, Gesture, HandView, InputSign, InputSource, JointVector, MethodAnswer, ModeView,
+    ParticipantAnswer, PlanReply, PlanRequest, PlannerView, PlantState, Scene, SignKind, SimTime, Stop,
+    TargetView,
 };
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -59,6 +60,8 @@ pub struct MethodInput<'a> {
     pub hand: HandView,
     /// What was heard of live sources.
     pub signs: &'a [InputSign],
+    /// News of a participant in another program.
+    pub participant: Option<&'a ParticipantAnswer>,
     /// A tracked shoulder pose came in this tick.
     pub shoulder_tracked: bool,
     /// New tracked angles of the person's own limb, rad.
@@ -210,6 +213,9 @@ impl MethodStage {
             watch.hear(now, sign.source, sign.kind);
         }
         watch.intent(input.intent.fault.as_deref());
+        if let Some(answer) = input.participant {
+            watch.participant(answer);
+        }
         watch.armband(input.gesture.fault.clone(), input.gesture.armed);
         watch.step(now, input.gesture.gesture)
     }

@@ -6,8 +6,8 @@ use arrayvec::ArrayVec;
 use proact_intent::GazeOffset;
 use proact_participants::{Body, Participant, Trunk};
 use proact_types::{
-    DisplayFrame, GazeSample, Gesture, InputSign, InputSource, Intention, JointVector, MAX_SIGNS, Point,
-    Pose, SignKind, SimTime, TickInput, TrunkPosture, Vector, joints,
+    DisplayFrame, GazeSample, Gesture, InputSign, InputSource, Intention, JointVector, MAX_SIGNS,
+    ParticipantAnswer, Point, Pose, SignKind, SimTime, TickInput, TrunkPosture, Vector, joints,
 };
 
 /// Ticks from one tracked shoulder pose to the next: 100 Hz, as motion capture gives.
@@ -35,6 +35,9 @@ pub struct PersonStage {
     seen: Option<GazeSample>,
     /// What was heard since the last tick.
     signs: ArrayVec<InputSign, MAX_SIGNS>,
+    /// Why the participant gives nothing, and news of it since the last tick.
+    fault: Option<String>,
+    news: Option<ParticipantAnswer>,
     /// As the trackers sent them last: shoulder and limb.
     measured: (Option<Pose>, Option<JointVector>),
     gaze_offset: GazeOffset,
@@ -73,6 +76,8 @@ impl PersonStage {
             },
             seen: None,
             signs: ArrayVec::new(),
+            fault: None,
+            news: None,
             measured: (None, None),
             gaze_offset: GazeOffset::default(),
             given: None,
@@ -231,7 +236,8 @@ impl PersonStage {
             SignKind::Commands => !prompts,
             _ => true,
         });
-        let mut tick = TickInput { gaze: self.seen.take(), signs, ..TickInput::default() };
+        let (gaze, participant) = (self.seen.take(), self.news.take());
+        let mut tick = TickInput { gaze, signs, participant, ..TickInput::default() };
         match &mut self.parts.emg {
             Some(emg) => tick.emg = emg.sample_at(now, self.intention.gesture),
             None if self.given != Some(self.intention.gesture) => {
@@ -259,6 +265,11 @@ impl PersonStage {
     pub fn see(&mut self, frame: &DisplayFrame) {
         if let Some(participant) = &mut self.parts.participant {
             self.intention = participant.step(frame);
+            let fault = participant.fault();
+            if fault != self.fault.as_deref() {
+                self.fault = fault.map(str::to_owned);
+                self.news = Some(self.fault.clone().map_or(Ok(()), Err));
+            }
         }
     }
 }

@@ -623,7 +623,7 @@ unit: string,
 value: number | null, };
 
 /** What gives gestures or measurements to a trial, and may die while the arm moves. */
-export type InputSource = "armband" | "gesture_topic" | "page" | "eye_tracker" | "shoulder_tracker" | "limb_tracker" | "stage";
+export type InputSource = "armband" | "gesture_topic" | "page" | "eye_tracker" | "shoulder_tracker" | "limb_tracker" | "stage" | "participant";
 
 /** What gaze and task say of what is meant, each for itself and both together. Lists have the order of the scene and sum to
  * one, rounded. */
