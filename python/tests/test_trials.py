@@ -205,7 +205,8 @@ def test_a_participant_that_fails_lets_go_and_the_trial_goes_on(how, words, tmp_
             return how(frame) if frame["time"] > 1500 else intention
 
     person = Breaks()
-    result = run("A", person, record=tmp_path / "trial")
+    result = run(Elbow(), person, record=tmp_path / "trial")
+    assert abs(moved(person, 0.8, 1.5)) > 0.1
     assert abs(moved(person, 2.0, 2.9)) < 0.002
     assert all(frame["stop"] is None for frame in person.frames if frame["time"] <= 1500)
     last = person.frames[-1]
@@ -229,9 +230,10 @@ def test_a_participant_that_acts_again_moves_the_arm_again_once_the_hand_was_rel
             return proact.Intention() if relaxes else intention
 
     person = Stumbles()
-    result = run("A", person, record=tmp_path / "trial")
+    result = run(Elbow(), person, record=tmp_path / "trial")
     stopped = [frame["time"] for frame in person.frames if frame["stop"] is not None]
     assert stopped and 1500 < stopped[0] and 2100 < stopped[-1] < 2200, stopped
+    assert abs(moved(person, 0.8, 1.5)) > 0.1
     assert abs(moved(person, 1.8, 2.1)) < 0.002
     assert person.frames[-1]["stop"] is None
     assert abs(moved(person, 2.5, 2.9)) > 0.1
