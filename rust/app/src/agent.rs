@@ -255,6 +255,6 @@ impl Run {
         }
         self.ended = step.output.finished || last;
         self.events.extend(step.output.events);
-        Ok(step.frame)
+        Ok(step.frame.map(|frame| *frame))
     }
 }

@@ -38,7 +38,7 @@ pub fn recompute(methods: &MethodRegistry, dir: &Path) -> Result<RecordedTrial, 
         let (now, input) = tick?;
         let output = testbed.tick(&input, now == last)?;
         if let Some(muscles) = &mut muscles {
-            muscles.take(now, &input.emg, output.emg.as_ref());
+            muscles.take(now, &input.emg, output.emg.as_deref());
         }
         spans.extend(output.span);
         if testbed.frame_is_due() || now == last {

@@ -178,7 +178,7 @@ impl LiveTrial<'_> {
                 self.inputs.shown(frame);
                 tally.add(frame);
                 // Shown again while time stands still; what happened in it happened once.
-                shown = Some(DisplayFrame { events: vec![], feedback: vec![], ..frame.clone() });
+                shown = Some(DisplayFrame { events: vec![], feedback: vec![], ..DisplayFrame::clone(frame) });
             }
             self.person.show(&step);
             let over = step.output.finished.then_some(Ended::Finished);

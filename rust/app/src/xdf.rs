@@ -87,7 +87,7 @@ fn write(methods: &MethodRegistry, dir: &Path, out: BufWriter<File>) -> Result<E
     for tick in record.ticks()? {
         let (now, input) = tick?;
         let output = testbed.tick(&input, now == last)?;
-        streams.emg(now, &input.emg, output.emg.as_ref())?;
+        streams.emg(now, &input.emg, output.emg.as_deref())?;
         streams.gaze(now, input.gaze.as_ref())?;
         streams.state(now, &mut testbed)?;
         for event in &output.events {

@@ -83,7 +83,7 @@ fn finish(trial: Assembly, dir: &Path) -> Ran {
     loop {
         let step = session.step(false).unwrap();
         recorder.write(&step, session.testbed().plant().state()).unwrap();
-        ran.frames.extend(step.frame);
+        ran.frames.extend(step.frame.map(|frame| *frame));
         ran.kinds.extend(step.output.events.into_iter().map(|event| event.kind));
         if step.output.finished {
             break;

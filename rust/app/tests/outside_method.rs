@@ -35,7 +35,7 @@ fn run(config: TrialConfig, dir: Option<&Path>) -> Outcome<(Vec<DisplayFrame>, S
         if let Some(recorder) = &mut recorder {
             recorder.write(&step, session.testbed().plant().state())?;
         }
-        frames.extend(step.frame);
+        frames.extend(step.frame.map(|frame| *frame));
         if step.output.finished {
             break;
         }

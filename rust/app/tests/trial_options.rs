@@ -38,7 +38,7 @@ fn make(session: &mut Session, gesture: Gesture, point: Option<Vector>, ms: u64)
             let origin = Point::from(session.head().translation.vector);
             session.person().point(GazeSample { origin, direction: point - origin.coords, valid: true });
         }
-        last = session.step(false)?.frame.or(last);
+        last = session.step(false)?.frame.map(|frame| *frame).or(last);
     }
     Ok(last.ok_or("less than one frame")?)
 }

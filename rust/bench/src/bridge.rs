@@ -103,7 +103,7 @@ fn first_frame() -> Outcome<(DisplayFrame, PageContent)> {
     let mut session = assembly.session;
     let frame = loop {
         if let Some(frame) = session.step(false)?.frame {
-            break frame;
+            break *frame;
         }
     };
     let scene = session.testbed().task().scene().clone();

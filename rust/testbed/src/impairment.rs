@@ -133,7 +133,7 @@ impl<T> Way<T> {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Impairments {
     inputs: Vec<Way<TickInput>>,
-    display: Option<Way<DisplayFrame>>,
+    display: Option<Way<Box<DisplayFrame>>>,
 }
 
 impl Impairments {
@@ -168,9 +168,9 @@ impl Impairments {
     pub(crate) fn show(
         &mut self,
         now: SimTime,
-        frame: Option<DisplayFrame>,
+        frame: Option<Box<DisplayFrame>>,
         end: bool,
-    ) -> Option<DisplayFrame> {
+    ) -> Option<Box<DisplayFrame>> {
         let Some(way) = &mut self.display else { return frame };
         if end {
             return frame;

@@ -16,11 +16,11 @@ pub struct Step {
     /// When.
     pub time: SimTime,
     /// What went in, with the plan that took effect: the entry of the input log.
-    pub input: TickInput,
+    pub input: Box<TickInput>,
     /// What came out.
     pub output: TickOutput,
     /// The display frame, if one was due.
-    pub frame: Option<DisplayFrame>,
+    pub frame: Option<Box<DisplayFrame>>,
 }
 
 /// A trial in progress: a person, simulated or live, before the testbed.
@@ -92,7 +92,7 @@ impl Session {
         let testbed = &mut self.testbed;
         let time = SimTime(testbed.now().0 + 1);
         let arm = &testbed.plant().state().position[..testbed.model().arm_count()];
-        let mut input = self.person.step(time, PersonInput { arm, gesture: testbed.gesture() });
+        let mut input = Box::new(self.person.step(time, PersonInput { arm, gesture: testbed.gesture() }));
         if !testbed.config().gaze {
             input.gaze = None;
         }
@@ -103,7 +103,7 @@ impl Session {
         input.decoder.clone_from(&output.decoder);
         input.intent.clone_from(&output.intent);
         let due = testbed.frame_is_due() || output.finished;
-        let drawn = due.then(|| testbed.frame(self.person.head())).transpose()?;
+        let drawn = due.then(|| testbed.frame(self.person.head())).transpose()?.map(Box::new);
         let frame = self.impairments.show(time, drawn, output.finished);
         if let Some(frame) = &frame {
             self.person.see(frame);

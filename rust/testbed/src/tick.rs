@@ -107,7 +107,7 @@ pub struct TickOutput {
     /// What an intent model in another process answered: it belongs to the input log.
     pub intent: Option<IntentAnswer>,
     /// A window of EMG ended, or the stream became stale.
-    pub emg: Option<EmgOutput>,
+    pub emg: Option<Box<EmgOutput>>,
     /// The command that the EMG stage published.
     pub message: Option<Gesture>,
     /// The method commanded the arm.

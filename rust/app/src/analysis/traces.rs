@@ -123,7 +123,7 @@ impl LiveTrace {
         if let Some(frame) = &step.frame {
             self.count += 1;
             if self.count % film::KEPT == 1 {
-                self.frames.push(frame.clone());
+                self.frames.push(DisplayFrame::clone(frame));
             }
         }
     }

@@ -276,7 +276,7 @@ pub(super) fn read_decision(message: &Decision) -> Result<EmgStageOutput, Refuse
                 "posterior has {got} values, expected more than {place}, at most {MAX_GESTURES}"
             ));
         }
-        output.decision = Some(EmgOutput {
+        output.decision = Some(Box::new(EmgOutput {
             gesture: named(&message.decided_gesture)?,
             place,
             published: message.published,
@@ -287,7 +287,7 @@ pub(super) fn read_decision(message: &Decision) -> Result<EmgStageOutput, Refuse
             effort: message.window_effort,
             drives: drives(&message.window_drives)?,
             stale: message.stale,
-        });
+        }));
     }
     Ok(output)
 }

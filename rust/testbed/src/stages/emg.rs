@@ -39,7 +39,7 @@ pub struct EmgStageOutput {
     /// The gesture that gives it, as the model calls it; that of the command's name when it is given directly.
     pub recognised: GestureName,
     /// A window of EMG ended in this tick, or the stream became stale.
-    pub decision: Option<EmgOutput>,
+    pub decision: Option<Box<EmgOutput>>,
     /// The command that goes out as a message in this tick, for methods that act on messages.
     pub message: Option<Gesture>,
     /// When there was a decision last; none when gestures are given directly.
@@ -124,7 +124,7 @@ impl EmgStage {
         let mut output = EmgStageOutput::default();
         let mut acts = None;
         if let Some((pipeline, commands)) = &mut self.muscles {
-            output.decision = pipeline.step_with(now, input.samples, input.answers);
+            output.decision = pipeline.step_with(now, input.samples, input.answers).map(Box::new);
             output.answers = pipeline.answers().to_vec();
             let counts = pipeline.events().counts;
             let (gaps, unusable_samples) = (counts.gaps, counts.unusable_samples);

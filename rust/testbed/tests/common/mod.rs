@@ -79,7 +79,7 @@ impl Run {
         let mut run = Self::default();
         for tick in 1..=ticks {
             let Step { time, input, output, frame } = session.step(tick == ticks)?;
-            run.inputs.push((time, input));
+            run.inputs.push((time, *input));
             run.spans.extend(output.span);
             run.events.extend(output.events);
             run.highlights

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
 
 namespace proact::dynamics {
@@ -27,6 +28,7 @@ bool reaches(const Vec3& c, double r, const std::array<dReal, 6>& b) {
 void NearLinks::hang(const LinkGroups& links) {
   spheres_.assign(links.body_count(), {{}, -1.0});
   body_from_shape_.resize(geoms_.links.size());
+  far_.assign(geoms_.links.size(), {});
   runs_.clear();
   runs_.reserve(geoms_.links.size());
   for (std::size_t k = 0; k < geoms_.links.size(); ++k) {
@@ -37,12 +39,42 @@ void NearLinks::hang(const LinkGroups& links) {
     Sphere& sphere = spheres_[body];
     if (sphere.radius < 0.0) sphere = {body_from_shape.position, 0.0};
     sphere.radius = std::max(sphere.radius, norm(body_from_shape.position - sphere.centre) + geom.reach);
-    if (runs_.empty() || runs_.back().body != body) runs_.push_back({body, k, k, false});
+    if (runs_.empty() || runs_.back().body != body) runs_.push_back({body, k, k, false, {}});
     runs_.back().last = k + 1;
   }
   obstacles_.resize(geoms_.fixed.size() + geoms_.blocks.size());
   close_.reserve(obstacles_.size());
   for (std::size_t k = 0; k < geoms_.fixed.size(); ++k) obstacles_[k] = geoms_.fixed[k].bounds;
+}
+
+/// Takes over the blocks' bounds.
+void NearLinks::move_blocks() {
+  std::array<dReal, 6>* known = obstacles_.data() + geoms_.fixed.size();
+  double farthest = 0.0;
+  for (const Geom& block : geoms_.blocks) {
+    for (std::size_t k = 0; k < 6; ++k) farthest = std::max(farthest, std::abs(block.bounds[k] - (*known)[k]));
+    *known++ = block.bounds;
+  }
+  travelled_ += farthest;
+}
+
+/// For what is near nothing.
+NearLinks::Far NearLinks::far(const Sphere& sphere) const {
+  const auto& [c, r] = sphere;
+  double least = infinity;
+  for (const std::array<dReal, 6>& b : obstacles_) {
+    const double x = std::max(b[0] - c.x, c.x - b[1]);
+    const double y = std::max(b[2] - c.y, c.y - b[3]);
+    const double z = std::max(b[4] - c.z, c.z - b[5]);
+    least = std::min(least, std::max({x, y, z}) - r);
+  }
+  return {c, travelled_ + least - slack};
+}
+
+bool NearLinks::is_still(const Far& far, const Vec3& centre) const {
+  const Vec3 way = centre - far.centre;
+  const double left = far.travel - travelled_;
+  return (std::abs(way.x) < left) & (std::abs(way.y) < left) & (std::abs(way.z) < left);
 }
 
 /// Finds what a body is close to; whether it is near anything.
@@ -63,9 +95,14 @@ bool NearLinks::update_shapes(const Run& run, const Pose& pose) {
   for (std::size_t k = run.first; k < run.last; ++k) {
     Geom& geom = geoms_.links[k];
     const Vec3 centre = pose * body_from_shape_[k].position;
+    if (is_still(far_[k], centre)) {
+      geom.bounds = nowhere;
+      continue;
+    }
     const auto near = [&](const std::array<dReal, 6>& bounds) { return reaches(centre, geom.reach, bounds); };
     if (std::none_of(close_.begin(), close_.end(), near)) {
       geom.bounds = nowhere;
+      far_[k] = far({centre, geom.reach});
       continue;
     }
     geom.world_from_shape = pose * body_from_shape_[k];
@@ -77,17 +114,20 @@ bool NearLinks::update_shapes(const Run& run, const Pose& pose) {
 }
 
 void NearLinks::update(const ArmTree& tree) {
-  std::array<dReal, 6>* blocks = obstacles_.data() + geoms_.fixed.size();
-  for (const Geom& block : geoms_.blocks) *blocks++ = block.bounds;
+  move_blocks();
   for (Run& run : runs_) {
     const Pose& pose = tree.placed()[run.body].pose;
-    const Sphere& sphere = spheres_[run.body];
-    if (look_around({pose * sphere.centre, sphere.radius})) {
+    const Sphere sphere{pose * spheres_[run.body].centre, spheres_[run.body].radius};
+    if (is_still(run.far, sphere.centre)) continue;
+    if (look_around(sphere)) {
       run.nowhere = update_shapes(run, pose);
-    } else if (!run.nowhere) {
+      continue;
+    }
+    if (!run.nowhere) {
       for (std::size_t k = run.first; k < run.last; ++k) geoms_.links[k].bounds = nowhere;
       run.nowhere = true;
     }
+    run.far = far(sphere);
   }
 }
 

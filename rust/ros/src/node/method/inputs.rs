@@ -32,7 +32,7 @@ pub(super) struct Heard {
     decisions: VecDeque<EmgStageOutput>,
     gesture: EmgStageOutput,
     /// The newest decision, and its tick.
-    decided: Option<(SimTime, Option<EmgOutput>)>,
+    decided: Option<(SimTime, Option<Box<EmgOutput>>)>,
     intent: IntentOutput,
     /// When somebody else's block was looked at, and the telling kind of messages about gaze with its last values.
     highlighted_at: Option<SimTime>,

@@ -121,7 +121,7 @@ fn decisions_intents_and_commands_come_back() {
     let said = EmgStageOutput {
         gesture: Gesture::WristFlexion,
         recognised: "wave out".parse().unwrap(),
-        decision: Some(decided),
+        decision: Some(Box::new(decided)),
         message: Some(Gesture::WristFlexion),
         decided_at: Some(SimTime(9)),
         confidence: 0.4,
