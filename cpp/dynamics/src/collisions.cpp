@@ -13,15 +13,15 @@ namespace {
 // Things may start with this much overlap, metres; more would push them apart visibly.
 constexpr double allowed_overlap = 1e-3;
 
-/// Bounds of all the shapes together.
-std::array<dReal, 6> around(const std::vector<Geom>& shapes) {
+/// Bounds of all shapes of links together.
+std::array<dReal, 6> around_links(const Geoms& geoms) {
   constexpr dReal infinity = std::numeric_limits<dReal>::infinity();
   std::array<dReal, 6> all{infinity, -infinity, infinity, -infinity, infinity, -infinity};
-  for (const Geom& shape : shapes) {
-    if (empty(shape.bounds)) continue;
+  for (const std::size_t shape : geoms.near) {
+    const std::array<dReal, 6>& bounds = geoms.links[shape].bounds;
     for (std::size_t k = 0; k < 6; k += 2) {
-      all[k] = std::min(all[k], shape.bounds[k]);
-      all[k + 1] = std::max(all[k + 1], shape.bounds[k + 1]);
+      all[k] = std::min(all[k], bounds[k]);
+      all[k + 1] = std::max(all[k + 1], bounds[k + 1]);
     }
   }
   return all;
@@ -38,6 +38,7 @@ Collisions::Collisions(const Model& model, const Geoms& geoms, const BlockBodies
   touches_.reserve(World::contact_capacity);
   contacts_.reserve(World::contact_capacity);
   bounds_.reserve(blocks.count());
+  overlapping_.reserve(model.links.size());
 }
 
 Side Collisions::side_of_block(const Arm& arm, std::size_t block) const {
@@ -68,9 +69,10 @@ void Collisions::add_found(const Side& first, const Side& second, double frictio
 }
 
 void Collisions::find_links_with_fixed(const Arm& arm) {
-  for (const Geom& link : geoms_.links) {
-    // Neither the base nor the room can be moved by a push. Most of the arm is far from everything.
-    if (empty(link.bounds) || arm.links().body_of(link.owner) == 0) continue;
+  for (const std::size_t shape : geoms_.near) {
+    const Geom& link = geoms_.links[shape];
+    // Neither the base nor the room can be moved by a push.
+    if (arm.links().body_of(link.owner) == 0) continue;
     for (const Geom& fixed : geoms_.fixed) {
       if (apart(link.bounds, fixed.bounds)) continue;
       find_contacts(link.placed(), fixed.placed(), found_);
@@ -124,22 +126,24 @@ void Collisions::find_blocks(const Arm& arm) {
 void Collisions::find_blocks_with_links(const Arm& arm) {
   const std::size_t links = model_.links.size();
   const std::vector<Geom>& shapes = geoms_.links;
-  const std::array<dReal, 6> arms = around(shapes);
+  const std::vector<std::size_t>& near = geoms_.near;
+  const std::array<dReal, 6> arms = around_links(geoms_);
   for (const Geom& block : geoms_.blocks) {
     if (carrying_.carries(block.owner)) continue;
+    const auto parted = parted_.begin() + static_cast<std::ptrdiff_t>(block.owner * links);
     // Of a heap hardly any block is near the arm.
     if (apart(block.bounds, arms)) {
-      std::fill_n(parted_.begin() + static_cast<std::ptrdiff_t>(block.owner * links), links, true);
+      std::fill_n(parted, links, true);
       continue;
     }
     // Shapes of one link stand together, so one pass sees whether any of them still overlaps the block.
-    for (std::size_t first = 0; first < shapes.size();) {
-      const std::size_t link = shapes[first].owner;
+    overlapping_.clear();
+    for (std::size_t next = 0; next < near.size();) {
+      const std::size_t link = shapes[near[next]].owner;
       const bool acts = parted_[block.owner * links + link];
       bool overlaps = false;
-      std::size_t next = first;
-      for (; next < shapes.size() && shapes[next].owner == link; ++next) {
-        const Geom& geom = shapes[next];
+      for (; next < near.size() && shapes[near[next]].owner == link; ++next) {
+        const Geom& geom = shapes[near[next]];
         if (apart(block.bounds, geom.bounds)) continue;
         find_contacts(block.placed(), geom.placed(), found_);
         overlaps = overlaps || found_.count > 0;
@@ -154,9 +158,10 @@ void Collisions::find_blocks_with_links(const Arm& arm) {
           touches_.push_back({side, link_side, friction, point, listed ? contacts_.size() - 1 : no_index});
         }
       }
-      if (!overlaps) parted_[block.owner * links + link] = true;
-      first = next;
+      if (overlaps && !acts) overlapping_.push_back(link);
     }
+    std::fill_n(parted, links, true);
+    for (const std::size_t link : overlapping_) parted_[block.owner * links + link] = false;
   }
 }
 

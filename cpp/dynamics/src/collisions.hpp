@@ -59,6 +59,7 @@ class Collisions {
   std::vector<char> resting_;  ///< by block, of this tick
   std::vector<std::array<dReal, 6>> bounds_;  ///< of the blocks in this tick
   std::vector<char> touched_;  ///< by block, in its sleep
+  std::vector<std::size_t> overlapping_;  ///< links that have not come apart from the block that is looked at
   std::vector<Contact> contacts_;
   ContactPoints found_;  ///< of one pair
 };

@@ -1,5 +1,6 @@
 #include "geoms.hpp"
 
+#include <numeric>
 #include <stdexcept>
 
 namespace proact::dynamics {
@@ -47,6 +48,8 @@ Geoms::Geoms(const Model& model) {
       links.push_back({make_geom(collision.shape), collision.shape, k, collision.pose, {}, {}, reach_of(collision.shape)});
     }
   }
+  near.resize(links.size());
+  std::iota(near.begin(), near.end(), std::size_t{0});
   for (std::size_t k = 0; k < model.fixed.size(); ++k) {
     const FixedObject& object = model.fixed[k];
     fixed.push_back({make_geom(object.shape), object.shape, k, Pose{}, object.pose, {}, reach_of(object.shape)});

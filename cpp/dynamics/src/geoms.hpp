@@ -31,14 +31,13 @@ inline bool apart(const std::array<dReal, 6>& a, const std::array<dReal, 6>& b) 
   return (a[0] > b[1]) | (b[0] > a[1]) | (a[2] > b[3]) | (b[2] > a[3]) | (a[4] > b[5]) | (b[4] > a[5]);
 }
 
-/// Whether bounds hold nothing: those of a shape that is far from everything.
-inline bool empty(const std::array<dReal, 6>& bounds) { return bounds[0] > bounds[1]; }
-
 class Geoms {
  public:
   explicit Geoms(const Model& model);
 
   std::vector<Geom> links;  ///< those of one link stand together
+  /// Those of the links that may be near something they could touch in this tick, ascending; the bounds of all others are empty.
+  std::vector<std::size_t> near;
   std::vector<Geom> fixed;
   std::vector<Geom> blocks;
 

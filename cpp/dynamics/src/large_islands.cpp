@@ -64,7 +64,7 @@ void LargeIslands::wake_near(const Geoms& geoms) {
       wide[k] -= near_link;
       wide[k + 1] += near_link;
     }
-    const bool near = std::any_of(geoms.links.begin(), geoms.links.end(), [&](const Geom& link) { return !apart(wide, link.bounds); });
+    const bool near = std::any_of(geoms.near.begin(), geoms.near.end(), [&](std::size_t link) { return !apart(wide, geoms.links[link].bounds); });
     kept_[block.owner] = near ? 1 : 0;
     if (near) wake(block.owner);
   }

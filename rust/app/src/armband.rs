@@ -2,12 +2,11 @@
 
 use crate::source::{read_model, takes_imu};
 use crate::tell;
-use arrayvec::ArrayVec;
 use proact_devices::{EmgPacket, SampleSource, SourceEvent, SourceName, SourceOptions, SourceRegistry};
 use proact_emg::EmgModel;
 use proact_http::Repeats;
 use proact_testbed::ports::EmgSource;
-use proact_types::{EmgSample, Gesture, GestureCommands, GestureName, SimTime};
+use proact_types::{EmgSample, Gesture, GestureCommands, GestureName, MAX_TICK_SAMPLES, SimTime};
 use std::{
     error::Error,
     path::Path,
@@ -200,14 +199,13 @@ struct ArmbandPort {
 }
 
 impl ArmbandPort {
-    fn drain(&mut self, most: usize) -> ArrayVec<EmgSample, 8> {
+    fn drain(&mut self, most: usize) -> Vec<EmgSample> {
         let samples = self.samples.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        let mut out = ArrayVec::new();
+        let mut out = Vec::new();
         self.waited = None;
         for (came, sample) in samples.try_iter().take(most) {
             self.waited.get_or_insert_with(|| came.elapsed());
-            // More than fit are only asked for to be thrown away.
-            let _ = out.try_push(sample);
+            out.push(sample);
         }
         out
     }
@@ -216,13 +214,13 @@ impl ArmbandPort {
 impl EmgSource for ArmbandPort {
     /// What has arrived, at most eight a tick. The keys of the page are prompts for simulated people; armbands on people
     /// take no notice.
-    fn sample_at(&mut self, _now: SimTime, intended: Gesture) -> ArrayVec<EmgSample, 8> {
+    fn sample_at(&mut self, _now: SimTime, intended: Gesture) -> Vec<EmgSample> {
         if intended != self.intended {
             self.intended = intended;
             // An error means that the source has ended, which has been told.
             let _ = self.prompts.send(self.commands.gesture_for(intended));
         }
-        self.drain(8)
+        self.drain(MAX_TICK_SAMPLES)
     }
 
     fn waited(&self) -> Option<Duration> {

@@ -321,7 +321,6 @@ pub fn store_gaze_check(dir: Option<&Path>, time: SimTime, check: &GazeCheck) ->
 mod tests {
     use super::*;
     use crate::{Arm, trial};
-    use arrayvec::ArrayVec;
     use proact_bridge::PageOptions;
     use proact_control::MethodRegistry;
     use proact_devices::{SyntheticEmg, SyntheticModel, stream};
@@ -337,7 +336,7 @@ mod tests {
     }
 
     impl ports::EmgSource for Armband {
-        fn sample_at(&mut self, now: SimTime, _intended: Gesture) -> ArrayVec<EmgSample, 8> {
+        fn sample_at(&mut self, now: SimTime, _intended: Gesture) -> Vec<EmgSample> {
             let gesture = if now.0 < 500 { Gesture::NoMotion } else { Gesture::HandClose };
             let sample = EmgSample { counter: now.0, channels: self.0.next(gesture) };
             (now.0 < 2000).then_some(sample).into_iter().collect()

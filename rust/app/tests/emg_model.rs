@@ -1,7 +1,6 @@
 //! A trained model in trials: raw codes of an armband, gaps and silences on the record, replay.
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)] // A test of files and processes.
 
-use arrayvec::ArrayVec;
 use proact_app::{Arm, Recorder, ReplayOptions, replay_trial, trial};
 use proact_control::MethodRegistry;
 use proact_devices::{EmgOrigin, SyntheticEmg, SyntheticModel, stream};
@@ -32,7 +31,7 @@ fn model(zero: f64) -> EmgModel {
 struct Armband(SyntheticEmg);
 
 impl ports::EmgSource for Armband {
-    fn sample_at(&mut self, now: SimTime, _intended: Gesture) -> ArrayVec<EmgSample, 8> {
+    fn sample_at(&mut self, now: SimTime, _intended: Gesture) -> Vec<EmgSample> {
         let gesture = match now.0 {
             500..2500 => Gesture::HandClose,
             _ => Gesture::NoMotion,

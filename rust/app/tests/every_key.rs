@@ -369,7 +369,7 @@ struct DyingArmband {
 }
 
 impl ports::EmgSource for DyingArmband {
-    fn sample_at(&mut self, now: SimTime, _intended: Gesture) -> ArrayVec<EmgSample, 8> {
+    fn sample_at(&mut self, now: SimTime, _intended: Gesture) -> Vec<EmgSample> {
         let mut channels: ArrayVec<f64, 8> = self.emg.next(Gesture::WristFlexion).iter().copied().collect();
         let (second, millis) = (now.0 / 1000, now.0 % 1000);
         let phase = 0.1 * std::f64::consts::PI * millis as f64;
@@ -380,11 +380,11 @@ impl ports::EmgSource for DyingArmband {
             2 => channels[3] = 0.0,
             3 => channels[3] = 1000.0,
             4 => channels[3] = 40.0 * (0.1 * phase).sin(),
-            5 if millis % 2 == 0 => return ArrayVec::new(),
-            6 => return ArrayVec::new(),
+            5 if millis % 2 == 0 => return Vec::new(),
+            6 => return Vec::new(),
             7 if millis % 2 == 0 => {
                 self.lacking += 1;
-                return ArrayVec::new();
+                return Vec::new();
             }
             _ => {}
         }

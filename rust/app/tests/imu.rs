@@ -4,7 +4,6 @@
 
 mod common;
 
-use arrayvec::ArrayVec;
 use common::{config, generator, moved};
 use proact_app::{Arm, Recorder, ReplayOptions, replay_trial, trial};
 use proact_control::MethodRegistry;
@@ -43,7 +42,7 @@ impl Worn {
 }
 
 impl ports::EmgSource for Worn {
-    fn sample_at(&mut self, now: SimTime, _intended: Gesture) -> ArrayVec<EmgSample, 8> {
+    fn sample_at(&mut self, now: SimTime, _intended: Gesture) -> Vec<EmgSample> {
         let gesture = if now.0 < 500 { Gesture::NoMotion } else { Gesture::WristExtension };
         [self.sample(now.0, gesture, FREEZES)].into_iter().collect()
     }

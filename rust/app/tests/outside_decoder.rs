@@ -3,7 +3,6 @@
 
 mod common;
 
-use arrayvec::ArrayVec;
 use common::{config, generator, moved, recordings, replays, slices};
 use proact_app::{Arm, Recorder, trial};
 use proact_control::MethodRegistry;
@@ -41,7 +40,7 @@ fn python(body: &str) -> ProcessConfig {
 struct Armband(SyntheticEmg);
 
 impl ports::EmgSource for Armband {
-    fn sample_at(&mut self, now: SimTime, _intended: Gesture) -> ArrayVec<EmgSample, 8> {
+    fn sample_at(&mut self, now: SimTime, _intended: Gesture) -> Vec<EmgSample> {
         let gesture = if now.0 < 500 { Gesture::NoMotion } else { Gesture::WristExtension };
         [EmgSample { counter: now.0, channels: self.0.next(gesture) }].into_iter().collect()
     }

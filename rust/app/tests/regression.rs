@@ -4,7 +4,6 @@
 
 mod common;
 
-use arrayvec::ArrayVec;
 use common::{config, generator, moved, recordings, slices};
 use proact_app::{Arm, Recorder, ReplayOptions, replay_trial, trial};
 use proact_control::{JogProfile, MethodRegistry, Simultaneous};
@@ -25,7 +24,7 @@ fn model(classifier: ClassifierKind) -> EmgModel {
 struct Armband(SyntheticEmg);
 
 impl ports::EmgSource for Armband {
-    fn sample_at(&mut self, now: SimTime, _intended: Gesture) -> ArrayVec<EmgSample, 8> {
+    fn sample_at(&mut self, now: SimTime, _intended: Gesture) -> Vec<EmgSample> {
         let gesture = match now.0 {
             500..2500 | 3500.. => Gesture::WristExtension,
             _ => Gesture::NoMotion,

@@ -1,7 +1,8 @@
 use crate::{DeviceError, Recordings, SyntheticEmg, stream};
-use arrayvec::ArrayVec;
 use proact_emg::{ClassifierKind, EmgConfig};
-use proact_types::{ChannelValues, EmgSample, Gesture, GestureCommands, GestureName, SimTime};
+use proact_types::{
+    ChannelValues, EmgSample, Gesture, GestureCommands, GestureName, MAX_TICK_SAMPLES, SimTime,
+};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
@@ -114,16 +115,15 @@ impl EmgFeed {
 
     /// The samples that arrive in the tick `now` of a person who makes `intended`, oldest first. Call it every
     /// tick: when more than eight samples are due, the older ones are lost and leave a gap in the counter.
-    /// Does not allocate.
-    pub fn sample_at(&mut self, now: SimTime, intended: impl Into<GestureName>) -> ArrayVec<EmgSample, 8> {
-        let mut samples = ArrayVec::new();
+    pub fn sample_at(&mut self, now: SimTime, intended: impl Into<GestureName>) -> Vec<EmgSample> {
+        let mut samples = Vec::new();
         // Counted from the start, so that rates that do not divide 1000 do not drift. The small share makes a
         // product that should be whole, such as 3 ticks at 333.333.. Hz, not fall below.
         let due = (now.0 as f64 * self.rate_hz / 1000.0 + 1e-9).floor() as u64 + 1;
         if due <= self.next {
             return samples;
         }
-        self.next = self.next.max(due.saturating_sub(samples.capacity() as u64));
+        self.next = self.next.max(due.saturating_sub(MAX_TICK_SAMPLES as u64));
         let made = self.made(intended.into());
         self.turn_to(made);
         while self.next < due {

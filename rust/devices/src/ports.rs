@@ -1,12 +1,11 @@
 //! The testbed's ports, implemented by the feed and the gaze tracker.
 
 use crate::{EmgFeed, GazeSource};
-use arrayvec::ArrayVec;
 use proact_testbed::ports::{EmgSource, GazeTracker};
 use proact_types::{EmgSample, GazeSample, Gesture, Point, SimTime, Vector};
 
 impl EmgSource for EmgFeed {
-    fn sample_at(&mut self, now: SimTime, intended: Gesture) -> ArrayVec<EmgSample, 8> {
+    fn sample_at(&mut self, now: SimTime, intended: Gesture) -> Vec<EmgSample> {
         let gesture = self.gesture_for(intended);
         EmgFeed::sample_at(self, now, gesture)
     }

@@ -2,7 +2,7 @@
 //! display. What comes out is what is logged, so that a replay needs none of it.
 
 use crate::ConfigError;
-use proact_types::{DisplayFrame, InputSign, InputSource, SimTime, TickInput};
+use proact_types::{DisplayFrame, InputSign, InputSource, MAX_TICK_SAMPLES, SimTime, TickInput};
 use rand::{RngExt as _, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -157,7 +157,7 @@ impl Impairments {
             // Gestures come one by one, so that none is passed over; of measurements the newest counts.
             let most = if link == ImpairedLink::Gestures { 1 } else { usize::MAX };
             for _ in 0..most {
-                let room = input.emg.remaining_capacity();
+                let room = MAX_TICK_SAMPLES.saturating_sub(input.emg.len());
                 let Some(message) = way.take(now, |message| message.emg.len() <= room) else { break };
                 join(input, message);
             }

@@ -1,7 +1,6 @@
 //! What the testbed asks of the outside: physics, plans, EMG and gaze. Implemented by `dynamics`, `planning` and
 //! `devices`, and by the replay, which answers from the log.
 
-use arrayvec::ArrayVec;
 use proact_types::{
     BodyState, EmgSample, GazeSample, Gesture, PlanReply, PlanRequest, PlantCommand, PlantState, Point,
     SimTime, Vector,
@@ -92,8 +91,8 @@ pub trait PlanService {
 
 /// An armband on the arm of somebody who intends a gesture.
 pub trait EmgSource {
-    /// Samples that arrive in tick `now`, oldest first, while the wearer performs `intended`. Called once per tick.
-    fn sample_at(&mut self, now: SimTime, intended: Gesture) -> ArrayVec<EmgSample, 8>;
+    /// Samples that arrive in tick `now`, at most [`MAX_TICK_SAMPLES`](proact_types::MAX_TICK_SAMPLES), oldest first, while the wearer performs `intended`. Called once per tick.
+    fn sample_at(&mut self, now: SimTime, intended: Gesture) -> Vec<EmgSample>;
 
     /// How long the oldest of these waited since it came, where samples come by themselves.
     fn waited(&self) -> Option<Duration> {

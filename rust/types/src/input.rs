@@ -95,6 +95,9 @@ pub enum WindowAnswer {
     Failed(String),
 }
 
+/// Most EMG samples that one tick can hold: an amplifier may have 8 kHz.
+pub const MAX_TICK_SAMPLES: usize = 8;
+
 /// Most signs that one tick can hold: one of each kind that a source may give at once.
 pub const MAX_SIGNS: usize = 8;
 
@@ -102,8 +105,8 @@ pub const MAX_SIGNS: usize = 8;
 /// and the seeds, is the trial.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TickInput {
-    /// EMG samples that arrived in this tick, oldest first.
-    pub emg: ArrayVec<EmgSample, 8>,
+    /// EMG samples that arrived in this tick, oldest first, at most [`MAX_TICK_SAMPLES`].
+    pub emg: Vec<EmgSample>,
     /// A gesture given directly (keys, buttons), in force until the next one. Overrides the classifier.
     pub gesture: Option<Gesture>,
     /// New gaze measurement.

@@ -15,9 +15,9 @@ use proact_tasks::TaskState;
 use proact_testbed::stages::{ActuationOutput, EmgStageOutput, GazeHeard, IntentOutput, MethodOutput};
 use proact_types::{
     BadGestureName, BodyState, Drives, EmgSample, EventKind, GazeSample, Gesture, GestureName, HandState,
-    HandView, InputSign, InputSource, JointVector, MAX_DRIVES, MAX_EMG_CHANNELS, MAX_GESTURES, ObjectId,
-    ObjectSet, PlantCommand, PlantState, Point, Pose, Scene, SignKind, SimTime, TaskContext, TickInput,
-    Trajectory, TrajectoryPoint, Vector,
+    HandView, InputSign, InputSource, JointVector, MAX_DRIVES, MAX_EMG_CHANNELS, MAX_GESTURES,
+    MAX_TICK_SAMPLES, ObjectId, ObjectSet, PlantCommand, PlantState, Point, Pose, Scene, SignKind, SimTime,
+    TaskContext, TickInput, Trajectory, TrajectoryPoint, Vector,
 };
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -190,9 +190,12 @@ pub(super) fn read_person(message: &Person) -> Result<(TickInput, Pose), Refused
     if channels > MAX_EMG_CHANNELS {
         return Err(format!("{channels} EMG channels, expected at most {MAX_EMG_CHANNELS}"));
     }
+    if samples > MAX_TICK_SAMPLES {
+        return Err(format!("{samples} EMG samples for a tick, expected at most {MAX_TICK_SAMPLES}"));
+    }
     for (counter, values) in message.counters.iter().zip(message.samples.chunks(channels.max(1))) {
         let sample = EmgSample { counter: *counter, channels: values.into() };
-        input.emg.try_push(sample).map_err(|_| format!("{samples} EMG samples are too many for a tick"))?;
+        input.emg.push(sample);
     }
     input.gesture = maybe("gesture", &Gesture::ALL, message.gesture)?;
     input.gaze = none_or_one("gaze", &message.gaze)?.map(read_gaze);

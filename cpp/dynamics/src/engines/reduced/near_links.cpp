@@ -108,6 +108,7 @@ bool NearLinks::update_shapes(const Run& run, const Pose& pose) {
     geom.world_from_shape = pose * body_from_shape_[k];
     set_geom_pose(geom.id.get(), geom.world_from_shape);
     dGeomGetAABB(geom.id.get(), geom.bounds.data());
+    geoms_.near.push_back(k);
     none = false;
   }
   return none;
@@ -115,6 +116,7 @@ bool NearLinks::update_shapes(const Run& run, const Pose& pose) {
 
 void NearLinks::update(const ArmTree& tree) {
   move_blocks();
+  geoms_.near.clear();
   for (Run& run : runs_) {
     const Pose& pose = tree.placed()[run.body].pose;
     const Sphere sphere{pose * spheres_[run.body].centre, spheres_[run.body].radius};

@@ -17,8 +17,8 @@ class NearLinks {
 
   /// Finds where shapes are in their bodies. Called whenever links have been joined to other bodies.
   void hang(const LinkGroups& links);
-  /// Brings the shapes of links up to date that are near anything they could touch; all others are nowhere. Expects
-  /// the blocks' bounds.
+  /// Lists the shapes of links that are near anything they could touch, and brings them up to date; all others are nowhere.
+  /// Expects the blocks' bounds.
   void update(const ArmTree& tree);
 
  private:
