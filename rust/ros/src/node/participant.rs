@@ -139,7 +139,7 @@ impl Stage for ParticipantNode {
         let mut input = self.parts.stage.step(since, PersonInput { arm, gesture: self.gesture });
         let head = self.parts.stage.head();
         if !lockstep {
-            self.samples.extend(input.emg.drain(..));
+            self.samples.append(&mut input.emg);
         }
         let news = input.gaze.is_some() || input.shoulder.is_some() || input.gesture.is_some();
         if lockstep || news {
