@@ -1,5 +1,6 @@
 //! The journal of a study: events, each on the disk before it is acknowledged, in one SQLite file.
 
+use crate::FileLock;
 use proact_analysis::table::{Cell, Table};
 use rusqlite::{Connection, OpenFlags, ToSql, params, types::ToSqlOutput};
 use serde::{Serialize, de::DeserializeOwned};
@@ -96,8 +97,8 @@ pub struct Entry<E> {
 pub struct Journal {
     path: PathBuf,
     db: Connection,
-    /// Held while this journal writes; the system takes it back when the program ends, however it does.
-    _lock: Option<File>,
+    /// Held while this journal writes.
+    _lock: Option<FileLock>,
 }
 
 impl Journal {
@@ -110,11 +111,10 @@ impl Journal {
         let mut name = path.as_os_str().to_owned();
         name.push(".lock");
         let lock = fs::OpenOptions::new().create(true).append(true).open(&name).map_err(io)?;
-        match lock.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => return Err(JournalError::InUse { path: path.to_owned() }),
-            Err(TryLockError::Error(source)) => return Err(io(source)),
-        }
+        let lock = FileLock::try_hold(lock).map_err(|error| match error {
+            TryLockError::WouldBlock => JournalError::InUse { path: path.to_owned() },
+            TryLockError::Error(source) => io(source),
+        })?;
         let db = Connection::open(path).map_err(failed(path))?;
         let journal = Self { path: path.to_owned(), db, _lock: Some(lock) };
         journal.begin().map_err(failed(path))?;

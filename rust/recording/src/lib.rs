@@ -46,6 +46,7 @@
 pub mod bag;
 mod checked_lines;
 mod error;
+mod file_lock;
 mod files;
 mod format;
 mod input_log;
@@ -57,6 +58,7 @@ pub mod xdf;
 
 pub use bag::TrialBag;
 pub use error::RecordingError;
+pub use file_lock::FileLock;
 pub use format::RECORD_FORMAT;
 pub use input_log::{InputLog, InputRecord, LogEnd};
 pub use manifest::{hash_of, seal, sha256};

@@ -2,7 +2,7 @@
 
 use super::{BatchDescription, BatchError, BatchTrial};
 use crate::{study::TrialScores, write_whole};
-use proact_recording::hash_of;
+use proact_recording::{FileLock, hash_of};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use std::{
@@ -147,11 +147,10 @@ impl BatchFolder {
     }
 
     /// Alone in the folder, until it is dropped.
-    pub(super) fn locked(dir: &Path) -> Result<File, BatchError> {
+    pub(super) fn locked(dir: &Path) -> Result<FileLock, BatchError> {
         let path = dir.join(LOCK);
         let file = File::create(&path).map_err(failed(&path))?;
-        file.lock().map_err(failed(&path))?;
-        Ok(file)
+        FileLock::hold(file).map_err(failed(&path))
     }
 
     /// Where the lines of a shard are.
@@ -163,7 +162,7 @@ impl BatchFolder {
 /// The file of a shard, to which this program alone writes.
 #[derive(Debug)]
 pub struct ShardFile {
-    file: File,
+    file: FileLock,
     path: PathBuf,
     /// Whether each trial of the batch is over.
     over: Vec<bool>,
@@ -180,11 +179,11 @@ impl ShardFile {
         let path = folder.shard_path(shard);
         let file =
             OpenOptions::new().read(true).append(true).create(true).open(&path).map_err(failed(&path))?;
-        match file.try_lock() {
-            Ok(()) => {}
+        let file = match FileLock::try_hold(file) {
+            Ok(file) => file,
             Err(TryLockError::WouldBlock) => return Err(BatchError::Busy { path }),
             Err(TryLockError::Error(error)) => return Err(failed(&path)(error)),
-        }
+        };
         let mut over = vec![false; folder.description.trials];
         let scan = scan(&path, |index, _, _| over[index] = true, folder.description.trials, shard)?;
         file.set_len(scan.good_end).map_err(failed(&path))?;
