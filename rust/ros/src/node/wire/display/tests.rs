@@ -211,20 +211,27 @@ fn a_frame_of_another_arm_or_with_a_list_of_another_length_is_refused() {
     assert!(read_command(&twice, COUNTS).is_ok());
 }
 
+/// How a place behind the last one is refused.
+fn less_than(what: &str, count: usize) -> String {
+    format!("{what} is {count}, expected less than {count}")
+}
+
 #[test]
 fn a_frame_with_a_place_out_of_range_is_refused() {
+    let [gestures, hands, sources] = [Gesture::ALL.len(), HandState::ALL.len(), InputSource::ALL.len()];
+    let [causes, statuses] = [StopCause::ALL.len(), PlanStatus::ALL.len()];
     for (sentence, expected) in [
-        (refusal(|m| m.view.gesture = 5), "gesture is 5, expected less than 5"),
-        (refusal(|m| m.view.hand = 4), "hand is 4, expected less than 4"),
-        (refusal(|m| m.view.holds = 4), "the object in the hand is 4, expected less than 4"),
-        (refusal(|m| m.view.target.object = 4), "the target's object is 4, expected less than 4"),
-        (refusal(|m| m.next = 4), "next is 4, expected less than 4"),
-        (refusal(|m| m.view.stop[0].source = 7), "the stop's source is 7, expected less than 7"),
-        (refusal(|m| m.view.stop[0].cause = 10), "the stop's cause is 10, expected less than 10"),
-        (refusal(|m| m.view.planner.state = 5), "the planner's state is 5, expected 0 to 4"),
+        (refusal(|m| m.view.gesture = gestures as u8), less_than("gesture", gestures)),
+        (refusal(|m| m.view.hand = hands as u8), less_than("hand", hands)),
+        (refusal(|m| m.view.holds = 4), less_than("the object in the hand", 4)),
+        (refusal(|m| m.view.target.object = 4), less_than("the target's object", 4)),
+        (refusal(|m| m.next = 4), less_than("next", 4)),
+        (refusal(|m| m.view.stop[0].source = sources as u8), less_than("the stop's source", sources)),
+        (refusal(|m| m.view.stop[0].cause = causes as u8), less_than("the stop's cause", causes)),
+        (refusal(|m| m.view.planner.state = 5), "the planner's state is 5, expected 0 to 4".to_owned()),
         (
-            refusal(|m| (m.view.planner.state, m.view.planner.status) = (Planner::FAILED, 8)),
-            "the planner's status is 8, expected less than 8",
+            refusal(|m| (m.view.planner.state, m.view.planner.status) = (Planner::FAILED, statuses as u8)),
+            less_than("the planner's status", statuses),
         ),
     ] {
         assert_eq!(sentence, expected);
