@@ -25,6 +25,8 @@ constexpr double led_on = 0.1;
 // Along a step the slope is zero when no more than this share of it is left.
 constexpr double found_share = 1e-3;
 constexpr int most_places = 20;
+// Steps whose bounds follow: five are usual, and one that is longer than the one before ends the try.
+constexpr int most_following = 12;
 
 /// Of two rows of numbers. Four sums at once, because each addition waits for the one before it.
 double product(const double* a, const double* b, std::size_t count) {
@@ -138,9 +140,8 @@ void VelocityProblem::add_spring(const Contact& contact, double strength, const 
   }
 }
 
-/// Cholesky's factors of the mass matrix with the springs of motors and contacts that are not at a limit. Friction at its
-/// bound resists a change of its direction only.
-void VelocityProblem::factor() {
+/// Puts the mass matrix with the springs of motors that are not at a limit into factors_.
+void VelocityProblem::place_masses() {
   const std::size_t n = velocity.size();
   const std::size_t hinge_count = hinges.size();
   factors_.assign(n * n, 0.0);
@@ -161,6 +162,12 @@ void VelocityProblem::factor() {
     set(5, 4, inertia.yz);
     set(5, 5, inertia.zz);
   }
+}
+
+/// Cholesky's factors of the masses with the springs of motors and contacts that are not at a limit. Friction at its
+/// bound resists a change of its direction only.
+void VelocityProblem::factor() {
+  place_masses();
   for (const Contact& contact : contacts) {
     if (contact.touching) add_spring(contact, stiffness(0), {1.0, 0.0, 0.0});
     if (!contact.slipping) {
@@ -171,6 +178,7 @@ void VelocityProblem::factor() {
       add_spring(contact, contact.bound / slip, {0.0, -contact.gap[2] / slip, contact.gap[1] / slip});
     }
   }
+  const std::size_t n = velocity.size();
   for (std::size_t i = 0; i < n; ++i) {
     double* const row = &factors_[i * n];
     for (std::size_t j = 0; j <= i; ++j) {
@@ -186,8 +194,75 @@ void VelocityProblem::factor() {
       }
     }
   }
-  factored_ = true;
+  factors_for_ = FactorsFor::fixed_bounds;
   exact_ = !slips();
+}
+
+/// Adds to factors_ and upper_ what a contact resists while its bound of friction follows its normal force: what slips is
+/// braked more the harder it is pressed, but not pressed harder the more it slips, so that this is not symmetric.
+void VelocityProblem::add_following(const Contact& contact) {
+  if (!contact.touching) return;
+  const std::size_t n = velocity.size();
+  double resisted[3][3] = {{stiffness(0), 0.0, 0.0}, {0.0, stiffness(1), 0.0}, {0.0, 0.0, stiffness(2)}};
+  if (contact.slipping) {
+    const double slip = std::sqrt(contact.gap[1] * contact.gap[1] + contact.gap[2] * contact.gap[2]);
+    const double along[2] = {contact.gap[1] / slip, contact.gap[2] / slip};
+    const double strength = contact.bound / slip;
+    resisted[1][1] = strength * along[1] * along[1];
+    resisted[1][2] = resisted[2][1] = -strength * along[0] * along[1];
+    resisted[2][2] = strength * along[0] * along[0];
+    resisted[1][0] = contact.friction * stiffness(0) * along[0];
+    resisted[2][0] = contact.friction * stiffness(0) * along[1];
+  }
+  for (std::size_t b = contact.first; b < contact.last; ++b) {
+    double by_unit[3];
+    for (std::size_t row = 0; row < 3; ++row) by_unit[row] = product(resisted[row], columns[b].value.data(), 3);
+    for (std::size_t a = contact.first; a < contact.last; ++a) {
+      const std::size_t i = columns[a].index;
+      const std::size_t j = columns[b].index;
+      double& into = j <= i ? factors_[i * n + j] : upper_[j * n + i];
+      into += product(columns[a].value.data(), by_unit, 3);
+    }
+  }
+}
+
+/// Crout's factors, in factors_ and the transpose upper_, of the masses and what resists while the bounds follow. False if
+/// they need an exchange of rows, which only happens far from what is wanted.
+bool VelocityProblem::factor_following() {
+  place_masses();
+  upper_ = factors_;
+  for (const Contact& contact : contacts) add_following(contact);
+  const std::size_t n = velocity.size();
+  for (std::size_t i = 0; i < n; ++i) {
+    double* const lower = &factors_[i * n];
+    double* const upper = &upper_[i * n];
+    for (std::size_t j = 0; j < i; ++j) {
+      lower[j] -= product(lower, &upper_[j * n], j);
+      upper[j] = (upper[j] - product(upper, &factors_[j * n], j)) * factors_[j * n + j];
+    }
+    const double pivot = lower[i] - product(lower, upper, i);
+    if (!(pivot > 0.0)) return false;
+    lower[i] = 1.0 / pivot;
+  }
+  factors_for_ = FactorsFor::following_bounds;
+  return true;
+}
+
+/// Newton's step while the bounds follow; gives its largest change of a speed.
+double VelocityProblem::find_following_step() {
+  const std::size_t n = velocity.size();
+  step_.resize(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const double* const row = &factors_[i * n];
+    step_[i] = (-slope_[i] - product(row, step_.data(), i)) * row[i];
+  }
+  double largest = 0.0;
+  for (std::size_t i = n; i-- > 0;) {
+    const double* const row = &upper_[i * n];
+    for (std::size_t k = 0; k < i; ++k) step_[k] -= row[k] * step_[i];
+    largest = std::max(largest, std::fabs(step_[i]));
+  }
+  return largest;
 }
 
 /// Newton's step, and what it does to the gaps.
@@ -318,11 +393,11 @@ double VelocityProblem::find_way() {
 /// The minimum for the present bounds of friction; false if it was not reached.
 bool VelocityProblem::settle_velocity() {
   find_gaps();
-  if (!judge()) factored_ = false;
+  if (!judge()) factors_for_ = FactorsFor::nothing;
   find_slope();
   const auto slope_at_end = [&] { return product(slope_.data(), step_.data(), step_.size()); };
   for (int round = 0; round < most_steps; ++round) {
-    if (!factored_) factor();
+    if (factors_for_ != FactorsFor::fixed_bounds) factor();
     find_step();
     const double small = slips() ? still_slipping : still;
     const bool tiny = std::all_of(step_.begin(), step_.end(), [small](double change) { return std::fabs(change) <= small; });
@@ -337,10 +412,10 @@ bool VelocityProblem::settle_velocity() {
       find_slope();
       const double left = slope_at_end();
       const bool leads_on = same && std::fabs(left) <= led_on * slope;
-      if (!leads_on) factored_ = false;
+      if (!leads_on) factors_for_ = FactorsFor::nothing;
       if (left <= 0.0 || leads_on) continue;
     }
-    factored_ = false;
+    factors_for_ = FactorsFor::nothing;
 
     // Back, and to the lowest place along the step.
     go(-1.0);
@@ -354,22 +429,65 @@ bool VelocityProblem::settle_velocity() {
   return false;
 }
 
-bool VelocityProblem::solve() {
+/// Gives every contact the bound of friction that belongs to its normal force.
+void VelocityProblem::follow_bounds() {
   find_gaps();
-  if (!factored_) {
-    for (Contact& contact : contacts) contact.bound = contact.friction * std::max(0.0, stiffness(0) * contact.gap[0]);
+  for (Contact& contact : contacts) contact.bound = contact.friction * std::max(0.0, stiffness(0) * contact.gap[0]);
+}
+
+/// Newton's method on all laws at once, the bounds following the normal forces: few steps from nearby, and no function
+/// that would lead there from afar. False, and speeds and bounds are as before, if the steps do not become shorter.
+bool VelocityProblem::settle_following() {
+  before_ = velocity;
+  for (Contact& contact : contacts) contact.bound_before = contact.bound;
+  double last = infinity;
+  for (int round = 0; round < most_following; ++round) {
+    follow_bounds();
+    const bool same = judge();
+    find_slope();
+    if ((!same || factors_for_ != FactorsFor::following_bounds) && !factor_following()) break;
+    const double largest = find_following_step();
+    if (!(largest < last)) break;
+    go(1.0);
+    if (same && largest <= still_slipping) {
+      follow_bounds();
+      judge();
+      return true;
+    }
+    if (largest > led_on * last) factors_for_ = FactorsFor::nothing;
+    last = largest;
   }
+  velocity = before_;
+  for (Contact& contact : contacts) contact.bound = contact.bound_before;
+  find_gaps();
+  judge();
+  factors_for_ = FactorsFor::nothing;
+  return false;
+}
+
+/// Whether the bounds of what slips belong to the normal forces.
+bool VelocityProblem::bounds_settled() const {
+  double largest = 0.0;
+  double changed = 0.0;
+  for (const Contact& contact : contacts) {
+    const double bound = contact.friction * contact.impulse[0];
+    largest = std::max(largest, bound);
+    const double sideways = stiffness(1) * std::hypot(contact.gap[1], contact.gap[2]);
+    if (sideways > std::min(bound, contact.bound)) changed = std::max(changed, std::fabs(bound - contact.bound));
+  }
+  return changed <= settled_share * largest;
+}
+
+bool VelocityProblem::solve() {
+  if (factors_for_ == FactorsFor::following_bounds && settle_following()) return true;
+  if (factors_for_ == FactorsFor::nothing) follow_bounds();
   for (int round = 0; round < most_bounds; ++round) {
     if (!settle_velocity()) return false;
-    double largest = 0.0;
-    double changed = 0.0;
+    if (bounds_settled() || settle_following()) return true;
     for (Contact& contact : contacts) {
       const double bound = contact.friction * contact.impulse[0];
-      largest = std::max(largest, bound);
-      changed = std::max(changed, std::fabs(bound - contact.bound));
       contact.bound = round < cautious_bounds ? bound : 0.5 * (bound + contact.bound);
     }
-    if (changed <= settled_share * largest) return true;
   }
   return most_bounds < all_bounds;
 }

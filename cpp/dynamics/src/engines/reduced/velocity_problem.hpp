@@ -20,13 +20,15 @@ namespace proact::dynamics {
 /// within that bound, so that what slides aslant of both is braked by up to 1.41 times as much.)
 ///
 /// For given bounds of friction these speeds are the minimum of a smooth convex function, found by Newton's method with
-/// a search along each step; the bounds are repeated until they settle. The result depends on nothing but the numbers
-/// given.
+/// a search along each step. From there Newton's method on all laws at once leads on in a few steps, the bounds following
+/// the normal forces; where it does not, the bounds are repeated until they settle. The result depends on nothing but the
+/// numbers given.
 ///
 /// Coulomb's friction as a fixed point of problems with given friction, each solved by a semi-smooth Newton method:
 /// K. Kunisch and G. Stadler (ESAIM: M2AN 39, 2005). Soft contacts as a convex function of the speeds: E. Todorov,
 /// Convex and analytically-invertible dynamics with contacts and constraints (ICRA 2014). Theirs are of continua, and of
-/// cones that let what slides lift off; ours of rigid bodies whose normal forces know nothing of the slip.
+/// cones that let what slides lift off; ours of rigid bodies whose normal forces know nothing of the slip. Newton's method
+/// on Coulomb's law itself: P. Alart and A. Curnier (Computer Methods in Applied Mechanics and Engineering 92, 1991).
 class VelocityProblem {
  public:
   static constexpr double infinity = std::numeric_limits<double>::infinity();
@@ -54,6 +56,7 @@ class VelocityProblem {
     std::array<double, 3> speed{};  ///< wanted along the normal and the two tangents, m/s
     double friction = 0.0;
     double bound = 0.0;               ///< of friction, N s
+    double bound_before = 0.0;        ///< to which a try that fails goes back
     std::array<double, 3> gap{};      ///< speed that lacks
     std::array<double, 3> change{};   ///< of the gap in a step
     bool touching = false;            ///< found: it pushes
@@ -80,17 +83,26 @@ class VelocityProblem {
   /// std::runtime_error if the masses are no masses.
   bool solve();
   /// Forgets the factors of an earlier solve: to be called when more than the momenta has changed.
-  void renew() { factored_ = false; }
+  void renew() { factors_for_ = FactorsFor::nothing; }
 
  private:
+  enum class FactorsFor { nothing, fixed_bounds, following_bounds };
+
   bool settle_velocity();
+  bool settle_following();
+  bool bounds_settled() const;
+  void follow_bounds();
   bool judge();
   bool slips() const;
   void find_gaps();
   void find_slope();
+  void place_masses();
   void factor();
+  bool factor_following();
+  void add_following(const Contact& contact);
   void add_spring(const Contact& contact, double strength, const std::array<double, 3>& along);
   void find_step();
+  double find_following_step();
   void go(double way);
   void find_slope_along();
   double slope_along(double way) const;
@@ -99,10 +111,12 @@ class VelocityProblem {
   std::array<double, 3> wanted(const Contact& contact, double way) const;
 
   std::vector<double> factors_;  ///< lower triangle, square
+  std::vector<double> upper_;    ///< the other triangle, transposed, where it is not the same
+  std::vector<double> before_;   ///< speeds to which a try that fails goes back
   std::vector<double> slope_;    ///< of the convex function
   std::vector<double> step_;
   std::vector<double> kinks_;    ///< along the step
-  bool factored_ = false;
+  FactorsFor factors_for_ = FactorsFor::nothing;
   bool exact_ = false;  ///< the factors hold as long as nobody comes to or off a limit
   double slope_start_ = 0.0;  ///< along the step, without motors and contacts
   double slope_growth_ = 0.0;
