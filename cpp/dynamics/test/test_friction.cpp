@@ -93,6 +93,7 @@ void what_is_found_obeys_coulomb_and_newton() {
   int solved = 0;
   int slipping = 0;
   int sticking = 0;
+  int to_rounding = 0;
   constexpr int problems = 5000;
   for (int round = 0; round < problems; ++round) {
     VelocityProblem problem = problem_at_random(random, 1 + static_cast<std::size_t>(round % 6));
@@ -126,6 +127,7 @@ void what_is_found_obeys_coulomb_and_newton() {
       check(force <= bound + 1.01e-4 * largest, "friction is at most its bound: " + std::to_string(force) + " of " + std::to_string(bound));
       if (slip > 1e-3 && bound > 0.1 * largest) {
         ++slipping;
+        if (std::fabs(force - bound) < 1e-9 * bound) ++to_rounding;
         check(std::fabs(force - bound) < 2e-3 * bound, "what slips is braked by the bound");
         check(contact.impulse[1] * gap[1] + contact.impulse[2] * gap[2] > (1.0 - 1e-6) * force * slip, "against the slip");
       } else if (bound > 0.0) {
@@ -134,7 +136,9 @@ void what_is_found_obeys_coulomb_and_newton() {
     }
     for (const double lack : missing) check(std::fabs(lack) < 1e-7, "momentum is kept: " + std::to_string(lack));
   }
-  std::printf("%d of %d problems solved, %d contacts slip, %d stick\n", solved, problems, slipping, sticking);
+  std::printf("%d of %d problems solved, %d contacts slip (%d to rounding), %d stick\n", solved, problems, slipping, to_rounding, sticking);
+  // Repeated bounds alone settle to 1e-4: so near they are only if they follow the normal forces in Newton's method.
+  check(to_rounding > slipping * 9 / 10, std::to_string(to_rounding) + " of " + std::to_string(slipping) + " are found to rounding");
   check(slipping > 1000 && sticking > 500, "both cases occur");
   check(solved > problems * 99 / 100, std::to_string(problems - solved) + " problems are unsolved");
 }

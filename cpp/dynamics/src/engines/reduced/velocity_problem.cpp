@@ -248,14 +248,20 @@ bool VelocityProblem::factor_following() {
   return true;
 }
 
-/// Newton's step while the bounds follow; gives its largest change of a speed.
-double VelocityProblem::find_following_step() {
+/// The first half of a step: the lower factors undone.
+void VelocityProblem::undo_lower() {
   const std::size_t n = velocity.size();
   step_.resize(n);
   for (std::size_t i = 0; i < n; ++i) {
     const double* const row = &factors_[i * n];
     step_[i] = (-slope_[i] - product(row, step_.data(), i)) * row[i];
   }
+}
+
+/// Newton's step while the bounds follow; gives its largest change of a speed.
+double VelocityProblem::find_following_step() {
+  undo_lower();
+  const std::size_t n = velocity.size();
   double largest = 0.0;
   for (std::size_t i = n; i-- > 0;) {
     const double* const row = &upper_[i * n];
@@ -267,12 +273,8 @@ double VelocityProblem::find_following_step() {
 
 /// Newton's step, and what it does to the gaps.
 void VelocityProblem::find_step() {
+  undo_lower();
   const std::size_t n = velocity.size();
-  step_.resize(n);
-  for (std::size_t i = 0; i < n; ++i) {
-    const double* const row = &factors_[i * n];
-    step_[i] = (-slope_[i] - product(row, step_.data(), i)) * row[i];
-  }
   for (std::size_t i = n; i-- > 0;) {
     const double* const row = &factors_[i * n];
     step_[i] *= row[i];

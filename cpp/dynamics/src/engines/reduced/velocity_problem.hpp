@@ -101,6 +101,7 @@ class VelocityProblem {
   bool factor_following();
   void add_following(const Contact& contact);
   void add_spring(const Contact& contact, double strength, const std::array<double, 3>& along);
+  void undo_lower();
   void find_step();
   double find_following_step();
   void go(double way);
