@@ -81,11 +81,14 @@ fn each_window<'a>(
                 expected: config.sample_channels(),
             });
         }
-        let mut filtered = sample.clone();
+        let mut filtered;
+        let mut sample = sample;
         if !filters.is_empty() {
+            filtered = sample.clone();
             filters.apply(&mut filtered);
+            sample = &filtered;
         }
-        if let Some(view) = window.push(&filtered) {
+        if let Some(view) = window.push(sample) {
             take(&view, extractor.compute(&view).to_vec());
         }
     }

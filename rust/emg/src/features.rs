@@ -406,7 +406,8 @@ fn value(feature: Feature, x: &[f64], v: &Channel, all_square_2: f64) -> f64 {
     }
 }
 
-/// MAV, ZC, SSC and WL in one pass each.
+/// MAV, ZC, SSC and WL in one pass each. A function of its own, so that its sums stay in registers; so is the next.
+#[inline(never)]
 fn hudgins(x: &[f64], ssc_threshold: f64) -> [f64; 4] {
     let mean_absolute_value = x.iter().map(|v| v.abs()).sum::<f64>() / x.len() as f64;
     let (mut crossings, mut turns, mut length) = (0_u32, 0_u32, 0.0);
@@ -421,6 +422,7 @@ fn hudgins(x: &[f64], ssc_threshold: f64) -> [f64; 4] {
 }
 
 impl Differences {
+    #[inline(never)]
     fn of(signal: impl Iterator<Item = f64>) -> Differences {
         let mut sums = Differences::default();
         let (mut last, mut last_1) = (None, None);
