@@ -257,8 +257,25 @@ impl Bench {
         Ok(())
     }
 
+    /// Processor time of the plans of both scenes, of what is within reach.
+    fn together(&self) -> Vec<BenchFigure> {
+        let cpu: Vec<f64> = self.answers.iter().filter(|a| a.reachable).map(|a| a.cpu_ms).collect();
+        if cpu.is_empty() {
+            return Vec::new();
+        }
+        let figure = |name: &str, part: f64, note: &str| {
+            let name = format!("both scenes: plan on the processor, {name}");
+            BenchFigure::alone(&name, quantile(&cpu, part), "ms", note)
+        };
+        vec![
+            figure("median", 0.5, "goal: at most 3"),
+            figure("99 %", 0.99, "goal: at most 15"),
+            figure("worst", 1.0, ""),
+        ]
+    }
+
     fn figures(&self) -> Vec<BenchFigure> {
-        let mut figures = Vec::new();
+        let mut figures = self.together();
         for (scene, cluttered) in [("box", false), ("20 blocks", true)] {
             let here: Vec<&Answer> = self.answers.iter().filter(|a| a.cluttered == cluttered).collect();
             let reachable: Vec<&Answer> = here.iter().copied().filter(|a| a.reachable).collect();
@@ -272,8 +289,8 @@ impl Bench {
             let tuned = if self.seed == HELD_OUT { ", which nothing was tuned on" } else { "" };
             add("problems", here.len() as f64, "1", &format!("drawn from seed {}{tuned}", self.seed));
             let times: Vec<f64> = reachable.iter().map(|a| a.time_ms).collect();
-            add("plan, median", quantile(&times, 0.5), "ms", "goal: at most 3, both scenes together");
-            add("plan, 99 %", quantile(&times, 0.99), "ms", "goal: at most 15, both scenes together");
+            add("plan, median", quantile(&times, 0.5), "ms", "");
+            add("plan, 99 %", quantile(&times, 0.99), "ms", "");
             add("plan, worst", quantile(&times, 1.0), "ms", "");
             let cpu: Vec<f64> = reachable.iter().map(|a| a.cpu_ms).collect();
             let note = "of processor time: what other processes on the machine add is left out";
