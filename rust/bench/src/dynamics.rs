@@ -137,6 +137,9 @@ fn extra_blocks(figures: &mut Vec<BenchFigure>, peer: Option<&MuJoCo>) -> Result
     Ok(())
 }
 
+/// How often the hand closes: 600 ticks alone would make the slowest six of them, whatever interrupts those, the 99 %.
+const CLOSINGS: usize = 10;
+
 /// Hand merged and moving, hand closing, every joint free with a pinch, carrying.
 fn phases(figures: &mut Vec<BenchFigure>, peer: Option<&MuJoCo>) -> Result<(), Box<dyn Error>> {
     let model = proact_description::mpl_right_arm();
@@ -170,8 +173,14 @@ fn phases(figures: &mut Vec<BenchFigure>, peer: Option<&MuJoCo>) -> Result<(), B
     let run = Run { free: all, ..run };
     for merged in [true, false] {
         let options = DynamicsOptions { hold_still_hand: merged, ..DynamicsOptions::default() };
-        let mut plant = OdePlant::new(&model, &scene, &open, &base, options)?;
-        let cost = Cost::of(|| play(&mut plant, &closing))?;
+        let mut plants = (0..CLOSINGS)
+            .map(|_| OdePlant::new(&model, &scene, &open, &base, options))
+            .collect::<Result<Vec<OdePlant>, PlantError>>()?;
+        let cost = Cost::of(|| {
+            let ticks = plants.iter_mut().map(|plant| play(plant, &closing));
+            Ok::<_, PlantError>(ticks.collect::<Result<Vec<_>, _>>()?.concat())
+        })?;
+        let mut plant = plants.pop().ok_or("no hand closed")?;
         if plant.state().contacts.is_empty() {
             return Err("the closing hand missed the block".into());
         }

@@ -1,5 +1,6 @@
 #include "engines/reduced/velocity_problem.hpp"
 
+#include "engines/reduced/rows.hpp"
 #include "proact/dynamics/model.hpp"
 
 #include <algorithm>
@@ -27,17 +28,6 @@ constexpr double found_share = 1e-3;
 constexpr int most_places = 20;
 // Steps whose bounds follow: five are usual, and one that is longer than the one before ends the try.
 constexpr int most_following = 12;
-
-/// Of two rows of numbers. Four sums at once, because each addition waits for the one before it.
-double product(const double* a, const double* b, std::size_t count) {
-  double sums[4] = {0.0, 0.0, 0.0, 0.0};
-  std::size_t k = 0;
-  for (; k + 4 <= count; k += 4) {
-    for (std::size_t lane = 0; lane < 4; ++lane) sums[lane] += a[k + lane] * b[k + lane];
-  }
-  for (; k < count; ++k) sums[0] += a[k] * b[k];
-  return (sums[0] + sums[1]) + (sums[2] + sums[3]);
-}
 
 int side_of(double value, double limit) { return value > limit ? 1 : (value < -limit ? -1 : 0); }
 
@@ -130,13 +120,16 @@ void VelocityProblem::find_slope() {
 
 /// Adds to factors_ a spring between the two sides of a contact.
 void VelocityProblem::add_spring(const Contact& contact, double strength, const std::array<double, 3>& along) {
-  const auto value = [&](const Column& column) {
-    return along[0] * column.value[0] + along[1] * column.value[1] + along[2] * column.value[2];
-  };
-  for (std::size_t a = contact.first; a < contact.last; ++a) {
-    const double scaled = strength * value(columns[a]);
-    double* const into = &factors_[columns[a].index * velocity.size()];
-    for (std::size_t b = contact.first; b <= a; ++b) into[columns[b].index] += scaled * value(columns[b]);
+  along_.clear();
+  for (std::size_t c = contact.first; c < contact.last; ++c) {
+    const std::array<double, 3>& value = columns[c].value;
+    along_.push_back(along[0] * value[0] + along[1] * value[1] + along[2] * value[2]);
+  }
+  const Column* const own = &columns[contact.first];
+  for (std::size_t a = 0; a < along_.size(); ++a) {
+    const double scaled = strength * along_[a];
+    double* const into = &factors_[own[a].index * velocity.size()];
+    for (std::size_t b = 0; b <= a; ++b) into[own[b].index] += scaled * along_[b];
   }
 }
 
@@ -265,7 +258,7 @@ double VelocityProblem::find_following_step() {
   double largest = 0.0;
   for (std::size_t i = n; i-- > 0;) {
     const double* const row = &upper_[i * n];
-    for (std::size_t k = 0; k < i; ++k) step_[k] -= row[k] * step_[i];
+    take_off(step_.data(), row, step_[i], i);
     largest = std::max(largest, std::fabs(step_[i]));
   }
   return largest;
@@ -278,7 +271,7 @@ void VelocityProblem::find_step() {
   for (std::size_t i = n; i-- > 0;) {
     const double* const row = &factors_[i * n];
     step_[i] *= row[i];
-    for (std::size_t k = 0; k < i; ++k) step_[k] -= row[k] * step_[i];
+    take_off(step_.data(), row, step_[i], i);
   }
   for (Contact& contact : contacts) {
     contact.change = {};
@@ -365,14 +358,28 @@ double VelocityProblem::find_way() {
   std::sort(kinks_.begin(), kinks_.end());
   // The first bend beyond the zero, by halving the list.
   kinks_.push_back(1.0);
-  const auto beyond = std::partition_point(kinks_.begin(), kinks_.end() - 1, [&](double way) { return slope_along(way) < 0.0; });
-  double high = *beyond;
-  double low = beyond == kinks_.begin() ? 0.0 : *(beyond - 1);
+  double low = 0.0;
   double at_low = slope_along(low);
-  double at_high = slope_along(high);
+  double at_high = infinity;
+  const double small = found_share * std::fabs(at_low);
+  std::size_t first = 0;
+  std::size_t last = kinks_.size() - 1;
+  while (first < last) {
+    const std::size_t middle = (first + last) / 2;
+    const double slope = slope_along(kinks_[middle]);
+    if (slope < 0.0) {
+      low = kinks_[middle];
+      at_low = slope;
+      first = middle + 1;
+    } else {
+      at_high = slope;
+      last = middle;
+    }
+  }
+  double high = kinks_[last];
+  if (at_high == infinity) at_high = slope_along(high);
   if (at_high <= 0.0 || at_low >= 0.0) return high;
   // False position; an end that stays counts half (the Illinois rule), so that both ends come nearer. A line needs one.
-  const double small = found_share * std::fabs(slope_along(0.0));
   double way = low;
   for (int place = 0; place < most_places; ++place) {
     const int before = way > low ? 1 : (place > 0 ? -1 : 0);

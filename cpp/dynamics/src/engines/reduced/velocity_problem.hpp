@@ -112,6 +112,7 @@ class VelocityProblem {
   std::array<double, 3> wanted(const Contact& contact, double way) const;
 
   std::vector<double> factors_;  ///< lower triangle, square
+  std::vector<double> along_;    ///< columns of a contact along a spring
   std::vector<double> upper_;    ///< the other triangle, transposed, where it is not the same
   std::vector<double> before_;   ///< speeds to which a try that fails goes back
   std::vector<double> slope_;    ///< of the convex function
