@@ -125,7 +125,7 @@ void VelocityProblem::add_spring(const Contact& contact, double strength, const 
     const std::array<double, 3>& value = columns[c].value;
     along_.push_back(along[0] * value[0] + along[1] * value[1] + along[2] * value[2]);
   }
-  const Column* const own = &columns[contact.first];
+  const Column* const own = columns.data() + contact.first;
   for (std::size_t a = 0; a < along_.size(); ++a) {
     const double scaled = strength * along_[a];
     double* const into = &factors_[own[a].index * velocity.size()];
@@ -362,21 +362,17 @@ double VelocityProblem::find_way() {
   double at_low = slope_along(low);
   double at_high = infinity;
   const double small = found_share * std::fabs(at_low);
-  std::size_t first = 0;
-  std::size_t last = kinks_.size() - 1;
-  while (first < last) {
-    const std::size_t middle = (first + last) / 2;
-    const double slope = slope_along(kinks_[middle]);
-    if (slope < 0.0) {
-      low = kinks_[middle];
-      at_low = slope;
-      first = middle + 1;
-    } else {
+  const auto beyond = std::partition_point(kinks_.begin(), kinks_.end() - 1, [&](double way) {
+    const double slope = slope_along(way);
+    if (!(slope < 0.0)) {
       at_high = slope;
-      last = middle;
+      return false;
     }
-  }
-  double high = kinks_[last];
+    low = way;
+    at_low = slope;
+    return true;
+  });
+  double high = *beyond;
   if (at_high == infinity) at_high = slope_along(high);
   if (at_high <= 0.0 || at_low >= 0.0) return high;
   // False position; an end that stays counts half (the Illinois rule), so that both ends come nearer. A line needs one.
