@@ -59,6 +59,7 @@ mod filter;
 mod fitts;
 mod goertzel;
 mod imu;
+mod lanes;
 mod lda;
 mod liveness;
 mod metrics;

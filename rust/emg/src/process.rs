@@ -93,8 +93,13 @@ impl WindowLine {
         view: &WindowView<'_>,
         features: &[f64],
     ) -> WindowLine {
-        let row = |k: usize| (0..view.channels()).map(|c| view.channel(c)[k]).collect();
-        let samples = || (0..view.length()).map(row).collect();
+        let samples = || {
+            let mut rows = vec![Vec::with_capacity(view.channels()); view.length()];
+            for channel in 0..view.channels() {
+                rows.iter_mut().zip(view.channel(channel)).for_each(|(row, value)| row.push(value));
+            }
+            rows
+        };
         WindowLine {
             window,
             time,

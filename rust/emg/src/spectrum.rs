@@ -1,59 +1,118 @@
-use std::f64::consts::PI;
+use std::f64::consts::TAU;
+use std::ops::{Add, Mul, Sub};
+
+/// What a transform is made of: a number, or the same quantity of several channels.
+pub(crate) trait Real:
+    Copy + Default + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Mul<f64, Output = Self>
+{
+}
+
+impl<T> Real for T where
+    T: Copy + Default + Add<Output = T> + Sub<Output = T> + Mul<Output = T> + Mul<f64, Output = T>
+{
+}
 
 /// Powers of the lower half of the Fourier transform of a signal, padded with zeros to a power of two. Buffers are
 /// allocated once.
 #[derive(Clone, Debug)]
-pub(crate) struct PowerSpectrum {
-    /// Real and imaginary parts.
-    values: Vec<(f64, f64)>,
-    /// Roots of unity.
+pub(crate) struct PowerSpectrum<T> {
+    /// Real and imaginary parts of a transform of half the length: even samples are its real parts, odd ones its
+    /// imaginary parts.
+    values: Vec<(T, T)>,
+    /// Roots of unity of the whole length.
     roots: Vec<(f64, f64)>,
+    powers: Vec<T>,
 }
 
-impl PowerSpectrum {
-    /// For signals of `length` samples.
+impl<T: Real> PowerSpectrum<T> {
+    /// For signals of `length` samples, at least three.
     pub(crate) fn new(length: usize) -> Self {
-        let size = length.next_power_of_two();
-        let root = |k: usize| (-2.0 * PI * k as f64 / size as f64).sin_cos();
-        let roots = (0..size / 2).map(root).map(|(sin, cos)| (cos, sin)).collect();
-        PowerSpectrum { values: vec![(0.0, 0.0); size], roots }
+        let size = length.next_power_of_two().max(4);
+        let root = |k: usize| (-TAU * k as f64 / size as f64).sin_cos();
+        PowerSpectrum {
+            values: vec![Default::default(); size / 2],
+            roots: (0..size / 2).map(root).map(|(sin, cos)| (cos, sin)).collect(),
+            powers: vec![T::default(); size / 2],
+        }
     }
 
     /// Length of the transform.
     pub(crate) fn size(&self) -> usize {
-        self.values.len()
+        2 * self.values.len()
     }
 
     /// Transforms `signal`, which is no longer than the transform; gives the powers of bins 0 .. size/2 - 1, not
     /// scaled.
-    pub(crate) fn powers(&mut self, signal: &[f64]) -> impl Iterator<Item = f64> + Clone {
-        let size = self.size();
-        let bits = size.trailing_zeros();
-        for (k, value) in self.values.iter_mut().enumerate() {
-            *value = (signal.get(k).copied().unwrap_or(0.0), 0.0);
-        }
+    pub(crate) fn powers(&mut self, signal: &[T]) -> &[T] {
+        let half = self.values.len();
         // Cooley and Tukey's transform in place: first the order of reversed bits, then butterflies.
-        for k in 1..size {
-            let other = k.reverse_bits() >> (usize::BITS - bits);
-            if k < other {
-                self.values.swap(k, other);
-            }
+        let reversed = |k: usize| k.reverse_bits() >> (usize::BITS - half.trailing_zeros());
+        let mut pairs = signal.chunks(2);
+        for k in 0..half {
+            let pair = pairs.next().unwrap_or_default();
+            let sample = |place: usize| pair.get(place).copied().unwrap_or_default();
+            self.values[reversed(k)] = (sample(0), sample(1));
         }
-        let mut half = 1;
-        while half < size {
-            let stride = size / (2 * half);
-            for block in self.values.chunks_exact_mut(2 * half) {
-                let (low, high) = block.split_at_mut(half);
-                for ((a, b), root) in low.iter_mut().zip(high).zip(self.roots.iter().step_by(stride)) {
-                    let turned = (b.0 * root.0 - b.1 * root.1, b.0 * root.1 + b.1 * root.0);
-                    *b = (a.0 - turned.0, a.1 - turned.1);
-                    *a = (a.0 + turned.0, a.1 + turned.1);
+        self.first_butterflies();
+        let mut width = 4;
+        while width < half {
+            let roots = self.roots.iter().step_by(half / width);
+            for block in self.values.chunks_exact_mut(2 * width) {
+                let (low, high) = block.split_at_mut(width);
+                for ((a, b), root) in low.iter_mut().zip(high).zip(roots.clone()) {
+                    let turned = times(*b, *root);
+                    *b = minus(*a, turned);
+                    *a = plus(*a, turned);
                 }
             }
-            half *= 2;
+            width *= 2;
         }
-        self.values[..size / 2].iter().map(|(re, im)| re * re + im * im)
+        self.parts();
+        &self.powers
     }
+
+    /// The two first levels, whose roots are 1 and -i.
+    fn first_butterflies(&mut self) {
+        for four in self.values.chunks_mut(4) {
+            if let [a, b, c, d] = four {
+                let (sum, difference) = (plus(*a, *b), minus(*a, *b));
+                let (sum_2, (re, im)) = (plus(*c, *d), minus(*c, *d));
+                (*a, *c) = (plus(sum, sum_2), minus(sum, sum_2));
+                *b = (difference.0 + im, difference.1 - re);
+                *d = (difference.0 - im, difference.1 + re);
+            } else if let [a, b] = four {
+                (*a, *b) = (plus(*a, *b), minus(*a, *b));
+            }
+        }
+    }
+
+    /// Takes the transforms of even and odd samples apart and puts that of all samples together: its powers.
+    fn parts(&mut self) {
+        let half = self.values.len();
+        let (zero_even, zero_odd) = self.values[0];
+        self.powers[0] = (zero_even + zero_odd) * (zero_even + zero_odd);
+        for k in 1..=half / 2 {
+            let ((re, im), (re_2, im_2)) = (self.values[k], self.values[half - k]);
+            // Both twice what they are; the powers are divided by four.
+            let even = (re + re_2, im - im_2);
+            let odd = times((im + im_2, re_2 - re), self.roots[k]);
+            let power = |(re, im): (T, T)| (re * re + im * im) * 0.25;
+            self.powers[half - k] = power(minus(even, odd));
+            self.powers[k] = power(plus(even, odd));
+        }
+    }
+}
+
+fn plus<T: Real>(a: (T, T), b: (T, T)) -> (T, T) {
+    (a.0 + b.0, a.1 + b.1)
+}
+
+fn minus<T: Real>(a: (T, T), b: (T, T)) -> (T, T) {
+    (a.0 - b.0, a.1 - b.1)
+}
+
+fn times<T: Real>(a: (T, T), root: (f64, f64)) -> (T, T) {
+    (a.0 * root.0 - a.1 * root.1, a.0 * root.1 + a.1 * root.0)
 }
 
 #[cfg(test)]
@@ -64,10 +123,27 @@ mod tests {
     fn a_sine_has_its_power_in_its_bin() {
         let mut spectrum = PowerSpectrum::new(60);
         assert_eq!(spectrum.size(), 64);
-        let signal: Vec<f64> = (0..64).map(|k| (2.0 * PI * 5.0 * f64::from(k) / 64.0).cos()).collect();
-        for (k, power) in spectrum.powers(&signal).enumerate() {
+        let signal: Vec<f64> = (0..64).map(|k| (TAU * 5.0 * f64::from(k) / 64.0).cos()).collect();
+        for (k, power) in spectrum.powers(&signal).iter().enumerate() {
             let expected = if k == 5 { 1024.0 } else { 0.0 };
             assert!((power - expected).abs() < 1e-9, "bin {k}: {power}");
+        }
+    }
+
+    #[test]
+    fn every_length_gives_the_sums_of_the_definition() {
+        for length in [3, 4, 5, 8, 11, 16, 100, 129] {
+            let signal: Vec<f64> = (0..length).map(|k| ((k * k) as f64 * 0.7).sin() * 5.0 + 1.0).collect();
+            let mut spectrum = PowerSpectrum::new(length);
+            let size = spectrum.size();
+            for (bin, power) in spectrum.powers(&signal).iter().enumerate() {
+                let angle = |k: usize| TAU * ((bin * k) % size) as f64 / size as f64;
+                let part = |of: fn(f64) -> f64| -> f64 {
+                    signal.iter().enumerate().map(|(k, v)| v * of(angle(k))).sum()
+                };
+                let expected = part(f64::cos).powi(2) + part(f64::sin).powi(2);
+                assert!((power - expected).abs() < 1e-9, "{length} samples, bin {bin}: {power}, {expected}");
+            }
         }
     }
 }

@@ -1,4 +1,5 @@
 use crate::features::FeatureParameters;
+use crate::lanes::{LANES, Lanes, lanes_of};
 use crate::{EmgConfig, EmgError};
 use proact_types::{ChannelValues, EmgSample};
 use serde::{Deserialize, Serialize};
@@ -53,9 +54,12 @@ pub struct SlidingWindow {
     sample_channels: usize,
     length: usize,
     increment: usize,
-    /// `[channel][capacity]`, row-major, so that a window is one slice per channel; first the electrodes, then `imu`. One more row marks samples that were
-    /// lost and bridged by a one.
-    data: Vec<f64>,
+    /// The electrodes, four side by side: `[channels / 4, rounded up][capacity]`, so that a window is one slice of each four.
+    data: Vec<Lanes>,
+    /// `[imu][capacity]`.
+    imu_data: Vec<f64>,
+    /// One for each sample that was lost and bridged: `[capacity]`.
+    marks: Vec<u8>,
     capacity: usize,
     /// Samples in each row.
     filled: usize,
@@ -76,9 +80,9 @@ pub struct SlidingWindow {
 /// The samples of one window.
 #[derive(Clone, Copy, Debug)]
 pub struct WindowView<'a> {
-    data: &'a [f64],
+    data: &'a [Lanes],
     channels: usize,
-    imu: usize,
+    imu_data: &'a [f64],
     capacity: usize,
     start: usize,
     length: usize,
@@ -86,7 +90,7 @@ pub struct WindowView<'a> {
     parameters: FeatureParameters,
 }
 
-impl WindowView<'_> {
+impl<'a> WindowView<'a> {
     /// Samples in a channel.
     pub fn length(&self) -> usize {
         self.length
@@ -99,8 +103,9 @@ impl WindowView<'_> {
 
     /// Sum over channels of the mean absolute value, in the stream's unit: the measure of effort.
     pub fn amplitude(&self) -> f64 {
-        let mean = |x: &[f64]| x.iter().map(|v| v.abs()).sum::<f64>() / x.len() as f64;
-        (0..self.channels).map(|channel| mean(self.channel(channel))).sum()
+        let means =
+            self.blocks().map(|x| (x.iter().map(|v| v.abs()).sum::<Lanes>() / self.length as f64).to_array());
+        means.flatten().take(self.channels).sum()
     }
 
     pub(crate) fn parameters(&self) -> &FeatureParameters {
@@ -114,17 +119,24 @@ impl WindowView<'_> {
 
     /// Mean of each channel of an inertial measurement unit that is a feature, in its unit.
     pub(crate) fn imu_means(&self) -> impl Iterator<Item = f64> {
-        let rows = self.channels..self.channels + self.imu;
-        rows.map(|row| self.channel(row).iter().sum::<f64>() / self.length as f64)
+        let rows = self.imu_data.chunks_exact(self.capacity);
+        rows.map(|row| row[self.start..self.start + self.length].iter().sum::<f64>() / self.length as f64)
+    }
+
+    /// The samples of four channels each, oldest first; behind the last channel there are zeros.
+    pub(crate) fn blocks(&self) -> impl Iterator<Item = &'a [Lanes]> {
+        let (start, length) = (self.start, self.length);
+        self.data.chunks_exact(self.capacity).map(move |row| &row[start..start + length])
     }
 
     /// Samples of one channel, oldest first.
     ///
     /// # Panics
     /// If there is no such channel.
-    pub fn channel(&self, channel: usize) -> &[f64] {
-        let start = channel * self.capacity + self.start;
-        &self.data[start..start + self.length]
+    pub fn channel(&self, channel: usize) -> impl ExactSizeIterator<Item = f64> + Clone + 'a {
+        assert!(channel < self.channels, "channel {channel} of {}", self.channels);
+        let start = channel / LANES * self.capacity + self.start;
+        self.data[start..start + self.length].iter().map(move |four| four.as_array()[channel % LANES])
     }
 }
 
@@ -139,14 +151,15 @@ impl SlidingWindow {
         // Rows are three windows long, so that samples are moved to the front only now and then.
         let capacity = 3 * length;
         let imu: Vec<usize> = config.imu.used().into_iter().map(|place| config.channels + place).collect();
-        let rows = config.channels + imu.len() + 1;
         Ok(SlidingWindow {
             channels: config.channels,
+            data: vec![Lanes::ZERO; config.channels.div_ceil(LANES) * capacity],
+            imu_data: vec![0.0; imu.len() * capacity],
+            marks: vec![0; capacity],
             imu,
             sample_channels: config.sample_channels(),
             length,
             increment,
-            data: vec![0.0; rows * capacity],
             capacity,
             filled: 0,
             run: 0,
@@ -156,7 +169,6 @@ impl SlidingWindow {
             next_end: 0,
             counts: StreamCounts::default(),
             parameters: FeatureParameters {
-                rate_hz: config.rate_hz,
                 ssc_threshold: config.ssc_threshold,
                 wamp_threshold: config.wamp_threshold,
             },
@@ -173,7 +185,7 @@ impl SlidingWindow {
         let gap = self.advance_to(sample.counter)?;
         if self.is_usable(&sample.channels) {
             self.bridge(gap, &sample.channels);
-            self.store(&sample.channels, 0.0);
+            self.store(&sample.channels, 0);
         } else {
             self.counts.unusable_samples += 1;
             self.run = 0;
@@ -183,8 +195,7 @@ impl SlidingWindow {
         }
         self.next_end = self.next_end.saturating_add(self.increment as u64);
         let start = self.filled - self.run.min(self.length);
-        let marks = (self.channels + self.imu.len()) * self.capacity;
-        let bridged = self.data[marks + start..marks + self.filled].iter().sum::<f64>() as usize;
+        let bridged = self.marks[start..self.filled].iter().map(|mark| usize::from(*mark)).sum();
         if self.run < self.length || bridged > self.most_bridged {
             self.counts.rejected_windows = self.counts.rejected_windows.saturating_add(1);
             return None;
@@ -194,7 +205,7 @@ impl SlidingWindow {
         Some(WindowView {
             data: &self.data,
             channels: self.channels,
-            imu: self.imu.len(),
+            imu_data: &self.imu_data,
             capacity: self.capacity,
             start,
             length: self.length,
@@ -206,7 +217,8 @@ impl SlidingWindow {
     /// A sample of the stream's length, whose electrodes and features of an inertial measurement unit are numbers.
     pub(crate) fn is_usable(&self, values: &[f64]) -> bool {
         values.len() == self.sample_channels
-            && values[..self.channels].iter().all(|v| v.is_finite())
+            // Without a way out at the first: all are looked at side by side.
+            && values[..self.channels].iter().fold(true, |all, v| all & v.is_finite())
             && self.imu.iter().all(|place| values[*place].is_finite())
     }
 
@@ -265,32 +277,39 @@ impl SlidingWindow {
         let newest = self.filled - 1;
         // Of a sample as long as the stream's; what is no feature stays as it is.
         let mut before: ChannelValues = values.into();
-        for (row, place) in (0..self.channels).chain(self.imu.iter().copied()).enumerate() {
-            before[place] = self.data[row * self.capacity + newest];
+        for (channel, value) in before[..self.channels].iter_mut().enumerate() {
+            *value = self.data[channel / LANES * self.capacity + newest].as_array()[channel % LANES];
+        }
+        for (row, place) in self.imu.iter().enumerate() {
+            before[*place] = self.imu_data[row * self.capacity + newest];
         }
         for k in 1..=gap {
             let share = k as f64 / (gap + 1) as f64;
             let line = before.iter().zip(values).map(|(from, to)| from + share * (to - from));
             let between: ChannelValues = line.collect();
-            self.store(&between, 1.0);
+            self.store(&between, 1);
         }
     }
 
     /// Takes the values of a sample; `mark` is one for one that was bridged.
-    fn store(&mut self, values: &[f64], mark: f64) {
+    fn store(&mut self, values: &[f64], mark: u8) {
         if self.filled == self.capacity {
             // Keep what the next window may still need.
             let keep = self.length - 1;
-            for row in self.data.chunks_exact_mut(self.capacity) {
-                row.copy_within(self.capacity - keep.., 0);
-            }
+            let kept = self.capacity - keep..;
+            self.data.chunks_exact_mut(self.capacity).for_each(|row| row.copy_within(kept.clone(), 0));
+            self.imu_data.chunks_exact_mut(self.capacity).for_each(|row| row.copy_within(kept.clone(), 0));
+            self.marks.copy_within(kept, 0);
             self.filled = keep;
         }
-        let imu = self.imu.iter().map(|place| values[*place]);
-        let marked = values[..self.channels].iter().copied().chain(imu).chain(std::iter::once(mark));
-        for (row, value) in self.data.chunks_exact_mut(self.capacity).zip(marked) {
-            row[self.filled] = value;
+        let rows = self.data.chunks_exact_mut(self.capacity);
+        for (row, four) in rows.zip(values[..self.channels].chunks(LANES)) {
+            row[self.filled] = lanes_of(four);
         }
+        for (row, place) in self.imu_data.chunks_exact_mut(self.capacity).zip(&self.imu) {
+            row[self.filled] = values[*place];
+        }
+        self.marks[self.filled] = mark;
         self.filled += 1;
         self.run = (self.run + 1).min(self.length);
     }
@@ -326,7 +345,7 @@ mod tests {
         let mut out = Vec::new();
         for k in counters {
             if let Some(view) = window.push(&sample(k, k as f64)) {
-                let values = view.channel(0);
+                let values: Vec<f64> = view.channel(0).collect();
                 assert!(values.windows(2).all(|w| w[1] == w[0] + 1.0), "torn window {values:?}");
                 out.push((values[0], values.len()));
             }
@@ -365,7 +384,7 @@ mod tests {
         let counters = (0..12).chain(14..31).chain(34..47).chain(51..72).chain(74..75).chain(77..90);
         for k in counters {
             if let Some(view) = window.push(&sample(k, k as f64)) {
-                let values = view.channel(0);
+                let values: Vec<f64> = view.channel(0).collect();
                 assert!(values.windows(2).all(|w| (w[1] - w[0] - 1.0).abs() < 1e-9), "no line: {values:?}");
                 seen.push((k, view.bridged()));
             }
@@ -420,7 +439,7 @@ mod tests {
             let mut starts = Vec::new();
             for k in 0..40 {
                 let sample = if k == 12 { bad.clone() } else { sample(k, k as f64) };
-                starts.extend(window.push(&sample).map(|v| v.channel(0)[0]));
+                starts.extend(window.push(&sample).map(|v| v.channel(0).next().expect("samples")));
             }
             assert_eq!(starts, [0.0, 15.0, 20.0, 25.0, 30.0]);
             assert_eq!((window.counts().unusable_samples, window.counts().rejected_windows), (1, 2));

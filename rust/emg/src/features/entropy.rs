@@ -1,82 +1,95 @@
 //! Entropies of a window: how rarely patterns that are alike stay alike for one sample more. Both compare every pattern with
 //! every other one, so that their cost grows with the square of the window's length.
 
+use crate::lanes::{Lanes, each, ones};
+
 /// Samples in the shorter patterns.
 const DIMENSION: usize = 2;
 /// Largest difference of like samples, in standard deviations.
 const TOLERANCE: f64 = 0.3;
 
 /// Sample entropy. `standardised` is filled with the window less its mean over its standard deviation.
-pub(crate) fn sample_entropy(x: &[f64], standardised: &mut [f64]) -> f64 {
+pub(crate) fn sample_entropy(x: &[Lanes], standardised: &mut [Lanes]) -> Lanes {
     let (mean, spread) = mean_and_spread(x);
     for (to, from) in standardised.iter_mut().zip(x) {
-        *to = (from - mean) / spread;
+        *to = (*from - mean) / spread;
     }
-    if spread == 0.0 {
-        // No pattern is like another one where there is no scale, at either length.
-        return 0.0;
+    let tolerance = Lanes::splat(TOLERANCE);
+    // Pairs of patterns that are alike, of both lengths, and those of them with the last pattern.
+    let (mut pairs, mut with_last) = ([Lanes::ZERO; 2], [Lanes::ZERO; 2]);
+    for lag in 1..x.len() {
+        let (mut near, mut like) = (Lanes::ZERO, [Lanes::ZERO; 2]);
+        for (one, other) in standardised.iter().zip(&standardised[lag..]) {
+            let before = std::mem::replace(&mut near, (*one - *other).abs().simd_le(tolerance));
+            like = [before & near, like[0] & near];
+            pairs[0] += ones(like[0]);
+            pairs[1] += ones(like[1]);
+        }
+        with_last[0] += ones(like[0]);
+        with_last[1] += ones(like[1]);
     }
-    let alike = |length: usize| {
-        let patterns = x.len() - length + 1;
-        let like = |a: usize, b: usize| {
-            (0..length).all(|k| (standardised[a + k] - standardised[b + k]).abs() <= TOLERANCE)
-        };
-        // The last pattern is compared with the others, not they with it.
-        let count = |a: usize| (0..patterns).filter(|b| *b != a && like(a, *b)).count() as f64;
-        let sum: f64 = (0..patterns - 1).map(count).sum();
-        sum / ((x.len() - DIMENSION - 1) * (x.len() - length)) as f64
+    // Each of two patterns is compared with the other one; the last one is compared with none itself.
+    let alike = |k: usize| {
+        let compared = (x.len() - DIMENSION - 1) * (x.len() - DIMENSION - k);
+        (pairs[k] * 2.0 - with_last[k]) / compared as f64
     };
-    logarithm_of_ratio(alike(DIMENSION), alike(DIMENSION + 1))
+    // No pattern is like another one where there is no scale, at either length.
+    logarithm_of_ratio(alike(0), alike(1)) & !spread.simd_eq(Lanes::ZERO)
 }
 
 /// Fuzzy entropy: likeness falls off smoothly, and the mean of a pattern does not count.
-pub(crate) fn fuzzy_entropy(x: &[f64]) -> f64 {
-    let tolerance = TOLERANCE * mean_and_spread(x).1;
+pub(crate) fn fuzzy_entropy(x: &[Lanes]) -> Lanes {
+    let tolerance = mean_and_spread(x).1 * TOLERANCE;
     logarithm_of_ratio(likeness::<DIMENSION>(x, tolerance), likeness::<{ DIMENSION + 1 }>(x, tolerance))
 }
 
-fn likeness<const LENGTH: usize>(x: &[f64], tolerance: f64) -> f64 {
+fn likeness<const LENGTH: usize>(x: &[Lanes], tolerance: Lanes) -> Lanes {
     let patterns = x.len() - LENGTH + 1;
-    let centred = |at: usize| -> [f64; LENGTH] {
-        let mean = x[at..at + LENGTH].iter().sum::<f64>() / LENGTH as f64;
+    let centred = |at: usize| -> [Lanes; LENGTH] {
+        let mean = x[at..at + LENGTH].iter().sum::<Lanes>() / LENGTH as f64;
         std::array::from_fn(|k| x[at + k] - mean)
     };
-    let mut sum = 0.0;
+    let like = |one: &[Lanes; LENGTH], other: &[Lanes; LENGTH]| {
+        let distances = one.iter().zip(other).map(|(p, q)| (*p - *q).abs());
+        let distance = distances.fold(Lanes::ZERO, Lanes::fast_max);
+        (-(distance * distance) / tolerance).exp()
+    };
+    // Each of two patterns is compared with the other one; the last one is compared with none itself.
+    let last = centred(patterns - 1);
+    let mut sum = Lanes::ZERO;
     for a in 0..patterns - 1 {
         let one = centred(a);
-        let mut likes = 0.0;
-        for b in 0..patterns {
-            let other = centred(b);
-            let distance = one.iter().zip(&other).map(|(p, q)| (p - q).abs()).fold(0.0, f64::max);
-            likes += (-distance.powi(2) / tolerance).exp();
-        }
-        // Less the pattern itself.
-        sum += (likes - 1.0) / (x.len() - LENGTH - 1) as f64;
+        let later: Lanes = (a + 1..patterns - 1).map(|b| like(&one, &centred(b))).sum();
+        sum += later * 2.0 + like(&one, &last);
     }
-    sum / (x.len() - LENGTH) as f64
+    sum / ((x.len() - LENGTH - 1) * (x.len() - LENGTH)) as f64
 }
 
-fn logarithm_of_ratio(shorter: f64, longer: f64) -> f64 {
-    ((shorter + f64::EPSILON) / (longer + f64::EPSILON)).ln()
+fn logarithm_of_ratio(shorter: Lanes, longer: Lanes) -> Lanes {
+    each((shorter + f64::EPSILON) / (longer + f64::EPSILON), f64::ln)
 }
 
-fn mean_and_spread(x: &[f64]) -> (f64, f64) {
+fn mean_and_spread(x: &[Lanes]) -> (Lanes, Lanes) {
     let count = x.len() as f64;
-    let mean = x.iter().sum::<f64>() / count;
-    (mean, (x.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count).sqrt())
+    let mean = x.iter().sum::<Lanes>() / count;
+    let squares = x.iter().map(|v| (*v - mean) * (*v - mean));
+    (mean, (squares.sum::<Lanes>() / count).sqrt())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lanes::lanes_of;
 
     #[test]
     fn a_rhythm_has_less_entropy_than_noise() {
-        let rhythm: Vec<f64> = (0..100).map(|k| (f64::from(k) * 0.5).sin()).collect();
-        // Weyl's sequence: evenly spread, without a period in the window.
-        let noise: Vec<f64> = (0..100_u32).map(|k| (f64::from(k * k) * 0.618_034).fract()).collect();
-        let mut scratch = vec![0.0; 100];
-        assert!(sample_entropy(&rhythm, &mut scratch) < 0.5 * sample_entropy(&noise, &mut scratch));
-        assert!(fuzzy_entropy(&rhythm) < fuzzy_entropy(&noise));
+        // The second is Weyl's sequence: evenly spread, without a period in the window. The third has no spread.
+        let sample = |k: u32| [(f64::from(k) * 0.5).sin(), (f64::from(k * k) * 0.618_034).fract(), 1.0];
+        let x: Vec<Lanes> = (0..100).map(|k| lanes_of(&sample(k))).collect();
+        let mut scratch = vec![Lanes::ZERO; 100];
+        let [rhythm, noise, constant, _] = sample_entropy(&x, &mut scratch).to_array();
+        assert!(rhythm < 0.5 * noise && constant == 0.0, "{rhythm} {noise} {constant}");
+        let [rhythm, noise, ..] = fuzzy_entropy(&x).to_array();
+        assert!(rhythm < noise, "{rhythm} {noise}");
     }
 }
