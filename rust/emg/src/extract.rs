@@ -81,14 +81,14 @@ fn each_window<'a>(
                 expected: config.sample_channels(),
             });
         }
-        let mut filtered;
-        let mut sample = sample;
-        if !filters.is_empty() {
-            filtered = sample.clone();
+        let view = if filters.is_empty() {
+            window.push_checked(sample, true)
+        } else {
+            let mut filtered = sample.clone();
             filters.apply(&mut filtered);
-            sample = &filtered;
-        }
-        if let Some(view) = window.push(sample) {
+            window.push(&filtered)
+        };
+        if let Some(view) = view {
             take(&view, extractor.compute(&view).to_vec());
         }
     }

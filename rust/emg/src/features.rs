@@ -7,7 +7,7 @@ mod sums;
 mod wavelets;
 
 use crate::feature::{AR_ORDER, Shape, wavelet_bands};
-use crate::lanes::{LANES, Lanes, each};
+use crate::lanes::{LANES, Lanes, each, mean_absolute};
 use crate::{EmgConfig, EmgError, Feature, FeatureLayout, WindowView};
 use autoregression::{burg, cepstrum};
 use descriptors::Descriptors;
@@ -106,10 +106,10 @@ impl FeatureExtractor {
         let (set, length) = (config.features, config.window_samples()?);
         let any = |features: &[Feature]| features.iter().any(|f| set.contains(*f));
         let needs = Needs {
-            hudgins: any(&[Mav, Zc, Ssc, Wl, Mfl, Iav, Mlk, Wlphasor]),
+            hudgins: any(&[Mav, Zc, Ssc, Wl]),
             descriptors: any(&[M0, M2, M4, Sparsi, Irf, Wlf]),
             squares: any(&[Rms, Dasdv, Act, Mob, Comp, Compc, Rmsphasor, Pap, Mzp, Isd, Cor, Mdiff]),
-            lengths: any(&[Mavfd, Wlphasor]),
+            lengths: any(&[Mfl, Mavfd, Wlphasor]),
             central: any(&[Var, Skew, Kurt]),
             ar: any(&[Ar4, Cc]),
             frequencies: any(&[Mdf, Mnf, Mnp, Sm]),
@@ -244,11 +244,11 @@ impl Block {
                 scratch.copy_from_slice(x);
                 l_score(scratch)
             }
-            Feature::Mfl => each(length, f64::log10),
+            Feature::Mfl => each(self.lengths[0], f64::log10),
             Feature::Msr => mean_square_root(x),
             Feature::Wamp => steps_beyond(x, parameters.wamp_threshold),
             Feature::Rms => (square / count).sqrt(),
-            Feature::Iav => mav * count,
+            Feature::Iav => mean_absolute(x) * count,
             Feature::Dasdv => (square_1 / (count - 1.0)).sqrt(),
             Feature::Var => second,
             Feature::M0 => self.descriptors.m0,
@@ -283,7 +283,7 @@ impl Block {
             Feature::Isd => square,
             Feature::Cor => square_1 / count / (square_2 / count * square),
             Feature::Mdiff => square_1 / count,
-            Feature::Mlk => each(mav * count + f64::EPSILON, f64::ln) / count,
+            Feature::Mlk => each(mean_absolute(x) * count + f64::EPSILON, f64::ln) / count,
             Feature::Weng => self.wavelets[which].energy,
             Feature::Wv => self.wavelets[which].variance,
             Feature::Wwl => self.wavelets[which].length,
@@ -297,7 +297,7 @@ impl Block {
     fn radii(&self, feature: Feature, length: usize) -> [Radii; LANES] {
         let count = length as f64;
         let [whole, difference] = match feature {
-            Feature::Wlphasor => [self.hudgins[3], self.lengths[1]],
+            Feature::Wlphasor => self.lengths,
             _ => [self.squares[0] / count, self.squares[1] / (count - 1.0)].map(Lanes::sqrt),
         };
         let (whole, difference) = (whole.to_array(), difference.to_array());

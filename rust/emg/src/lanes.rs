@@ -28,3 +28,8 @@ pub(crate) fn each(values: Lanes, of: impl Fn(f64) -> f64) -> Lanes {
 pub(crate) fn ones(holds: Lanes) -> Lanes {
     holds & Lanes::ONE
 }
+
+/// Mean magnitude.
+pub(crate) fn mean_absolute(x: &[Lanes]) -> Lanes {
+    x.iter().map(|v| v.abs()).sum::<Lanes>() / x.len() as f64
+}

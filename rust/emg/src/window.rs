@@ -1,5 +1,5 @@
 use crate::features::FeatureParameters;
-use crate::lanes::{LANES, Lanes, lanes_of};
+use crate::lanes::{LANES, Lanes, lanes_of, mean_absolute};
 use crate::{EmgConfig, EmgError};
 use proact_types::{ChannelValues, EmgSample};
 use serde::{Deserialize, Serialize};
@@ -103,8 +103,7 @@ impl<'a> WindowView<'a> {
 
     /// Sum over channels of the mean absolute value, in the stream's unit: the measure of effort.
     pub fn amplitude(&self) -> f64 {
-        let means =
-            self.blocks().map(|x| (x.iter().map(|v| v.abs()).sum::<Lanes>() / self.length as f64).to_array());
+        let means = self.blocks().map(|x| mean_absolute(x).to_array());
         means.flatten().take(self.channels).sum()
     }
 
@@ -182,8 +181,14 @@ impl SlidingWindow {
 
     /// Takes the next sample; returns the window that ends with it, if there is one.
     pub fn push(&mut self, sample: &EmgSample) -> Option<WindowView<'_>> {
+        let usable = self.is_usable(&sample.channels);
+        self.push_checked(sample, usable)
+    }
+
+    /// As [`SlidingWindow::push`]; `usable` is what [`SlidingWindow::is_usable`] says of the sample.
+    pub(crate) fn push_checked(&mut self, sample: &EmgSample, usable: bool) -> Option<WindowView<'_>> {
         let gap = self.advance_to(sample.counter)?;
-        if self.is_usable(&sample.channels) {
+        if usable {
             self.bridge(gap, &sample.channels);
             self.store(&sample.channels, 0);
         } else {
@@ -302,12 +307,11 @@ impl SlidingWindow {
             self.marks.copy_within(kept, 0);
             self.filled = keep;
         }
-        let rows = self.data.chunks_exact_mut(self.capacity);
-        for (row, four) in rows.zip(values[..self.channels].chunks(LANES)) {
-            row[self.filled] = lanes_of(four);
+        for (block, four) in values[..self.channels].chunks(LANES).enumerate() {
+            self.data[block * self.capacity + self.filled] = lanes_of(four);
         }
-        for (row, place) in self.imu_data.chunks_exact_mut(self.capacity).zip(&self.imu) {
-            row[self.filled] = values[*place];
+        for (row, place) in self.imu.iter().enumerate() {
+            self.imu_data[row * self.capacity + self.filled] = values[*place];
         }
         self.marks[self.filled] = mark;
         self.filled += 1;

@@ -103,6 +103,32 @@ fn groups_are_their_features_side_by_side() {
 }
 
 #[test]
+fn a_channels_features_do_not_depend_on_its_neighbours() {
+    // Seven channels: the last of the second four is filled up. One is large enough to drown what it would leak into.
+    let wave = |k: usize, c: usize| {
+        ((k * k + k * c) as f64 * 0.7).sin() * if c == 2 { 1e12 } else { 1.0 + c as f64 }
+    };
+    let rows: Vec<Vec<f64>> = (0..60).map(|k| (0..7).map(|c| wave(k, c)).collect()).collect();
+    for feature in Feature::all() {
+        // COMP sums over the channels, and pairs have two.
+        if matches!(feature, Feature::Comp | Feature::Rmsphasor | Feature::Wlphasor) {
+            continue;
+        }
+        let together = &windows(feature.name(), &rows, 1000.0, 60, 1)[0];
+        for channel in 0..7 {
+            let one: Vec<Vec<f64>> = rows.iter().map(|row| vec![row[channel]]).collect();
+            let alone = &windows(feature.name(), &one, 1000.0, 60, 1)[0];
+            let values = alone.len();
+            let of_channel: Vec<f64> = match feature {
+                Feature::Ar4 | Feature::Cc => together[channel * values..(channel + 1) * values].to_vec(),
+                _ => together.iter().skip(channel).step_by(7).copied().collect(),
+            };
+            assert_eq!(*alone, of_channel, "{}, channel {channel}", feature.name());
+        }
+    }
+}
+
+#[test]
 fn corrected_complexity_is_one_for_a_sine_and_does_not_depend_on_other_channels() {
     let sine: Vec<Vec<f64>> = (0..2000).map(|k| vec![(f64::from(k) * 0.2).sin(), f64::from(k % 7)]).collect();
     let both = &windows("COMPC", &sine, 1000.0, 2000, 1)[0];

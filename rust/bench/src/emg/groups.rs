@@ -3,7 +3,7 @@
 use super::Peer;
 use crate::{BenchFigure, core_secs, quantile};
 use proact_devices::{Recording, Recordings, SyntheticEmg, SyntheticModel, stream};
-use proact_emg::{Classifier, EmgConfig, FeatureSet, extract};
+use proact_emg::{Classifier, EmgConfig, FeatureSet, SlidingWindow, extract};
 use proact_types::{EmgSample, Gesture};
 use serde_json::Value;
 use std::{error::Error, fmt::Write as _, hint::black_box, path::Path};
@@ -36,9 +36,9 @@ def read():
     filters = [RegexFilter("_C_", ".csv", [str(k) for k in range(5)], "classes"),
                RegexFilter("R_", "_C_", [str(k) for k in range(4)], "reps")]
     handler.get_data(folder, filters, delimiter=",")
-    return handler.parse_windows(100, 50)
+    return handler
 def whole():
-    windows, metadata = read()
+    windows, metadata = read().parse_windows(100, 50)
     features = np.hstack(list(extractor.extract_feature_group("HTD", windows).values()))
     model = LinearDiscriminantAnalysis().fit(features, metadata["classes"])
     return model.predict_proba(features)
@@ -49,8 +49,9 @@ def timed(run):
         run()
         times.append(time.process_time() - begin)
     return float(np.median(times))
-windows, _ = read()
-figures = {"windows": len(windows), "whole": 1e3 * timed(whole)}
+handler = read()
+windows, _ = handler.parse_windows(100, 50)
+figures = {"cut": 1e6 * timed(lambda: handler.parse_windows(100, 50)) / len(windows), "whole": 1e3 * timed(whole)}
 for group in groups:
     figures[group] = 1e6 * timed(lambda: extractor.extract_feature_group(group, windows)) / len(windows)
 print(json.dumps(figures))
@@ -76,6 +77,11 @@ pub(super) fn figures(peer: &Peer) -> Result<Vec<BenchFigure>, Box<dyn Error>> {
     let note = format!("files read, windows, HTD, LDA fitted, classes; goal: 5 times LibEMG's speed{why}");
     let name = "files to classes, HTD and LDA";
     figures.push(beside(BenchFigure::alone(name, 1e3 * whole, "ms", &note), told.as_ref(), "whole"));
+    let mut windows = 0;
+    let secs = timed(|| Ok(windows = cut(&samples)?))?;
+    let cut = 1e6 * secs / windows as f64;
+    let note = "the peer's features below are of windows that are cut already, ours of samples";
+    figures.push(beside(BenchFigure::alone("windows cut, a window", cut, "us", note), told.as_ref(), "cut"));
     for name in GROUPS {
         let config = EmgConfig { features: name.parse::<FeatureSet>()?, ..EmgConfig::default() };
         let mut windows = 0;
@@ -105,6 +111,19 @@ fn beside(figure: BenchFigure, told: Option<&Value>, key: &str) -> BenchFigure {
 fn counted(item: &Recording) -> Vec<EmgSample> {
     let rows = item.samples.iter().cloned().enumerate();
     rows.map(|(row, channels)| EmgSample { counter: row as u64, channels }).collect()
+}
+
+/// Cuts windows and does nothing with them.
+fn cut(recordings: &[Vec<EmgSample>]) -> Result<u64, Box<dyn Error>> {
+    let mut windows = 0;
+    for items in recordings {
+        let mut window = SlidingWindow::new(&EmgConfig::default())?;
+        for sample in items {
+            black_box(window.push(sample));
+        }
+        windows += window.counts().windows;
+    }
+    Ok(windows)
 }
 
 /// From files to the class of each window.

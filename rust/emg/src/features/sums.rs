@@ -1,6 +1,6 @@
 //! Sums over the samples of four channels, each in one pass. Functions of their own, so that their sums stay in registers.
 
-use crate::lanes::{Lanes, each, ones};
+use crate::lanes::{Lanes, each, mean_absolute, ones};
 
 /// MAV, ZC, SSC and WL.
 #[inline(never)]
@@ -139,8 +139,7 @@ pub(crate) fn mean_cube(x: &[Lanes]) -> Lanes {
 pub(crate) fn slope_of_means(x: &[Lanes]) -> Lanes {
     // The middle of an odd length is rounded to the even number, as Python rounds.
     let half = (x.len() as f64 / 2.0).round_ties_even() as usize;
-    let part = |x: &[Lanes]| x.iter().map(|v| v.abs()).sum::<Lanes>() / x.len() as f64;
-    part(&x[half..x.len().min(2 * half)]) - part(&x[..half])
+    mean_absolute(&x[half..x.len().min(2 * half)]) - mean_absolute(&x[..half])
 }
 
 /// Samples whose logarithms are taken together.
