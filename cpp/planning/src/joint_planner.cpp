@@ -113,14 +113,8 @@ void copy_into(const std::vector<double>& q, ob::State* state) {
   std::copy(q.begin(), q.end(), state->as<ob::RealVectorStateSpace::StateType>()->values);
 }
 
-std::shared_ptr<ob::RealVectorStateSpace> joint_space(const Scene& scene, std::uint32_t seed) {
-  const auto joints = static_cast<unsigned int>(scene.joint_count());
-  auto space = std::make_shared<ob::RealVectorStateSpace>(joints);
-  ob::RealVectorBounds bounds(joints);
-  for (unsigned int k = 0; k < joints; ++k) {
-    bounds.setLow(k, scene.lower(k));
-    bounds.setHigh(k, scene.upper(k));
-  }
+std::shared_ptr<ob::RealVectorStateSpace> joint_space(const ob::RealVectorBounds& bounds, std::uint32_t seed) {
+  auto space = std::make_shared<ob::RealVectorStateSpace>(static_cast<unsigned int>(bounds.low.size()));
   space->setBounds(bounds);
   project_as_original(*space);
   space->setStateSamplerAllocator(
@@ -193,10 +187,42 @@ constexpr double snap = 0.05;
 /// Iterations, over all searches of a query, up to which a further one is begun.
 constexpr std::uint64_t easily = 200;
 
-/// The joint space with the scene's verdicts on states and motions; its samplers take `seed`.
-ob::SpaceInformationPtr information_of(Scene& scene, const JointQuery& query, std::uint32_t seed,
-                                       const CancelFlag& cancel) {
-  auto information = std::make_shared<ob::SpaceInformation>(joint_space(scene, seed));
+/// The limits of the joints.
+ob::RealVectorBounds limits_of(const Scene& scene) {
+  const auto joints = static_cast<unsigned int>(scene.joint_count());
+  ob::RealVectorBounds bounds(joints);
+  for (unsigned int k = 0; k < joints; ++k) {
+    bounds.setLow(k, scene.lower(k));
+    bounds.setHigh(k, scene.upper(k));
+  }
+  return bounds;
+}
+
+/// The part of the joint space through which a path to one of `goals` may lead that is quicker than `least`: no joint
+/// can go farther than that in all.
+ob::RealVectorBounds bounds_of(const Scene& scene, const JointQuery& query, const std::vector<std::size_t>& goals,
+                               double least) {
+  ob::RealVectorBounds bounds = limits_of(scene);
+  for (unsigned int k = 0; k < bounds.low.size(); ++k) {
+    double low = query.start[k];
+    double high = query.start[k];
+    for (const std::size_t g : goals) {
+      const double from = std::min(query.start[k], query.goals[g][k]);
+      const double to = std::max(query.start[k], query.goals[g][k]);
+      const double beyond = 0.5 * (least - (to - from));
+      low = std::min(low, from - beyond);
+      high = std::max(high, to + beyond);
+    }
+    bounds.setLow(k, std::max(bounds.low[k], low));
+    bounds.setHigh(k, std::min(bounds.high[k], high));
+  }
+  return bounds;
+}
+
+/// The joint space within `bounds` with the scene's verdicts on states and motions; its samplers take `seed`.
+ob::SpaceInformationPtr information_of(const ob::RealVectorBounds& bounds, Scene& scene, const JointQuery& query,
+                                       std::uint32_t seed, const CancelFlag& cancel) {
+  auto information = std::make_shared<ob::SpaceInformation>(joint_space(bounds, seed));
   information->setStateValidityChecker(std::make_shared<SceneValidity>(information, scene, query, cancel));
   if (query.resolution.equal_steps > 0.0) {
     information->setStateValidityCheckingResolution(query.resolution.equal_steps);
@@ -235,7 +261,9 @@ Found search_once(Scene& scene, const JointQuery& query, const std::vector<std::
   constexpr std::uint64_t streams = 4;
   const auto stream = [&](std::uint64_t which) { return seed_of(query.seed, which + number * streams); };
   const double equal_steps = query.resolution.equal_steps;
-  const auto information = information_of(scene, query, stream(0), cancel);
+  // Equal steps are shares of the bounds.
+  const auto bounds = equal_steps > 0.0 ? limits_of(scene) : bounds_of(scene, query, free_goals, least);
+  const auto information = information_of(bounds, scene, query, stream(0), cancel);
   auto problem = std::make_shared<ob::ProblemDefinition>(information);
   ob::ScopedState<> state(information);
   copy_into(query.start, state.get());
@@ -320,7 +348,7 @@ void keep_best(std::vector<Found>& paths, const Found& found) {
 
 /// One path from the best parts of several that begin at one state, joined where a free motion leads from one to another.
 Found best_parts(Scene& scene, const JointQuery& query, const std::vector<Found>& paths, const CancelFlag& cancel) {
-  const auto information = information_of(scene, query, seed_of(query.seed, 0), cancel);
+  const auto information = information_of(limits_of(scene), scene, query, seed_of(query.seed, 0), cancel);
   og::PathHybridization hybrid(information);
   ob::ScopedState<> state(information);
   for (const Found& other : paths) {
@@ -353,7 +381,7 @@ Roadmap grow_roadmap(Scene& scene, const JointQuery& query, std::size_t mileston
   require_resolution(query.resolution);
   ompl::msg::setLogLevel(ompl::msg::LOG_NONE);
   const PlannerTurn turn(PlannerKind::prm, seed_of(query.seed, 3), cancel);
-  const auto information = information_of(scene, query, seed_of(query.seed, 0), cancel);
+  const auto information = information_of(limits_of(scene), scene, query, seed_of(query.seed, 0), cancel);
   og::PRM planner(information);
   // Growing needs no start and no goal, but a definition that could hold them.
   planner.setProblemDefinition(std::make_shared<ob::ProblemDefinition>(information));

@@ -6,6 +6,8 @@
 
 #include <ompl/config.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <functional>
@@ -162,6 +164,44 @@ void plans_are_free_reach_a_goal_and_depend_on_the_seed_alone() {
   }
   for (std::thread& thread : threads) thread.join();
   for (const int count : equal) check(count == 12, "plans in four threads equal the serial ones bit for bit");
+}
+
+void further_searches_look_only_where_a_quicker_way_may_lead() {
+  std::size_t looked = 0;
+  for (std::uint64_t seed = 0; seed < 6; ++seed) {
+    Scene scene(planar_arm());
+    scene.set_obstacles(clutter());
+    std::vector<std::array<double, 3>> states;
+    JointQuery query = fold_query(seed);
+    query.accepts = [&](const double* q) {
+      states.push_back({q[0], q[1], q[2]});
+      return true;
+    };
+    query.more_searches = 0;
+    const JointPlan once = plan_joint(scene, query, CancelFlag());
+    const std::size_t first = states.size();
+    states.clear();
+    query.more_searches = 4;
+    plan_joint(scene, query, CancelFlag());
+    // No path takes longer than this: its joints' ways, and half a turn at each corner.
+    double least = 0.15 * std::acos(-1.0) * static_cast<double>(once.path.size() - 2);
+    for (std::size_t k = 0; k + 1 < once.path.size(); ++k) {
+      double farthest = 0.0;
+      for (std::size_t j = 0; j < 3; ++j) farthest = std::max(farthest, std::abs(once.path[k + 1][j] - once.path[k][j]));
+      least += farthest;
+    }
+    bool inside = true;
+    for (std::size_t n = first; n < states.size(); ++n) {
+      for (std::size_t j = 0; j < 3; ++j) {
+        const double q = states[n][j];
+        const auto way = [&](std::size_t g) { return std::abs(q - query.start[j]) + std::abs(query.goals[g][j] - q); };
+        inside = inside && std::min(way(0), way(1)) <= least + 1e-9;
+      }
+    }
+    check(inside, "a further search looks at no state that a quicker way cannot lead through");
+    looked += states.size() - first;
+  }
+  check(looked > 1000, "further searches looked at states");
 }
 
 void every_planner_is_repeatable_even_beside_others() {
@@ -385,6 +425,7 @@ int main() {
   what_is_carried_collides_and_moves_with_the_tip();
   the_clearance_is_never_an_overstatement();
   plans_are_free_reach_a_goal_and_depend_on_the_seed_alone();
+  further_searches_look_only_where_a_quicker_way_may_lead();
   every_planner_is_repeatable_even_beside_others();
   a_roadmap_is_grown_once_and_begun_with_wherever_things_stand();
   anytime_shortening_gives_ways_no_longer_than_one_search();

@@ -34,9 +34,9 @@ pub(crate) struct ApproachPaths {
 /// Step between the rolls and leans that are tried, rad.
 const TILT_STEP: f64 = 0.175;
 /// Batches of postures after which a goal that no posture led to counts as out of reach.
-const TRIES_OUT_OF_REACH: usize = 3;
+const TRIES_OUT_OF_REACH: usize = 4;
 /// Batches of postures in which a place is sought where the hand can open, if the first places leave no room.
-const TRIES_FOR_ROOM: usize = 3;
+const TRIES_FOR_ROOM: usize = 4;
 /// Heights above its place from which something may be dropped, tried one after the other, metres. The last is above a
 /// partition of 15 cm.
 const DROPS: [f64; 5] = [0.0, 0.05, 0.10, 0.15, 0.20];
@@ -64,7 +64,7 @@ impl ApproachPaths {
         from: &[f64],
     ) -> Result<Vec<ApproachPath>, Failure> {
         let batch = self.postures + 1;
-        let all = context.postures(problem, from, batch * context.attempt.batches);
+        let all = context.postures(problem, from, batch, batch * context.attempt.batches);
         let mut first = None;
         let mut reached = false;
         let mut cramped = Vec::new();

@@ -55,7 +55,7 @@ pub(crate) enum Clearance {
 }
 
 /// Batches of postures with the usual clearance, a narrow one and next to none.
-const BATCHES: [usize; 3] = [3, 6, 35];
+const BATCHES: [usize; 3] = [4, 7, 36];
 /// What is searched for keeps so much more than what is wanted of the trajectory, as a share: rounding the corners and
 /// averaging over time stray from it.
 pub(crate) const FOR_ROUNDING: f64 = 1.1;
@@ -63,6 +63,9 @@ pub(crate) const FOR_ROUNDING: f64 = 1.1;
 const NEXT_TO_NONE: f64 = 2e-5;
 /// Largest difference between the planner's chain and the kinematics library that is rounding, metres and rad.
 const AGREEMENT: f64 = 1e-9;
+/// Draws near a posture lie this share of the way from it to draws from the joint ranges: what is found from them is nearer to
+/// the start.
+const NEAR: f64 = 0.4;
 /// Finest half step between checked states, metres.
 const SMALLEST_HALF_STEP: f64 = 0.00025;
 
@@ -201,14 +204,19 @@ impl PlanningContext {
         self.attempt.contact <= NEXT_TO_NONE
     }
 
-    /// Arm postures from which hand poses are sought: the present one, then draws from the joint ranges.
-    pub fn postures(&self, problem: &Problem, from: &[f64], count: usize) -> Vec<Vec<f64>> {
+    /// Arm postures from which hand poses are sought: the present one, draws near it up to the number `near`, then draws from
+    /// the joint ranges.
+    pub fn postures(&self, problem: &Problem, from: &[f64], near: usize, count: usize) -> Vec<Vec<f64>> {
         let mut random = ChaCha8Rng::seed_from_u64(problem.request.seed);
         let mut unit = || (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
         let mut postures = vec![from.to_vec()];
         while postures.len() < count {
-            let draw = |limits: &JointLimits| limits.lower + (limits.upper - limits.lower) * unit();
-            postures.push(self.limits.0.iter().map(draw).collect());
+            let share = if postures.len() < near { NEAR } else { 1.0 };
+            let draw = |(limits, from): (&JointLimits, &f64)| {
+                let drawn = limits.lower + (limits.upper - limits.lower) * unit();
+                from + share * (drawn - from)
+            };
+            postures.push(self.limits.0.iter().zip(from).map(draw).collect());
         }
         postures
     }

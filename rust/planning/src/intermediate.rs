@@ -37,7 +37,7 @@ impl Intermediate {
     ) -> Result<Connection, Failure> {
         let none = || Failure::new(PlanStatus::Unreachable, "No useful point on the way can be reached.");
         let here = context.kinematics.forward(from).map_err(PlanningError::from)?;
-        let postures = context.postures(problem, from, self.postures + 1);
+        let postures = context.postures(problem, from, 1, self.postures + 1);
         let (point, goal) = match &problem.request.goal {
             PlanGoal::Joints { .. } => return Err(none()),
             PlanGoal::TipPose { pose } => {

@@ -66,8 +66,8 @@ fn tip(model: &ArmModel, request: &PlanRequest, q: &[f64]) -> Pose {
 
 /// A pick of the block for the part of the arm that is left with `held`: the limb is where it is when a whole arm has
 /// gripped, and the joint after it is bent by so much that the hand is higher.
-fn part_of_a_pick(model: &Arc<ArmModel>, held: &[usize], bend: f64) -> PlanRequest {
-    let whole = pick(model, BLOCK, 0.0, start(model));
+fn part_of_a_pick(model: &Arc<ArmModel>, held: &[usize], bend: f64, seed: u64) -> PlanRequest {
+    let whole = PlanRequest { seed, ..pick(model, BLOCK, 0.0, start(model)) };
     let reply = planner(model).solve(&whole);
     assert_eq!(reply.status, PlanStatus::Ok, "{}", reply.reason);
     let bent = |by: f64| {
@@ -84,17 +84,24 @@ fn part_of_a_pick(model: &Arc<ArmModel>, held: &[usize], bend: f64) -> PlanReque
 #[test]
 fn the_joints_of_the_limb_stay_and_the_others_bring_the_hand_to_the_block() {
     let model = model();
-    for (held, bend) in [(&ABOVE[..], 0.12), (&BELOW, 0.08)] {
-        let request = part_of_a_pick(&model, held, bend);
+    // By the limb's posture: that of a whole arm that has gripped.
+    let mut short = 0;
+    for (held, bend, seed) in (0..6).flat_map(|seed| [(&ABOVE[..], 0.12, seed), (&BELOW[..], 0.08, seed)]) {
+        let request = part_of_a_pick(&model, held, bend, seed);
         let reply = planner(&model).solve(&request);
-        // With three joints the hand may come no nearer than the table lets it, which is then said.
+        // With three joints the hand may come no nearer than the table lets it, or not down at all, which is then said.
         let whole = reply.status == PlanStatus::Ok;
+        let in_the_way = reply.status == PlanStatus::GoalInCollision && reply.reason.contains("touch");
+        short += u32::from(reply.status == PlanStatus::Intermediate);
         assert!(
-            whole || (held == BELOW && reply.status == PlanStatus::Intermediate),
+            whole || (held == BELOW && (reply.status == PlanStatus::Intermediate || in_the_way)),
             "{held:?}: {}",
             reply.reason
         );
         assert_eq!(whole, reply.reason.is_empty());
+        if in_the_way {
+            continue;
+        }
         for point in &reply.trajectory.points {
             for &joint in held {
                 assert_eq!((point.q[joint], point.qd[joint]), (request.start[joint], 0.0));
@@ -106,6 +113,7 @@ fn the_joints_of_the_limb_stay_and_the_others_bring_the_hand_to_the_block() {
         assert!(!whole || off < 0.0121, "the grasp centre is {off} m off, {held:?}");
         assert_eq!(planner(&model).solve(&request), reply, "the same request, the same plan");
     }
+    assert!(short >= 2, "three joints go part of the way in {short} of six postures");
 }
 
 #[test]
