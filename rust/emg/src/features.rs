@@ -45,7 +45,7 @@ pub struct FeatureExtractor {
     needs: Needs,
 }
 
-/// Which quantities the set is made of: what several features share is computed once, and nothing else is computed.
+/// Which quantities the set is made of; nothing else is computed.
 #[derive(Clone, Copy, Debug)]
 struct Needs {
     hudgins: bool,
