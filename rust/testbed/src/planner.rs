@@ -32,7 +32,7 @@ pub struct PlannerOptions {
     /// A place that cannot be reached may be missed by this much toward the arm. Assumed: a third of the radius
     /// within which a block counts.
     pub place_tolerance: f64,
-    /// Random arm postures from which each hand pose is sought, besides the present one.
+    /// Random arm postures from which each hand pose is sought, besides the present one: near it at first, then anywhere.
     pub postures: usize,
     /// Ways of reaching the goal after which no more are looked for.
     pub goals: usize,
