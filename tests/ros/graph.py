@@ -3,7 +3,9 @@
 Nothing here sleeps for a guessed time: every wait ends when the thing waited for is there, or fails loudly.
 """
 
+import atexit
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -39,9 +41,9 @@ def until(true, what, patience=PATIENCE):
 def message_packages():
     """Makes Python modules of this repository's message packages, as catkin would, and puts them in reach."""
     import glob
-    import shutil
 
     out = tempfile.mkdtemp(prefix="proact-messages-")
+    atexit.register(shutil.rmtree, out, ignore_errors=True)
     src = os.path.join(ROOT, "ros1_ws", "src")
     folders = {}
     for folder in glob.glob("/usr/share/*_msgs/msg"):

@@ -10,6 +10,7 @@ tracked, and replay bit for bit; a calibration of the other brace is not used. E
 import json
 import math
 import pathlib
+import shutil
 import signal
 import socket
 import subprocess
@@ -176,4 +177,5 @@ text = (work / "moving.csv").read_text().replace("Shoulderpad", "ShoulderpadL")
 other = conduct("two", "ShoulderpadL")
 demand(abs(shoulder_of(other)[1] + HALF_WIDTH) > 0.02, f"the other brace: {shoulder_of(other)}")
 demand(not (other / "calibrations" / "shoulder.toml").exists(), "a calibration of the other brace is not kept")
+shutil.rmtree(work)
 print("study_calibrated: the study ran on the calibrated shoulder")
