@@ -78,7 +78,10 @@ pub(super) fn figures(peer: &Peer) -> Result<Vec<BenchFigure>, Box<dyn Error>> {
     let name = "files to classes, HTD and LDA";
     figures.push(beside(BenchFigure::alone(name, 1e3 * whole, "ms", &note), told.as_ref(), "whole"));
     let mut windows = 0;
-    let secs = timed(|| Ok(windows = cut(&samples)?))?;
+    let secs = timed(|| {
+        windows = cut(&samples)?;
+        Ok(())
+    })?;
     let cut = 1e6 * secs / windows as f64;
     let note = "the peer's features below are of windows that are cut already, ours of samples";
     figures.push(beside(BenchFigure::alone("windows cut, a window", cut, "us", note), told.as_ref(), "cut"));
