@@ -209,7 +209,7 @@ ob::RealVectorBounds bounds_of(const Scene& scene, const JointQuery& query, cons
     for (const std::size_t g : goals) {
       const double from = std::min(query.start[k], query.goals[g][k]);
       const double to = std::max(query.start[k], query.goals[g][k]);
-      const double beyond = 0.5 * (least - (to - from));
+      const double beyond = std::max(0.0, 0.5 * (least - (to - from)));  // every goal is inside
       low = std::min(low, from - beyond);
       high = std::max(high, to + beyond);
     }

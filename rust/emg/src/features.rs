@@ -7,7 +7,7 @@ mod sums;
 mod wavelets;
 
 use crate::feature::{AR_ORDER, Shape, wavelet_bands};
-use crate::lanes::{LANES, Lanes, each, mean_absolute};
+use crate::lanes::{LANES, Lanes, each, mean, mean_absolute};
 use crate::{EmgConfig, EmgError, Feature, FeatureLayout, WindowView};
 use autoregression::{burg, cepstrum};
 use descriptors::Descriptors;
@@ -15,7 +15,7 @@ use entropy::{fuzzy_entropy, sample_entropy};
 use phasors::{Radii, phasors};
 use spectral::{FOURIER_BANDS, Frequencies, Spectral};
 use sums::{
-    central_moments, hudgins, l_score, largest, lengths, mean, mean_cube, mean_logarithm, mean_square_root,
+    central_moments, hudgins, l_score, largest, lengths, mean_cube, mean_logarithm, mean_square_root,
     slope_of_means, squares, steps_beyond,
 };
 use wavelets::{Band, Wavelets};

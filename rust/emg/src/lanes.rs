@@ -29,6 +29,11 @@ pub(crate) fn ones(holds: Lanes) -> Lanes {
     holds & Lanes::ONE
 }
 
+/// Mean.
+pub(crate) fn mean(x: &[Lanes]) -> Lanes {
+    x.iter().sum::<Lanes>() / x.len() as f64
+}
+
 /// Mean magnitude.
 pub(crate) fn mean_absolute(x: &[Lanes]) -> Lanes {
     x.iter().map(|v| v.abs()).sum::<Lanes>() / x.len() as f64

@@ -1,7 +1,7 @@
 //! Entropies of a window: how rarely patterns that are alike stay alike for one sample more. Both compare every pattern with
 //! every other one, so that their cost grows with the square of the window's length.
 
-use crate::lanes::{Lanes, each, ones};
+use crate::lanes::{Lanes, each, mean, ones};
 
 /// Samples in the shorter patterns.
 const DIMENSION: usize = 2;
@@ -46,7 +46,7 @@ pub(crate) fn fuzzy_entropy(x: &[Lanes]) -> Lanes {
 fn likeness<const LENGTH: usize>(x: &[Lanes], tolerance: Lanes) -> Lanes {
     let patterns = x.len() - LENGTH + 1;
     let centred = |at: usize| -> [Lanes; LENGTH] {
-        let mean = x[at..at + LENGTH].iter().sum::<Lanes>() / LENGTH as f64;
+        let mean = mean(&x[at..at + LENGTH]);
         std::array::from_fn(|k| x[at + k] - mean)
     };
     let like = |one: &[Lanes; LENGTH], other: &[Lanes; LENGTH]| {
@@ -70,10 +70,9 @@ fn logarithm_of_ratio(shorter: Lanes, longer: Lanes) -> Lanes {
 }
 
 fn mean_and_spread(x: &[Lanes]) -> (Lanes, Lanes) {
-    let count = x.len() as f64;
-    let mean = x.iter().sum::<Lanes>() / count;
+    let mean = mean(x);
     let squares = x.iter().map(|v| (*v - mean) * (*v - mean));
-    (mean, (squares.sum::<Lanes>() / count).sqrt())
+    (mean, (squares.sum::<Lanes>() / x.len() as f64).sqrt())
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Sums over the samples of four channels, each in one pass. Functions of their own, so that their sums stay in registers.
 
-use crate::lanes::{Lanes, each, mean_absolute, ones};
+use crate::lanes::{Lanes, each, mean, mean_absolute, ones};
 
 /// MAV, ZC, SSC and WL.
 #[inline(never)]
@@ -56,7 +56,7 @@ pub(crate) fn lengths(x: &[Lanes]) -> [Lanes; 2] {
 /// Second, third and fourth central moment, and where the spread is rounding only.
 pub(crate) fn central_moments(x: &[Lanes]) -> ([Lanes; 3], Lanes) {
     let count = x.len() as f64;
-    let mean = x.iter().sum::<Lanes>() / count;
+    let mean = mean(x);
     let mut sums = [Lanes::ZERO; 3];
     for value in x {
         let from_mean = *value - mean;
@@ -118,11 +118,6 @@ fn sort(x: &mut [Lanes]) {
         }
         group /= 2;
     }
-}
-
-/// Mean of all samples.
-pub(crate) fn mean(x: &[Lanes]) -> Lanes {
-    x.iter().sum::<Lanes>() / x.len() as f64
 }
 
 /// Largest sample.
