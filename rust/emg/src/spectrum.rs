@@ -3,14 +3,11 @@ use std::ops::{Add, Mul, Sub};
 
 /// What a transform is made of: a number, or the same quantity of several channels.
 pub(crate) trait Real:
-    Copy + Default + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Mul<f64, Output = Self>
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Mul<f64, Output = Self>
 {
 }
 
-impl<T> Real for T where
-    T: Copy + Default + Add<Output = T> + Sub<Output = T> + Mul<Output = T> + Mul<f64, Output = T>
-{
-}
+impl<T> Real for T where T: Copy + Add<Output = T> + Sub<Output = T> + Mul<Output = T> + Mul<f64, Output = T> {}
 
 /// Powers of the lower half of the Fourier transform of a signal, padded with zeros to a power of two. Buffers are
 /// allocated once.
@@ -22,17 +19,19 @@ pub(crate) struct PowerSpectrum<T> {
     /// Roots of unity of the whole length.
     roots: Vec<(f64, f64)>,
     powers: Vec<T>,
+    zero: T,
 }
 
 impl<T: Real> PowerSpectrum<T> {
-    /// For signals of `length` samples, at least three.
-    pub(crate) fn new(length: usize) -> Self {
+    /// For signals of `length` samples, at least three; `zero` is what they are padded with.
+    pub(crate) fn new(length: usize, zero: T) -> Self {
         let size = length.next_power_of_two().max(4);
         let root = |k: usize| (-TAU * k as f64 / size as f64).sin_cos();
         PowerSpectrum {
-            values: vec![Default::default(); size / 2],
+            values: vec![(zero, zero); size / 2],
             roots: (0..size / 2).map(root).map(|(sin, cos)| (cos, sin)).collect(),
-            powers: vec![T::default(); size / 2],
+            powers: vec![zero; size / 2],
+            zero,
         }
     }
 
@@ -43,6 +42,7 @@ impl<T: Real> PowerSpectrum<T> {
 
     /// Transforms `signal`, which is no longer than the transform; gives the powers of bins 0 .. size/2 - 1, not
     /// scaled.
+    #[inline(always)]
     pub(crate) fn powers(&mut self, signal: &[T]) -> &[T] {
         let half = self.values.len();
         // Cooley and Tukey's transform in place: first the order of reversed bits, then butterflies.
@@ -50,7 +50,7 @@ impl<T: Real> PowerSpectrum<T> {
         let mut pairs = signal.chunks(2);
         for k in 0..half {
             let pair = pairs.next().unwrap_or_default();
-            let sample = |place: usize| pair.get(place).copied().unwrap_or_default();
+            let sample = |place: usize| pair.get(place).copied().unwrap_or(self.zero);
             self.values[reversed(k)] = (sample(0), sample(1));
         }
         self.first_butterflies();
@@ -72,6 +72,7 @@ impl<T: Real> PowerSpectrum<T> {
     }
 
     /// The two first levels, whose roots are 1 and -i.
+    #[inline(always)]
     fn first_butterflies(&mut self) {
         for four in self.values.chunks_mut(4) {
             if let [a, b, c, d] = four {
@@ -87,6 +88,7 @@ impl<T: Real> PowerSpectrum<T> {
     }
 
     /// Takes the transforms of even and odd samples apart and puts that of all samples together: its powers.
+    #[inline(always)]
     fn parts(&mut self) {
         let half = self.values.len();
         let (zero_even, zero_odd) = self.values[0];
@@ -103,14 +105,17 @@ impl<T: Real> PowerSpectrum<T> {
     }
 }
 
+#[inline(always)]
 fn plus<T: Real>(a: (T, T), b: (T, T)) -> (T, T) {
     (a.0 + b.0, a.1 + b.1)
 }
 
+#[inline(always)]
 fn minus<T: Real>(a: (T, T), b: (T, T)) -> (T, T) {
     (a.0 - b.0, a.1 - b.1)
 }
 
+#[inline(always)]
 fn times<T: Real>(a: (T, T), root: (f64, f64)) -> (T, T) {
     (a.0 * root.0 - a.1 * root.1, a.0 * root.1 + a.1 * root.0)
 }
@@ -121,7 +126,7 @@ mod tests {
 
     #[test]
     fn a_sine_has_its_power_in_its_bin() {
-        let mut spectrum = PowerSpectrum::new(60);
+        let mut spectrum = PowerSpectrum::new(60, 0.0);
         assert_eq!(spectrum.size(), 64);
         let signal: Vec<f64> = (0..64).map(|k| (TAU * 5.0 * f64::from(k) / 64.0).cos()).collect();
         for (k, power) in spectrum.powers(&signal).iter().enumerate() {
@@ -134,7 +139,7 @@ mod tests {
     fn every_length_gives_the_sums_of_the_definition() {
         for length in [3, 4, 5, 8, 11, 16, 100, 129] {
             let signal: Vec<f64> = (0..length).map(|k| ((k * k) as f64 * 0.7).sin() * 5.0 + 1.0).collect();
-            let mut spectrum = PowerSpectrum::new(length);
+            let mut spectrum = PowerSpectrum::new(length, 0.0);
             let size = spectrum.size();
             for (bin, power) in spectrum.powers(&signal).iter().enumerate() {
                 let angle = |k: usize| TAU * ((bin * k) % size) as f64 / size as f64;

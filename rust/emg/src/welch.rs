@@ -27,7 +27,7 @@ pub fn welch(values: &[f64], rate_hz: f64) -> Option<Spectrum> {
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     let window: Vec<f64> = (0..size).map(|k| 0.5 - 0.5 * (TAU * k as f64 / size as f64).cos()).collect();
     let power: f64 = window.iter().map(|weight| weight * weight).sum();
-    let mut transform = PowerSpectrum::new(size);
+    let mut transform = PowerSpectrum::new(size, 0.0);
     let mut density = vec![0.0; size / 2];
     let mut segments = 0.0;
     for end in (size..=values.len()).rev().step_by(size / 2) {

@@ -1,5 +1,5 @@
 use crate::features::FeatureParameters;
-use crate::lanes::{LANES, Lanes, lanes_of, mean_absolute};
+use crate::lanes::{Eight, LANES};
 use crate::{EmgConfig, EmgError};
 use proact_types::{ChannelValues, EmgSample};
 use serde::{Deserialize, Serialize};
@@ -54,8 +54,8 @@ pub struct SlidingWindow {
     sample_channels: usize,
     length: usize,
     increment: usize,
-    /// The electrodes, four side by side: `[channels / 4, rounded up][capacity]`, so that a window is one slice of each four.
-    data: Vec<Lanes>,
+    /// The electrodes, eight side by side: `[channels / 8, rounded up][capacity]`, so that a window is one slice of each eight.
+    data: Vec<Eight>,
     /// `[imu][capacity]`.
     imu_data: Vec<f64>,
     /// One for each sample that was lost and bridged: `[capacity]`.
@@ -80,7 +80,7 @@ pub struct SlidingWindow {
 /// The samples of one window.
 #[derive(Clone, Copy, Debug)]
 pub struct WindowView<'a> {
-    data: &'a [Lanes],
+    data: &'a [Eight],
     channels: usize,
     imu_data: &'a [f64],
     capacity: usize,
@@ -103,7 +103,14 @@ impl<'a> WindowView<'a> {
 
     /// Sum over channels of the mean absolute value, in the stream's unit: the measure of effort.
     pub fn amplitude(&self) -> f64 {
-        let means = self.blocks().map(|x| mean_absolute(x).to_array());
+        let length = self.length as f64;
+        let means = self.blocks().map(|x| {
+            let mut sums = [0.0; LANES];
+            for eight in x {
+                sums.iter_mut().zip(eight.0).for_each(|(sum, value)| *sum += value.abs());
+            }
+            sums.map(|sum| sum / length)
+        });
         means.flatten().take(self.channels).sum()
     }
 
@@ -122,8 +129,8 @@ impl<'a> WindowView<'a> {
         rows.map(|row| row[self.start..self.start + self.length].iter().sum::<f64>() / self.length as f64)
     }
 
-    /// The samples of four channels each, oldest first; behind the last channel there are zeros.
-    pub(crate) fn blocks(&self) -> impl Iterator<Item = &'a [Lanes]> {
+    /// The samples of eight channels each, oldest first; behind the last channel there are zeros.
+    pub(crate) fn blocks(&self) -> impl Iterator<Item = &'a [Eight]> {
         let (start, length) = (self.start, self.length);
         self.data.chunks_exact(self.capacity).map(move |row| &row[start..start + length])
     }
@@ -135,7 +142,7 @@ impl<'a> WindowView<'a> {
     pub fn channel(&self, channel: usize) -> impl ExactSizeIterator<Item = f64> + Clone + 'a {
         assert!(channel < self.channels, "channel {channel} of {}", self.channels);
         let start = channel / LANES * self.capacity + self.start;
-        self.data[start..start + self.length].iter().map(move |four| four.as_array()[channel % LANES])
+        self.data[start..start + self.length].iter().map(move |eight| eight.0[channel % LANES])
     }
 }
 
@@ -152,7 +159,7 @@ impl SlidingWindow {
         let imu: Vec<usize> = config.imu.used().into_iter().map(|place| config.channels + place).collect();
         Ok(SlidingWindow {
             channels: config.channels,
-            data: vec![Lanes::ZERO; config.channels.div_ceil(LANES) * capacity],
+            data: vec![Eight::default(); config.channels.div_ceil(LANES) * capacity],
             imu_data: vec![0.0; imu.len() * capacity],
             marks: vec![0; capacity],
             imu,
@@ -283,7 +290,7 @@ impl SlidingWindow {
         // Of a sample as long as the stream's; what is no feature stays as it is.
         let mut before: ChannelValues = values.into();
         for (channel, value) in before[..self.channels].iter_mut().enumerate() {
-            *value = self.data[channel / LANES * self.capacity + newest].as_array()[channel % LANES];
+            *value = self.data[channel / LANES * self.capacity + newest].0[channel % LANES];
         }
         for (row, place) in self.imu.iter().enumerate() {
             before[*place] = self.imu_data[row * self.capacity + newest];
@@ -307,8 +314,8 @@ impl SlidingWindow {
             self.marks.copy_within(kept, 0);
             self.filled = keep;
         }
-        for (block, four) in values[..self.channels].chunks(LANES).enumerate() {
-            self.data[block * self.capacity + self.filled] = lanes_of(four);
+        for (block, eight) in values[..self.channels].chunks(LANES).enumerate() {
+            self.data[block * self.capacity + self.filled] = eight.into();
         }
         for (row, place) in self.imu.iter().enumerate() {
             self.imu_data[row * self.capacity + self.filled] = values[*place];

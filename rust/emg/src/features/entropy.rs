@@ -1,7 +1,8 @@
 //! Entropies of a window: how rarely patterns that are alike stay alike for one sample more. Both compare every pattern with
 //! every other one, so that their cost grows with the square of the window's length.
 
-use crate::lanes::{Lanes, each, mean, ones};
+use crate::lanes::{Lanes, Mask, exp, ln, mean, ones, sum, where_true};
+use fearless_simd::prelude::*;
 
 /// Samples in the shorter patterns.
 const DIMENSION: usize = 2;
@@ -9,18 +10,19 @@ const DIMENSION: usize = 2;
 const TOLERANCE: f64 = 0.3;
 
 /// Sample entropy. `standardised` is filled with the window less its mean over its standard deviation.
-pub(crate) fn sample_entropy(x: &[Lanes], standardised: &mut [Lanes]) -> Lanes {
+#[inline(always)]
+pub(crate) fn sample_entropy<S: Simd>(x: &[Lanes<S>], standardised: &mut [Lanes<S>]) -> Lanes<S> {
     let (mean, spread) = mean_and_spread(x);
     for (to, from) in standardised.iter_mut().zip(x) {
         *to = (*from - mean) / spread;
     }
-    let tolerance = Lanes::splat(TOLERANCE);
+    let (zero, none) = (Lanes::splat(x[0].simd, 0.0), Mask::splat(x[0].simd, false));
     // Pairs of patterns that are alike, of both lengths, and those of them with the last pattern.
-    let (mut pairs, mut with_last) = ([Lanes::ZERO; 2], [Lanes::ZERO; 2]);
+    let (mut pairs, mut with_last) = ([zero; 2], [zero; 2]);
     for lag in 1..x.len() {
-        let (mut near, mut like) = (Lanes::ZERO, [Lanes::ZERO; 2]);
+        let (mut near, mut like) = (none, [none; 2]);
         for (one, other) in standardised.iter().zip(&standardised[lag..]) {
-            let before = std::mem::replace(&mut near, (*one - *other).abs().simd_le(tolerance));
+            let before = std::mem::replace(&mut near, (*one - *other).abs().simd_le(TOLERANCE));
             like = [before & near, like[0] & near];
             pairs[0] += ones(like[0]);
             pairs[1] += ones(like[1]);
@@ -34,61 +36,85 @@ pub(crate) fn sample_entropy(x: &[Lanes], standardised: &mut [Lanes]) -> Lanes {
         (pairs[k] * 2.0 - with_last[k]) / compared as f64
     };
     // No pattern is like another one where there is no scale, at either length.
-    logarithm_of_ratio(alike(0), alike(1)) & !spread.simd_eq(Lanes::ZERO)
+    where_true(!spread.simd_eq(0.0), logarithm_of_ratio(alike(0), alike(1)))
 }
 
 /// Fuzzy entropy: likeness falls off smoothly, and the mean of a pattern does not count.
-pub(crate) fn fuzzy_entropy(x: &[Lanes]) -> Lanes {
+#[inline(always)]
+pub(crate) fn fuzzy_entropy<S: Simd>(x: &[Lanes<S>]) -> Lanes<S> {
     let tolerance = mean_and_spread(x).1 * TOLERANCE;
-    logarithm_of_ratio(likeness::<DIMENSION>(x, tolerance), likeness::<{ DIMENSION + 1 }>(x, tolerance))
+    logarithm_of_ratio(likeness::<_, DIMENSION>(x, tolerance), likeness::<_, { DIMENSION + 1 }>(x, tolerance))
 }
 
-fn likeness<const LENGTH: usize>(x: &[Lanes], tolerance: Lanes) -> Lanes {
+#[inline(always)]
+fn likeness<S: Simd, const LENGTH: usize>(x: &[Lanes<S>], tolerance: Lanes<S>) -> Lanes<S> {
+    let zero = Lanes::splat(x[0].simd, 0.0);
     let patterns = x.len() - LENGTH + 1;
-    let centred = |at: usize| -> [Lanes; LENGTH] {
-        let mean = mean(&x[at..at + LENGTH]);
-        std::array::from_fn(|k| x[at + k] - mean)
-    };
-    let like = |one: &[Lanes; LENGTH], other: &[Lanes; LENGTH]| {
-        let distances = one.iter().zip(other).map(|(p, q)| (*p - *q).abs());
-        let distance = distances.fold(Lanes::ZERO, Lanes::fast_max);
-        (-(distance * distance) / tolerance).exp()
-    };
     // Each of two patterns is compared with the other one; the last one is compared with none itself.
-    let last = centred(patterns - 1);
-    let mut sum = Lanes::ZERO;
+    let last: [_; LENGTH] = centred(&x[patterns - 1..]);
+    let mut likenesses = zero;
     for a in 0..patterns - 1 {
-        let one = centred(a);
-        let later: Lanes = (a + 1..patterns - 1).map(|b| like(&one, &centred(b))).sum();
-        sum += later * 2.0 + like(&one, &last);
+        let one = centred(&x[a..]);
+        let later = sum!(zero.simd, b in a + 1..patterns - 1 => like(one, centred(&x[b..]), tolerance));
+        likenesses += later * 2.0 + like(one, last, tolerance);
     }
-    sum / ((x.len() - LENGTH - 1) * (x.len() - LENGTH)) as f64
+    likenesses / ((x.len() - LENGTH - 1) * (x.len() - LENGTH)) as f64
 }
 
-fn logarithm_of_ratio(shorter: Lanes, longer: Lanes) -> Lanes {
-    each((shorter + f64::EPSILON) / (longer + f64::EPSILON), f64::ln)
+/// The first samples less their mean.
+#[inline(always)]
+fn centred<S: Simd, const LENGTH: usize>(x: &[Lanes<S>]) -> [Lanes<S>; LENGTH] {
+    let mean = mean(&x[..LENGTH]);
+    let mut pattern = [mean; LENGTH];
+    for (to, from) in pattern.iter_mut().zip(x) {
+        *to = *from - mean;
+    }
+    pattern
 }
 
-fn mean_and_spread(x: &[Lanes]) -> (Lanes, Lanes) {
+/// Likeness of two patterns, at most one.
+#[inline(always)]
+fn like<S: Simd, const LENGTH: usize>(
+    one: [Lanes<S>; LENGTH],
+    other: [Lanes<S>; LENGTH],
+    tolerance: Lanes<S>,
+) -> Lanes<S> {
+    let mut distance = Lanes::splat(tolerance.simd, 0.0);
+    for (p, q) in one.into_iter().zip(other) {
+        distance = distance.max((p - q).abs());
+    }
+    exp(-(distance * distance) / tolerance)
+}
+
+#[inline(always)]
+fn logarithm_of_ratio<S: Simd>(shorter: Lanes<S>, longer: Lanes<S>) -> Lanes<S> {
+    ln((shorter + f64::EPSILON) / (longer + f64::EPSILON))
+}
+
+#[inline(always)]
+fn mean_and_spread<S: Simd>(x: &[Lanes<S>]) -> (Lanes<S>, Lanes<S>) {
     let mean = mean(x);
-    let squares = x.iter().map(|v| (*v - mean) * (*v - mean));
-    (mean, (squares.sum::<Lanes>() / x.len() as f64).sqrt())
+    let squares = sum!(mean.simd, v in x => (*v - mean) * (*v - mean));
+    (mean, (squares / x.len() as f64).sqrt())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lanes::lanes_of;
+    use crate::lanes::Eight;
+    use fearless_simd::{Level, dispatch};
 
     #[test]
     fn a_rhythm_has_less_entropy_than_noise() {
         // The second is Weyl's sequence: evenly spread, without a period in the window. The third has no spread.
-        let sample = |k: u32| [(f64::from(k) * 0.5).sin(), (f64::from(k * k) * 0.618_034).fract(), 1.0];
-        let x: Vec<Lanes> = (0..100).map(|k| lanes_of(&sample(k))).collect();
-        let mut scratch = vec![Lanes::ZERO; 100];
-        let [rhythm, noise, constant, _] = sample_entropy(&x, &mut scratch).to_array();
+        let samples = |k: u32| [(f64::from(k) * 0.5).sin(), (f64::from(k * k) * 0.618_034).fract(), 1.0];
+        let (sample, fuzzy) = dispatch!(Level::new(), simd => {
+            let x: Vec<_> = (0..100).map(|k| Eight::from(&samples(k)[..]).0.simd_into(simd)).collect();
+            (sample_entropy(&x, &mut x.clone()).to_array(), fuzzy_entropy(&x).to_array())
+        });
+        let [rhythm, noise, constant, ..] = sample;
         assert!(rhythm < 0.5 * noise && constant == 0.0, "{rhythm} {noise} {constant}");
-        let [rhythm, noise, ..] = fuzzy_entropy(&x).to_array();
+        let [rhythm, noise, ..] = fuzzy;
         assert!(rhythm < noise, "{rhythm} {noise}");
     }
 }

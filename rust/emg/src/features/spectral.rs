@@ -1,12 +1,14 @@
 use crate::feature::{FOURIER_BANDS_FROM_HZ, fourier_bands};
-use crate::lanes::Lanes;
+use crate::lanes::{Lanes, Mask, power, sum};
 use crate::spectrum::PowerSpectrum;
+use fearless_simd::prelude::*;
 use std::ops::Range;
 
 /// Fourier transform of windows of one length. Buffers are allocated once.
 #[derive(Clone, Debug)]
-pub(crate) struct Spectral {
-    transform: PowerSpectrum<Lanes>,
+pub(crate) struct Spectral<S: Simd> {
+    simd: S,
+    transform: PowerSpectrum<Lanes<S>>,
     length: f64,
     bin_hz: f64,
     /// Bins of each band of [`crate::Feature::Dftr`].
@@ -14,20 +16,27 @@ pub(crate) struct Spectral {
 }
 
 /// What the powers of a window tell.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Frequencies {
-    pub(crate) median: Lanes,
-    pub(crate) mean: Lanes,
-    pub(crate) mean_power: Lanes,
-    pub(crate) second_moment: Lanes,
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Frequencies<S: Simd> {
+    pub(crate) median: Lanes<S>,
+    pub(crate) mean: Lanes<S>,
+    pub(crate) mean_power: Lanes<S>,
+    pub(crate) second_moment: Lanes<S>,
 }
 
 /// Most bands of [`crate::Feature::Dftr`].
 pub(crate) const FOURIER_BANDS: usize = 6;
 
-impl Spectral {
-    pub(crate) fn new(length: usize, rate_hz: f64) -> Spectral {
-        let transform = PowerSpectrum::new(length);
+impl<S: Simd> Frequencies<S> {
+    pub(crate) fn new(simd: S) -> Self {
+        let zero = Lanes::splat(simd, 0.0);
+        Frequencies { median: zero, mean: zero, mean_power: zero, second_moment: zero }
+    }
+}
+
+impl<S: Simd> Spectral<S> {
+    pub(crate) fn new(simd: S, length: usize, rate_hz: f64) -> Self {
+        let transform = PowerSpectrum::new(length, Lanes::splat(simd, 0.0));
         let bin_hz = rate_hz / transform.size() as f64;
         let first = |inside: &dyn Fn(f64) -> bool| {
             let bins = transform.size() / 2;
@@ -40,22 +49,25 @@ impl Spectral {
             band
         });
         let bands = bands.collect();
-        Spectral { transform, length: length as f64, bin_hz, bands }
+        Spectral { simd, transform, length: length as f64, bin_hz, bands }
     }
 
-    pub(crate) fn frequencies(&mut self, x: &[Lanes]) -> Frequencies {
+    #[inline(always)]
+    pub(crate) fn frequencies(&mut self, x: &[Lanes<S>]) -> Frequencies<S> {
+        let simd = self.simd;
+        let zero = Lanes::splat(simd, 0.0);
         let powers = self.transform.powers(x);
-        let total: Lanes = powers.iter().sum();
+        let total = sum!(self.simd, power in powers => *power);
         let half = total * 0.5;
-        let (mut below, mut weighted, mut squared) = (Lanes::ZERO, Lanes::ZERO, Lanes::ZERO);
+        let (mut below, mut weighted, mut squared) = (zero, zero, zero);
         // No power, no median.
-        let (mut median, mut found) = (Lanes::splat(f64::NAN), Lanes::ZERO);
+        let (mut median, mut found) = (Lanes::splat(simd, f64::NAN), Mask::splat(simd, false));
         for (k, power) in powers.iter().enumerate() {
             below += *power;
             weighted += *power * k as f64;
             squared += *power * (k as f64 * self.bin_hz).powi(2);
             let beyond = below.simd_gt(half);
-            median = (beyond & !found).select(Lanes::splat(k as f64 * self.bin_hz), median);
+            median = (beyond & !found).select(Lanes::splat(simd, k as f64 * self.bin_hz), median);
             found |= beyond;
         }
         let scale = self.length.powi(2);
@@ -68,13 +80,13 @@ impl Spectral {
     }
 
     /// Mean amplitudes of the bands to the power of two thirds.
-    pub(crate) fn bands(&mut self, x: &[Lanes]) -> [Lanes; FOURIER_BANDS] {
+    #[inline(always)]
+    pub(crate) fn bands(&mut self, x: &[Lanes<S>]) -> [Lanes<S>; FOURIER_BANDS] {
         let powers = self.transform.powers(x);
-        let mut means = [Lanes::ZERO; FOURIER_BANDS];
+        let mut means = [Lanes::splat(self.simd, 0.0); FOURIER_BANDS];
         for (mean, band) in means.iter_mut().zip(&self.bands) {
-            let sum: Lanes = powers[band.clone()].iter().map(|power| power.sqrt()).sum();
-            let root = (sum / self.length / band.len() as f64).cbrt();
-            *mean = root * root;
+            let amplitudes = sum!(self.simd, power in &powers[band.clone()] => power.sqrt());
+            *mean = power(amplitudes / self.length / band.len() as f64, 2.0 / 3.0);
         }
         means
     }

@@ -1,22 +1,22 @@
-//! Sums over the samples of four channels, each in one pass. Functions of their own, so that their sums stay in registers.
+//! Sums over the samples of eight channels, each in one pass.
 
-use crate::lanes::{Lanes, each, mean, mean_absolute, ones};
+use crate::lanes::{Lanes, Mask, ln, mean, mean_absolute, ones, sum, where_true};
+use fearless_simd::prelude::*;
 
 /// MAV, ZC, SSC and WL.
-#[inline(never)]
-pub(crate) fn hudgins(x: &[Lanes], ssc_threshold: f64) -> [Lanes; 4] {
-    let least = Lanes::splat(-ssc_threshold);
-    let signs = |value: Lanes| (value.simd_gt(Lanes::ZERO), value.simd_lt(Lanes::ZERO));
-    let crosses = |from: (Lanes, Lanes), to: (Lanes, Lanes)| ones(from.0 & to.1 | from.1 & to.0);
+#[inline(always)]
+pub(crate) fn hudgins<S: Simd>(x: &[Lanes<S>], ssc_threshold: f64) -> [Lanes<S>; 4] {
+    let signs = |value: Lanes<S>| (value.simd_gt(0.0), value.simd_lt(0.0));
+    let crosses = |from: (Mask<S>, Mask<S>), to: (Mask<S>, Mask<S>)| ones(from.0 & to.1 | from.1 & to.0);
     let (mut last, mut sign, mut slope) = (x[1], signs(x[1]), x[1] - x[0]);
-    let mut absolute = Lanes::ZERO + x[0].abs() + x[1].abs();
-    let (mut crossings, mut turns, mut length) = (crosses(signs(x[0]), sign), Lanes::ZERO, slope.abs());
+    let mut absolute = x[0].abs() + x[1].abs();
+    let (mut crossings, mut turns, mut length) = (crosses(signs(x[0]), sign), zero(x), slope.abs());
     for value in &x[2..] {
         absolute += value.abs();
         let (next, next_sign) = (*value - last, signs(*value));
         crossings += crosses(sign, next_sign);
         // (b - a) (b - c) >= threshold: the second factor is the next slope, negated.
-        turns += ones((slope * next).simd_le(least));
+        turns += ones((slope * next).simd_le(-ssc_threshold));
         length += next.abs();
         (last, sign, slope) = (*value, next_sign, next);
     }
@@ -24,10 +24,10 @@ pub(crate) fn hudgins(x: &[Lanes], ssc_threshold: f64) -> [Lanes; 4] {
 }
 
 /// Sums of the squares of a signal and of its first and second differences.
-#[inline(never)]
-pub(crate) fn squares(x: &[Lanes]) -> [Lanes; 3] {
+#[inline(always)]
+pub(crate) fn squares<S: Simd>(x: &[Lanes<S>]) -> [Lanes<S>; 3] {
     let (mut last, mut slope) = (x[1], x[1] - x[0]);
-    let mut sums = [x[0] * x[0] + x[1] * x[1], slope * slope, Lanes::ZERO];
+    let mut sums = [x[0] * x[0] + x[1] * x[1], slope * slope, zero(x)];
     for value in &x[2..] {
         let next = *value - last;
         let bend = next - slope;
@@ -40,10 +40,10 @@ pub(crate) fn squares(x: &[Lanes]) -> [Lanes; 3] {
 }
 
 /// Sums of the magnitudes of the first and second differences of a signal.
-#[inline(never)]
-pub(crate) fn lengths(x: &[Lanes]) -> [Lanes; 2] {
+#[inline(always)]
+pub(crate) fn lengths<S: Simd>(x: &[Lanes<S>]) -> [Lanes<S>; 2] {
     let (mut last, mut slope) = (x[1], x[1] - x[0]);
-    let mut sums = [slope.abs(), Lanes::ZERO];
+    let mut sums = [slope.abs(), zero(x)];
     for value in &x[2..] {
         let next = *value - last;
         sums[0] += next.abs();
@@ -54,10 +54,11 @@ pub(crate) fn lengths(x: &[Lanes]) -> [Lanes; 2] {
 }
 
 /// Second, third and fourth central moment, and where the spread is rounding only.
-pub(crate) fn central_moments(x: &[Lanes]) -> ([Lanes; 3], Lanes) {
+#[inline(always)]
+pub(crate) fn central_moments<S: Simd>(x: &[Lanes<S>]) -> ([Lanes<S>; 3], Mask<S>) {
     let count = x.len() as f64;
     let mean = mean(x);
-    let mut sums = [Lanes::ZERO; 3];
+    let mut sums = [zero(x); 3];
     for value in x {
         let from_mean = *value - mean;
         let square = from_mean * from_mean;
@@ -65,41 +66,44 @@ pub(crate) fn central_moments(x: &[Lanes]) -> ([Lanes; 3], Lanes) {
         sums[1] += from_mean * square;
         sums[2] += square * square;
     }
-    let moments = sums.map(|sum| sum / count);
+    let moments = [sums[0] / count, sums[1] / count, sums[2] / count];
     // The limit of SciPy.
     let limit = mean * f64::EPSILON;
     (moments, moments[0].simd_le(limit * limit))
 }
 
 /// Samples whose neighbour is further away than `threshold`.
-pub(crate) fn steps_beyond(x: &[Lanes], threshold: f64) -> Lanes {
-    let threshold = Lanes::splat(threshold);
-    x.windows(2).map(|pair| ones((pair[1] - pair[0]).abs().simd_gt(threshold))).sum()
+#[inline(always)]
+pub(crate) fn steps_beyond<S: Simd>(x: &[Lanes<S>], threshold: f64) -> Lanes<S> {
+    sum!(x[0].simd, pair in x.windows(2) => ones((pair[1] - pair[0]).abs().simd_gt(threshold)))
 }
 
 /// Magnitude of the mean root: those of negative samples are imaginary.
-pub(crate) fn mean_square_root(x: &[Lanes]) -> Lanes {
-    let (mut real, mut imaginary) = (Lanes::ZERO, Lanes::ZERO);
+#[inline(always)]
+pub(crate) fn mean_square_root<S: Simd>(x: &[Lanes<S>]) -> Lanes<S> {
+    let (mut real, mut imaginary) = (zero(x), zero(x));
     for value in x {
-        let (root, negative) = (value.abs().sqrt(), value.simd_lt(Lanes::ZERO));
-        real += root & !negative;
-        imaginary += root & negative;
+        let (root, negative) = (value.abs().sqrt(), value.simd_lt(0.0));
+        real += where_true(!negative, root);
+        imaginary += where_true(negative, root);
     }
-    let (real, imaginary) = (real.to_array(), imaginary.to_array());
-    Lanes::from(std::array::from_fn(|lane| f64::hypot(real[lane], imaginary[lane]))) / x.len() as f64
+    // Roots of numbers are far from where squares overflow.
+    (real * real + imaginary * imaginary).sqrt() / x.len() as f64
 }
 
 /// Second L-moment: 2 b1 - b0 with Hosking's unbiased weights (1990). Sorts `x`.
-pub(crate) fn l_score(x: &mut [Lanes]) -> Lanes {
+#[inline(always)]
+pub(crate) fn l_score<S: Simd>(x: &mut [Lanes<S>]) -> Lanes<S> {
     sort(x);
     let last = x.len() as f64 - 1.0;
-    let sum: Lanes = x.iter().enumerate().map(|(k, v)| *v * (2.0 * k as f64 / last - 1.0)).sum();
-    sum / x.len() as f64
+    let simd = x[0].simd;
+    sum!(simd, (k, v) in x.iter().enumerate() => *v * (2.0 * k as f64 / last - 1.0)) / x.len() as f64
 }
 
 /// Sorts each lane: Batcher's exchanges (Knuth, The Art of Computer Programming 3, 5.2.2, algorithm M), the same ones
-/// whatever the values are, so that four channels are sorted at once.
-fn sort(x: &mut [Lanes]) {
+/// whatever the values are, so that eight channels are sorted at once.
+#[inline(always)]
+fn sort<S: Simd>(x: &mut [Lanes<S>]) {
     let largest = x.len().next_power_of_two() / 2;
     let mut group = largest;
     while group > 0 {
@@ -108,7 +112,7 @@ fn sort(x: &mut [Lanes]) {
             for start in (offset..x.len().saturating_sub(distance)).step_by(2 * group) {
                 let (front, back) = x.split_at_mut(start + distance);
                 for (a, b) in front[start..].iter_mut().take(group).zip(back) {
-                    (*a, *b) = (a.fast_min(*b), a.fast_max(*b));
+                    (*a, *b) = (a.min(*b), a.max(*b));
                 }
             }
             if merged == group {
@@ -121,17 +125,24 @@ fn sort(x: &mut [Lanes]) {
 }
 
 /// Largest sample.
-pub(crate) fn largest(x: &[Lanes]) -> Lanes {
-    x.iter().fold(Lanes::splat(f64::NEG_INFINITY), |most, v| most.fast_max(*v))
+#[inline(always)]
+pub(crate) fn largest<S: Simd>(x: &[Lanes<S>]) -> Lanes<S> {
+    let mut most = x[0];
+    for value in &x[1..] {
+        most = most.max(*value);
+    }
+    most
 }
 
 /// Mean magnitude of the third powers.
-pub(crate) fn mean_cube(x: &[Lanes]) -> Lanes {
-    x.iter().map(|v| (*v * (*v * *v)).abs()).sum::<Lanes>() / x.len() as f64
+#[inline(always)]
+pub(crate) fn mean_cube<S: Simd>(x: &[Lanes<S>]) -> Lanes<S> {
+    sum!(x[0].simd, v in x => (*v * (*v * *v)).abs()) / x.len() as f64
 }
 
 /// Mean magnitude of the second half less that of the first.
-pub(crate) fn slope_of_means(x: &[Lanes]) -> Lanes {
+#[inline(always)]
+pub(crate) fn slope_of_means<S: Simd>(x: &[Lanes<S>]) -> Lanes<S> {
     // The middle of an odd length is rounded to the even number, as Python rounds.
     let half = (x.len() as f64 / 2.0).round_ties_even() as usize;
     mean_absolute(&x[half..x.len().min(2 * half)]) - mean_absolute(&x[..half])
@@ -142,41 +153,53 @@ const LOGARITHMS: usize = 25;
 
 /// Mean of the logarithms of the samples' magnitudes and one: that of products of several, unless they are too large for a
 /// number.
-pub(crate) fn mean_logarithm(x: &[Lanes]) -> Lanes {
-    let sums = x.chunks(LOGARITHMS).map(|part| {
-        let product = part.iter().fold(Lanes::ONE, |product, v| product * (v.abs() + Lanes::ONE));
-        if product.is_finite().all() {
-            product.ln()
-        } else {
-            part.iter().map(|v| each(v.abs() + Lanes::ONE, f64::ln)).sum()
+#[inline(always)]
+pub(crate) fn mean_logarithm<S: Simd>(x: &[Lanes<S>]) -> Lanes<S> {
+    let mut logarithms = zero(x);
+    for part in x.chunks(LOGARITHMS) {
+        let mut product = Lanes::splat(x[0].simd, 1.0);
+        for value in part {
+            product *= value.abs() + 1.0;
         }
-    });
-    sums.sum::<Lanes>() / x.len() as f64
+        logarithms += if product.is_finite().all_true() {
+            ln(product)
+        } else {
+            sum!(x[0].simd, v in part => ln(v.abs() + 1.0))
+        };
+    }
+    logarithms / x.len() as f64
+}
+
+#[inline(always)]
+fn zero<S: Simd>(x: &[Lanes<S>]) -> Lanes<S> {
+    Lanes::splat(x[0].simd, 0.0)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lanes::lanes_of;
+    use crate::lanes::LANES;
+    use fearless_simd::{Level, dispatch};
 
-    fn same(x: &[f64]) -> Vec<Lanes> {
-        x.iter().map(|v| Lanes::splat(*v)).collect()
+    /// The same signal in every lane.
+    fn same<S: Simd>(simd: S, x: &[f64]) -> Vec<Lanes<S>> {
+        x.iter().map(|v| Lanes::splat(simd, *v)).collect()
     }
 
-    fn first(values: &[Lanes]) -> Vec<f64> {
-        values.iter().map(|v| v.as_array()[0]).collect()
+    fn hudgins_of(x: &[f64], ssc_threshold: f64) -> [f64; 4] {
+        dispatch!(Level::new(), simd => hudgins(&same(simd, x), ssc_threshold).map(|value| value[0]))
     }
 
     #[test]
     fn a_zero_between_two_signs_hides_the_crossing() {
-        assert_eq!(first(&hudgins(&same(&[1.0, 0.0, -1.0]), 0.0))[1], 0.0);
-        assert_eq!(first(&hudgins(&same(&[1.0, -1.0, 1.0]), 0.0))[1], 2.0);
+        assert_eq!(hudgins_of(&[1.0, 0.0, -1.0], 0.0)[1], 0.0);
+        assert_eq!(hudgins_of(&[1.0, -1.0, 1.0], 0.0)[1], 2.0);
     }
 
     #[test]
     fn a_dead_channel_shows_the_largest_number_of_slope_sign_changes() {
-        assert_eq!(first(&hudgins(&same(&[5.0; 10]), 0.0)), [5.0, 0.0, 8.0, 0.0]);
-        assert_eq!(first(&hudgins(&same(&[5.0; 10]), 1e-9))[2], 0.0);
+        assert_eq!(hudgins_of(&[5.0; 10], 0.0), [5.0, 0.0, 8.0, 0.0]);
+        assert_eq!(hudgins_of(&[5.0; 10], 1e-9)[2], 0.0);
     }
 
     #[test]
@@ -184,14 +207,14 @@ mod tests {
         let signals = [[0.0, -1.0, 20.0, 0.3], [1e90, -1e90, 1e90, 3.0], [f64::MAX, 1.0, f64::MAX, 1.0]];
         for x in signals {
             let apart = x.iter().map(|v| (v.abs() + 1.0).ln()).sum::<f64>() / 4.0;
-            let together = first(&[mean_logarithm(&same(&x))])[0];
+            let together = dispatch!(Level::new(), simd => mean_logarithm(&same(simd, &x))[0]);
             assert!((together - apart).abs() <= 1e-14 * apart, "{x:?}: {together}, {apart}");
         }
     }
 
     #[test]
     fn the_l_score_is_half_the_mean_distance_of_two_samples() {
-        let score = first(&[l_score(&mut same(&[4.0, 1.0, 2.0]))])[0];
+        let score = dispatch!(Level::new(), simd => l_score(&mut same(simd, &[4.0, 1.0, 2.0]))[0]);
         assert!((score - 0.5 * (3.0 + 2.0 + 1.0) / 3.0).abs() < 1e-15);
     }
 
@@ -199,13 +222,15 @@ mod tests {
     fn every_lane_is_sorted_at_any_length() {
         for length in (1..70).chain([100, 128, 1000]) {
             let value = |k: usize, lane: usize| ((k * k * (lane + 3)) as f64 * 0.618_034).fract();
-            let mut x: Vec<Lanes> =
-                (0..length).map(|k| lanes_of(&[0, 1, 2, 3].map(|lane| value(k, lane)))).collect();
-            sort(&mut x);
-            for lane in 0..4 {
+            let sorted: Vec<[f64; LANES]> = dispatch!(Level::new(), simd => {
+                let mut x: Vec<_> = (0..length).map(|k| Lanes::from_fn(simd, |lane| value(k, lane))).collect();
+                sort(&mut x);
+                x.into_iter().map(Lanes::to_array).collect()
+            });
+            for lane in 0..LANES {
                 let mut expected: Vec<f64> = (0..length).map(|k| value(k, lane)).collect();
                 expected.sort_unstable_by(f64::total_cmp);
-                let got: Vec<f64> = x.iter().map(|v| v.as_array()[lane]).collect();
+                let got: Vec<f64> = sorted.iter().map(|v| v[lane]).collect();
                 assert_eq!(got, expected, "{length} samples, lane {lane}");
             }
         }

@@ -1,4 +1,5 @@
-use crate::lanes::{Lanes, each};
+use crate::lanes::{Lanes, ln, sum};
+use fearless_simd::prelude::*;
 
 /// Low-pass filter of the decomposition by symlets of order 8 (Daubechies, Ten Lectures on Wavelets, 1992), as
 /// PyWavelets tabulates it. The high-pass filter is this one backwards, with alternating signs.
@@ -25,32 +26,33 @@ const LOW_PASS: [f64; 16] = [
 const FLOOR: f64 = 1e-10;
 
 /// What the wavelet features tell of one band.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Band {
-    pub(crate) energy: Lanes,
-    pub(crate) variance: Lanes,
-    pub(crate) length: Lanes,
-    pub(crate) entropy: Lanes,
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Band<S: Simd> {
+    pub(crate) energy: Lanes<S>,
+    pub(crate) variance: Lanes<S>,
+    pub(crate) length: Lanes<S>,
+    pub(crate) entropy: Lanes<S>,
 }
 
 /// Multi-level discrete wavelet transform of windows of one length. Buffers are allocated once.
 #[derive(Clone, Debug)]
-pub(crate) struct Wavelets {
+pub(crate) struct Wavelets<S: Simd> {
     /// The approximation so far, mirrored beyond its ends.
-    mirrored: Vec<Lanes>,
-    approximation: Vec<Lanes>,
-    detail: Vec<Lanes>,
+    mirrored: Vec<Lanes<S>>,
+    approximation: Vec<Lanes<S>>,
+    detail: Vec<Lanes<S>>,
 }
 
-impl Wavelets {
-    pub(crate) fn new(length: usize) -> Wavelets {
+impl<S: Simd> Wavelets<S> {
+    pub(crate) fn new(length: usize) -> Self {
         // A level of a signal shorter than the filter has up to that many values.
         let room = |more: usize| Vec::with_capacity(length.max(LOW_PASS.len()) + more);
         Wavelets { mirrored: room(2 * BEYOND), approximation: room(0), detail: room(0) }
     }
 
     /// The bands of a window, from the lowest: the approximation, then the details. Fills `bands`.
-    pub(crate) fn decompose(&mut self, x: &[Lanes], bands: &mut [Band]) {
+    #[inline(always)]
+    pub(crate) fn decompose(&mut self, x: &[Lanes<S>], bands: &mut [Band<S>]) {
         self.approximation.clear();
         self.approximation.extend_from_slice(x);
         for level in (1..bands.len()).rev() {
@@ -61,23 +63,21 @@ impl Wavelets {
     }
 
     /// One level: filters and takes every second value; beyond its ends the signal is mirrored, the sample at the edge included.
+    #[inline(always)]
     fn transform(&mut self) {
         let x = &self.approximation;
-        let at = |k: isize| {
-            let period = 2 * x.len() as isize;
-            let within = k.rem_euclid(period);
-            x[if within < x.len() as isize { within } else { period - 1 - within } as usize]
-        };
         let (length, beyond) = (x.len() as isize, BEYOND as isize);
         self.mirrored.clear();
-        self.mirrored.extend((-beyond..0).map(at));
-        self.mirrored.extend_from_slice(x);
-        self.mirrored.extend((length..length + beyond).map(at));
+        for k in -beyond..length + beyond {
+            let within = k.rem_euclid(2 * length);
+            self.mirrored.push(x[if within < length { within } else { 2 * length - 1 - within } as usize]);
+        }
         self.approximation.clear();
         self.detail.clear();
         // The oldest of the samples under the filter is the one before the first by all but one of the taps.
         for under in self.mirrored[1..].windows(LOW_PASS.len()).step_by(2) {
-            let (mut smooth, mut rough) = (Lanes::ZERO, Lanes::ZERO);
+            let zero = Lanes::splat(under[0].simd, 0.0);
+            let (mut smooth, mut rough) = (zero, zero);
             for (value, taps) in under.iter().zip(&TAPS) {
                 smooth += *value * taps[0];
                 rough += *value * taps[1];
@@ -104,19 +104,35 @@ const TAPS: [[f64; 2]; LOW_PASS.len()] = {
     taps
 };
 
-impl Band {
+impl<S: Simd> Band<S> {
+    pub(crate) fn new(simd: S) -> Self {
+        let zero = Lanes::splat(simd, 0.0);
+        Band { energy: zero, variance: zero, length: zero, entropy: zero }
+    }
+
     /// Squares the coefficients in place.
-    fn of(coefficients: &mut [Lanes]) -> Band {
-        coefficients.iter_mut().for_each(|c| *c *= *c);
+    #[inline(always)]
+    fn of(coefficients: &mut [Lanes<S>]) -> Self {
+        let simd = coefficients[0].simd;
+        for coefficient in &mut *coefficients {
+            *coefficient *= *coefficient;
+        }
         let squares = &*coefficients;
         let count = squares.len() as f64;
-        let energy: Lanes = squares.iter().sum();
+        let energy = sum!(simd, s in squares => *s);
         let mean = energy / count;
-        let variance = squares.iter().map(|s| (*s - mean) * (*s - mean)).sum::<Lanes>() / count;
-        let length: Lanes = squares.windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum();
-        let entropy = squares.iter().map(|s| *s / energy).map(|share| -share * share.ln()).sum();
-        let logarithm = |value: Lanes| each(value + FLOOR, f64::ln);
-        Band { energy: logarithm(energy), variance: logarithm(variance), length: logarithm(length), entropy }
+        let variance = sum!(simd, s in squares => (*s - mean) * (*s - mean)) / count;
+        let length = sum!(simd, pair in squares.windows(2) => (pair[1] - pair[0]).abs());
+        let entropy = sum!(simd, s in squares => {
+            let share = *s / energy;
+            -share * ln(share)
+        });
+        Band {
+            energy: ln(energy + FLOOR),
+            variance: ln(variance + FLOOR),
+            length: ln(length + FLOOR),
+            entropy,
+        }
     }
 }
 
@@ -124,6 +140,7 @@ impl Band {
 mod tests {
     use super::*;
     use crate::feature::wavelet_bands;
+    use fearless_simd::{Level, dispatch};
 
     #[test]
     fn the_filter_is_orthonormal() {
@@ -137,15 +154,15 @@ mod tests {
 
     #[test]
     fn a_slow_wave_lies_in_a_low_band_and_a_fast_one_in_the_highest() {
-        let wave = |hz: f64| -> Vec<Lanes> {
-            (0..4000).map(|k| Lanes::splat((f64::from(k) * 0.00628 * hz).sin())).collect()
-        };
-        let mut wavelets = Wavelets::new(4000);
-        let mut strongest = |hz: f64| {
-            let mut bands = vec![Band::default(); wavelet_bands(1000.0)];
-            wavelets.decompose(&wave(hz), &mut bands);
-            let energies = bands.iter().map(|b| b.energy.to_array()[0]).enumerate();
-            energies.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(band, _)| band)
+        let wave = |hz: f64| (0..4000).map(move |k| (f64::from(k) * 0.00628 * hz).sin());
+        let strongest = |hz: f64| {
+            let energies: Vec<f64> = dispatch!(Level::new(), simd => {
+                let mut bands = vec![Band::new(simd); wavelet_bands(1000.0)];
+                let x: Vec<_> = wave(hz).map(|value| Lanes::splat(simd, value)).collect();
+                Wavelets::new(4000).decompose(&x, &mut bands);
+                bands.iter().map(|band| band.energy[0]).collect()
+            });
+            energies.into_iter().enumerate().max_by(|a, b| a.1.total_cmp(&b.1)).map(|(band, _)| band)
         };
         assert_eq!(strongest(400.0), Some(7));
         assert_eq!(strongest(180.0), Some(6));
