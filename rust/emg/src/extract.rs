@@ -2,6 +2,7 @@ use crate::filter::FilterBank;
 use crate::{
     BridgeConfig, EmgConfig, EmgError, FeatureExtractor, FeatureVector, SlidingWindow, WindowLine, WindowView,
 };
+use fearless_simd::{Level, dispatch};
 use proact_types::{EmgSample, SimTime};
 
 /// Features of every window of a recording, by the same code as live. Windows that a gap spoils are left out; a
@@ -9,10 +10,7 @@ use proact_types::{EmgSample, SimTime};
 ///
 /// # Errors
 /// Settings that cannot work, or a sample with another number of channels or a value that is not finite.
-pub fn extract<'a>(
-    config: &EmgConfig,
-    samples: impl IntoIterator<Item = &'a EmgSample>,
-) -> Result<Vec<FeatureVector>, EmgError> {
+pub fn extract(config: &EmgConfig, samples: &[EmgSample]) -> Result<Vec<FeatureVector>, EmgError> {
     let mut features = Vec::new();
     each_window(config, samples, |_, vector| features.push(vector))?;
     Ok(features)
@@ -22,9 +20,9 @@ pub fn extract<'a>(
 ///
 /// # Errors
 /// As [`extract`].
-pub fn extract_with_amplitudes<'a>(
+pub fn extract_with_amplitudes(
     config: &EmgConfig,
-    samples: impl IntoIterator<Item = &'a EmgSample>,
+    samples: &[EmgSample],
 ) -> Result<(Vec<FeatureVector>, Vec<f64>), EmgError> {
     let (mut features, mut amplitudes) = (Vec::new(), Vec::new());
     each_window(config, samples, |window, vector| {
@@ -47,10 +45,7 @@ pub struct WindowInput {
 ///
 /// # Errors
 /// As [`extract`].
-pub fn extract_inputs<'a>(
-    config: &EmgConfig,
-    samples: impl IntoIterator<Item = &'a EmgSample>,
-) -> Result<Vec<WindowInput>, EmgError> {
+pub fn extract_inputs(config: &EmgConfig, samples: &[EmgSample]) -> Result<Vec<WindowInput>, EmgError> {
     let input = config.process.as_ref().map(|process| process.input);
     let (mut windows, mut time) = (Vec::new(), config.window.samples(config.rate_hz)? as f64);
     let step = config.increment_samples()? as f64;
@@ -63,9 +58,20 @@ pub fn extract_inputs<'a>(
     Ok(windows)
 }
 
-fn each_window<'a>(
+/// Cuts windows and computes their features. Reading is most of what a small set takes: it is compiled for the processor's
+/// vectors, too.
+fn each_window(
     config: &EmgConfig,
-    samples: impl IntoIterator<Item = &'a EmgSample>,
+    samples: &[EmgSample],
+    take: impl FnMut(&WindowView<'_>, FeatureVector),
+) -> Result<(), EmgError> {
+    dispatch!(Level::new(), _simd => read(config, samples, take))
+}
+
+#[inline(always)]
+fn read(
+    config: &EmgConfig,
+    samples: &[EmgSample],
     mut take: impl FnMut(&WindowView<'_>, FeatureVector),
 ) -> Result<(), EmgError> {
     // Nothing is trained on, or tested with, samples that nobody measured.

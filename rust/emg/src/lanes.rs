@@ -65,6 +65,10 @@ pub(crate) fn mean_absolute<S: Simd>(x: &[Lanes<S>]) -> Lanes<S> {
     sum!(x[0].simd, v in x => v.abs()) / x.len() as f64
 }
 
+/// The logarithm of two in two parts; whole multiples of the first are exact.
+const LN_2_HIGH: f64 = 0.693_147_180_369_123_8;
+const LN_2_LOW: f64 = 1.908_214_929_270_587_7e-10;
+
 /// Natural logarithm, to the last digit but one; minus infinity of zero, no number of what is below zero. Reduction and
 /// minimax polynomial are those of fdlibm's `log` (Sun, 1993).
 #[inline(always)]
@@ -73,8 +77,6 @@ pub(crate) fn ln<S: Simd>(x: Lanes<S>) -> Lanes<S> {
     const LEAST: u64 = 0x3fe6_a09e_0000_0000;
     const ONE: u64 = 0x3ff0_0000_0000_0000;
     const MANTISSA: u64 = 0x000f_ffff_ffff_ffff;
-    const LN_2_HIGH: f64 = 6.931_471_803_691_238_2e-1;
-    const LN_2_LOW: f64 = 1.908_214_929_270_587_7e-10;
     const COEFFICIENTS: [f64; 7] = [
         6.666_666_666_666_735e-1,
         3.999_999_999_940_942e-1,
@@ -106,8 +108,6 @@ pub(crate) fn ln<S: Simd>(x: Lanes<S>) -> Lanes<S> {
 /// Exponential function, to the last digits; no number of no number.
 #[inline(always)]
 pub(crate) fn exp<S: Simd>(x: Lanes<S>) -> Lanes<S> {
-    const LN_2_HIGH: f64 = 6.931_471_803_691_238_2e-1;
-    const LN_2_LOW: f64 = 1.908_214_929_270_587_7e-10;
     let simd = x.simd;
     // Beyond these it is zero or infinite.
     let x = x.simd_lt(-746.0).select(Lanes::splat(simd, -746.0), x);
@@ -122,6 +122,20 @@ pub(crate) fn exp<S: Simd>(x: Lanes<S>) -> Lanes<S> {
     // In two steps, since the power of two alone may be too small or too large for a number.
     let half = (power * 0.5).floor();
     series * power_of_two(half) * power_of_two(power - half)
+}
+
+/// Cube root, to the last digits, of what is not below zero.
+#[inline(always)]
+pub(crate) fn cbrt<S: Simd>(x: Lanes<S>) -> Lanes<S> {
+    // The upper half of the bits is nearly the logarithm; a third of it begins with the root's first four bits (Kahan, as in
+    // fdlibm). Each of Halley's steps triples them.
+    let third = whole(x.to_bits() >> 32) * (1.0 / 3.0) + (715_094_163.0 + TWO_52);
+    let mut root = Lanes::from_bits(third.to_bits() << 32);
+    for _ in 0..3 {
+        let cube = root * root * root;
+        root *= (cube + x * 2.0) / (cube * 2.0 + x);
+    }
+    where_true(x.simd_gt(0.0), root)
 }
 
 /// 1 / 0!, 1 / 1!, 1 / 2! and so on.
@@ -173,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn logarithm_and_exponential_are_those_of_numbers_to_the_last_digits() {
+    fn functions_are_those_of_numbers_to_the_last_digits() {
         let special =
             [0.0, -0.0, 1.0, -1.0, f64::INFINITY, f64::NEG_INFINITY, f64::NAN, f64::MAX, f64::MIN_POSITIVE];
         let subnormal = [5e-324, 1e-310, 2.2e-308];
@@ -185,7 +199,11 @@ mod tests {
         dispatch!(Level::new(), simd => {
             let ln = |x: Eight| Eight(ln(x.0.simd_into(simd)).to_array());
             let exp = |x: Eight| Eight(exp(x.0.simd_into(simd)).to_array());
+            let cbrt = |x: Eight| Eight(cbrt(x.0.simd_into(simd)).to_array());
             assert!(worst(&positive, ln, f64::ln) <= 1, "{}", worst(&positive, ln, f64::ln));
+            let normal: Vec<f64> = positive.iter().filter(|x| (1e-300..1e300).contains(*x)).copied().collect();
+            assert!(worst(&normal, cbrt, f64::cbrt) <= 4, "{}", worst(&normal, cbrt, f64::cbrt));
+            assert_eq!(cbrt(Eight::default()).0, [0.0; LANES]);
             let whole: Vec<f64> = spread.iter().filter(|x| **x > -708.0).chain(&numbers).copied().collect();
             assert!(worst(&whole, exp, f64::exp) <= 4, "{}", worst(&whole, exp, f64::exp));
         });

@@ -16,6 +16,8 @@ pub(crate) struct PowerSpectrum<T> {
     /// Real and imaginary parts of a transform of half the length: even samples are its real parts, odd ones its
     /// imaginary parts.
     values: Vec<(T, T)>,
+    /// Which of them stands at each place at first: the place with its bits reversed.
+    reversed: Vec<usize>,
     /// Roots of unity of the whole length.
     roots: Vec<(f64, f64)>,
     powers: Vec<T>,
@@ -27,10 +29,13 @@ impl<T: Real> PowerSpectrum<T> {
     pub(crate) fn new(length: usize, zero: T) -> Self {
         let size = length.next_power_of_two().max(4);
         let root = |k: usize| (-TAU * k as f64 / size as f64).sin_cos();
+        let half = size / 2;
+        let reversed = |k: usize| k.reverse_bits() >> (usize::BITS - half.trailing_zeros());
         PowerSpectrum {
-            values: vec![(zero, zero); size / 2],
-            roots: (0..size / 2).map(root).map(|(sin, cos)| (cos, sin)).collect(),
-            powers: vec![zero; size / 2],
+            reversed: (0..half).map(reversed).collect(),
+            values: vec![(zero, zero); half],
+            roots: (0..half).map(root).map(|(sin, cos)| (cos, sin)).collect(),
+            powers: vec![zero; half],
             zero,
         }
     }
@@ -40,49 +45,87 @@ impl<T: Real> PowerSpectrum<T> {
         2 * self.values.len()
     }
 
-    /// Transforms `signal`, which is no longer than the transform; gives the powers of bins 0 .. size/2 - 1, not
-    /// scaled.
+    /// Transforms `signal`, which is no longer than the transform.
     #[inline(always)]
-    pub(crate) fn powers(&mut self, signal: &[T]) -> &[T] {
+    pub(crate) fn transform(&mut self, signal: &[T]) {
         let half = self.values.len();
-        // Cooley and Tukey's transform in place: first the order of reversed bits, then butterflies.
-        let reversed = |k: usize| k.reverse_bits() >> (usize::BITS - half.trailing_zeros());
-        let mut pairs = signal.chunks(2);
-        for k in 0..half {
-            let pair = pairs.next().unwrap_or_default();
-            let sample = |place: usize| pair.get(place).copied().unwrap_or(self.zero);
-            self.values[reversed(k)] = (sample(0), sample(1));
-        }
-        self.first_butterflies();
+        // Cooley and Tukey's transform in place.
+        self.first_butterflies(signal);
         let mut width = 4;
-        while width < half {
-            let roots = self.roots.iter().step_by(half / width);
-            for block in self.values.chunks_exact_mut(2 * width) {
-                let (low, high) = block.split_at_mut(width);
-                for ((a, b), root) in low.iter_mut().zip(high).zip(roots.clone()) {
-                    let turned = times(*b, *root);
-                    *b = minus(*a, turned);
-                    *a = plus(*a, turned);
-                }
-            }
-            width *= 2;
+        while 2 * width < half {
+            self.two_levels(width);
+            width *= 4;
+        }
+        if width < half {
+            self.one_level(width);
         }
         self.parts();
+    }
+
+    /// The powers of bins 0 .. size/2 - 1 of what was transformed, not scaled.
+    pub(crate) fn powers(&self) -> &[T] {
         &self.powers
     }
 
-    /// The two first levels, whose roots are 1 and -i.
+    /// The two first levels, whose roots are 1 and -i, of what comes in the order of reversed bits.
     #[inline(always)]
-    fn first_butterflies(&mut self) {
-        for four in self.values.chunks_mut(4) {
-            if let [a, b, c, d] = four {
-                let (sum, difference) = (plus(*a, *b), minus(*a, *b));
-                let (sum_2, (re, im)) = (plus(*c, *d), minus(*c, *d));
+    fn first_butterflies(&mut self, signal: &[T]) {
+        let zero = self.zero;
+        let pair = |k: usize| {
+            if 2 * k + 1 < signal.len() {
+                (signal[2 * k], signal[2 * k + 1])
+            } else if 2 * k < signal.len() {
+                (signal[2 * k], zero)
+            } else {
+                (zero, zero)
+            }
+        };
+        for (to, from) in self.values.chunks_mut(4).zip(self.reversed.chunks(4)) {
+            if let ([a, b, c, d], &[first, second, third, fourth]) = (&mut *to, from) {
+                let (one, other) = (pair(first), pair(second));
+                let (sum, difference) = (plus(one, other), minus(one, other));
+                let (one, other) = (pair(third), pair(fourth));
+                let (sum_2, (re, im)) = (plus(one, other), minus(one, other));
                 (*a, *c) = (plus(sum, sum_2), minus(sum, sum_2));
                 *b = (difference.0 + im, difference.1 - re);
                 *d = (difference.0 - im, difference.1 + re);
-            } else if let [a, b] = four {
-                (*a, *b) = (plus(*a, *b), minus(*a, *b));
+            } else if let ([a, b], &[first, second]) = (to, from) {
+                (*a, *b) = (plus(pair(first), pair(second)), minus(pair(first), pair(second)));
+            }
+        }
+    }
+
+    /// The level whose butterflies are `width` values wide.
+    #[inline(always)]
+    fn one_level(&mut self, width: usize) {
+        let roots = self.roots.iter().step_by(self.values.len() / width);
+        for block in self.values.chunks_exact_mut(2 * width) {
+            let (low, high) = block.split_at_mut(width);
+            for ((a, b), root) in low.iter_mut().zip(high).zip(roots.clone()) {
+                let turned = times(*b, *root);
+                (*a, *b) = (plus(*a, turned), minus(*a, turned));
+            }
+        }
+    }
+
+    /// That level and the next, whose butterflies are twice as wide: each value is read and written once for both.
+    #[inline(always)]
+    fn two_levels(&mut self, width: usize) {
+        let step = self.values.len() / width;
+        let roots = self.roots.iter().step_by(step).zip(self.roots.iter().step_by(step / 2));
+        for block in self.values.chunks_exact_mut(4 * width) {
+            let (low, high) = block.split_at_mut(2 * width);
+            let ((first, second), (third, fourth)) = (low.split_at_mut(width), high.split_at_mut(width));
+            let values = first.iter_mut().zip(second).zip(third.iter_mut().zip(fourth));
+            for (((a, b), (c, d)), (root, next_root)) in values.zip(roots.clone()) {
+                let (turned_b, turned_d) = (times(*b, *root), times(*d, *root));
+                let (even, odd) = (plus(*a, turned_b), minus(*a, turned_b));
+                let turned_even = times(plus(*c, turned_d), *next_root);
+                // The root of the second half is that of the first, turned by -i.
+                let (re, im) = times(minus(*c, turned_d), *next_root);
+                (*a, *c) = (plus(even, turned_even), minus(even, turned_even));
+                *b = (odd.0 + im, odd.1 - re);
+                *d = (odd.0 - im, odd.1 + re);
             }
         }
     }
@@ -129,7 +172,8 @@ mod tests {
         let mut spectrum = PowerSpectrum::new(60, 0.0);
         assert_eq!(spectrum.size(), 64);
         let signal: Vec<f64> = (0..64).map(|k| (TAU * 5.0 * f64::from(k) / 64.0).cos()).collect();
-        for (k, power) in spectrum.powers(&signal).iter().enumerate() {
+        spectrum.transform(&signal);
+        for (k, power) in spectrum.powers().iter().enumerate() {
             let expected = if k == 5 { 1024.0 } else { 0.0 };
             assert!((power - expected).abs() < 1e-9, "bin {k}: {power}");
         }
@@ -137,11 +181,12 @@ mod tests {
 
     #[test]
     fn every_length_gives_the_sums_of_the_definition() {
-        for length in [3, 4, 5, 8, 11, 16, 100, 129] {
+        for length in [3, 4, 5, 8, 11, 16, 30, 60, 100, 129, 500] {
             let signal: Vec<f64> = (0..length).map(|k| ((k * k) as f64 * 0.7).sin() * 5.0 + 1.0).collect();
             let mut spectrum = PowerSpectrum::new(length, 0.0);
             let size = spectrum.size();
-            for (bin, power) in spectrum.powers(&signal).iter().enumerate() {
+            spectrum.transform(&signal);
+            for (bin, power) in spectrum.powers().iter().enumerate() {
                 let angle = |k: usize| TAU * ((bin * k) % size) as f64 / size as f64;
                 let part = |of: fn(f64) -> f64| -> f64 {
                     signal.iter().enumerate().map(|(k, v)| v * of(angle(k))).sum()

@@ -33,8 +33,9 @@ pub fn welch(values: &[f64], rate_hz: f64) -> Option<Spectrum> {
     for end in (size..=values.len()).rev().step_by(size / 2) {
         let segment = window.iter().zip(&values[end - size..end]);
         let weighted: Vec<f64> = segment.map(|(weight, value)| weight * (value - mean)).collect();
+        transform.transform(&weighted);
         // Twice: the half with negative frequencies is not kept.
-        for (sum, bin) in density.iter_mut().zip(transform.powers(&weighted)).skip(1) {
+        for (sum, bin) in density.iter_mut().zip(transform.powers()).skip(1) {
             *sum += 2.0 * bin / (power * rate_hz);
         }
         segments += 1.0;

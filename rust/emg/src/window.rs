@@ -193,7 +193,19 @@ impl SlidingWindow {
     }
 
     /// As [`SlidingWindow::push`]; `usable` is what [`SlidingWindow::is_usable`] says of the sample.
+    #[inline(always)]
     pub(crate) fn push_checked(&mut self, sample: &EmgSample, usable: bool) -> Option<WindowView<'_>> {
+        // What most samples are, without all that could be wrong: the next one, and no window ends with it.
+        if usable && self.expected == Some(sample.counter) && sample.counter < self.next_end {
+            self.expected = Some(sample.counter + 1);
+            self.store(&sample.channels, 0);
+            return None;
+        }
+        self.push_any(sample, usable)
+    }
+
+    #[inline(never)]
+    fn push_any(&mut self, sample: &EmgSample, usable: bool) -> Option<WindowView<'_>> {
         let gap = self.advance_to(sample.counter)?;
         if usable {
             self.bridge(gap, &sample.channels);
@@ -227,10 +239,15 @@ impl SlidingWindow {
     }
 
     /// A sample of the stream's length, whose electrodes and features of an inertial measurement unit are numbers.
+    #[inline(always)]
     pub(crate) fn is_usable(&self, values: &[f64]) -> bool {
+        // Without a way out at the first: all are looked at side by side.
+        let finite = |values: &[f64]| values.iter().fold(true, |all, v| all & v.is_finite());
         values.len() == self.sample_channels
-            // Without a way out at the first: all are looked at side by side.
-            && values[..self.channels].iter().fold(true, |all, v| all & v.is_finite())
+            && {
+                let (eights, rest) = values[..self.channels].as_chunks::<LANES>();
+                eights.iter().all(|eight| finite(eight)) && finite(rest)
+            }
             && self.imu.iter().all(|place| values[*place].is_finite())
     }
 
@@ -304,25 +321,38 @@ impl SlidingWindow {
     }
 
     /// Takes the values of a sample; `mark` is one for one that was bridged.
+    #[inline(always)]
     fn store(&mut self, values: &[f64], mark: u8) {
         if self.filled == self.capacity {
-            // Keep what the next window may still need.
-            let keep = self.length - 1;
-            let kept = self.capacity - keep..;
-            self.data.chunks_exact_mut(self.capacity).for_each(|row| row.copy_within(kept.clone(), 0));
-            self.imu_data.chunks_exact_mut(self.capacity).for_each(|row| row.copy_within(kept.clone(), 0));
-            self.marks.copy_within(kept, 0);
-            self.filled = keep;
+            self.keep_newest();
         }
-        for (block, eight) in values[..self.channels].chunks(LANES).enumerate() {
-            self.data[block * self.capacity + self.filled] = eight.into();
+        let (eights, rest) = values[..self.channels].as_chunks::<LANES>();
+        let mut place = self.filled;
+        for eight in eights {
+            self.data[place].0 = *eight;
+            place += self.capacity;
         }
-        for (row, place) in self.imu.iter().enumerate() {
-            self.imu_data[row * self.capacity + self.filled] = values[*place];
+        if !rest.is_empty() {
+            // Behind the last channel there are zeros from the start.
+            self.data[place].0[..rest.len()].copy_from_slice(rest);
+        }
+        for (row, from) in self.imu.iter().enumerate() {
+            self.imu_data[row * self.capacity + self.filled] = values[*from];
         }
         self.marks[self.filled] = mark;
         self.filled += 1;
         self.run = (self.run + 1).min(self.length);
+    }
+
+    /// Moves to the front what the next window may still need.
+    #[inline(never)]
+    fn keep_newest(&mut self) {
+        let keep = self.length - 1;
+        let kept = self.capacity - keep..;
+        self.data.chunks_exact_mut(self.capacity).for_each(|row| row.copy_within(kept.clone(), 0));
+        self.imu_data.chunks_exact_mut(self.capacity).for_each(|row| row.copy_within(kept.clone(), 0));
+        self.marks.copy_within(kept, 0);
+        self.filled = keep;
     }
 }
 

@@ -3,7 +3,7 @@
 use super::Peer;
 use crate::{BenchFigure, core_secs, quantile};
 use proact_devices::{Recording, Recordings, SyntheticEmg, SyntheticModel, stream};
-use proact_emg::{Classifier, EmgConfig, FeatureSet, SlidingWindow, extract};
+use proact_emg::{Classifier, EmgConfig, FeatureExtractor, FeatureSet, SlidingWindow, WindowView, extract};
 use proact_types::{EmgSample, Gesture};
 use serde_json::Value;
 use std::{error::Error, fmt::Write as _, hint::black_box, path::Path};
@@ -76,36 +76,47 @@ pub(super) fn figures(peer: &Peer) -> Result<Vec<BenchFigure>, Box<dyn Error>> {
     let whole = timed(|| whole(folder.path()))?;
     let note = format!("files read, windows, HTD, LDA fitted, classes; goal: 5 times LibEMG's speed{why}");
     let name = "files to classes, HTD and LDA";
-    figures.push(beside(BenchFigure::alone(name, 1e3 * whole, "ms", &note), told.as_ref(), "whole"));
+    figures.push(beside(BenchFigure::alone(name, 1e3 * whole, "ms", &note), told.as_ref(), &["whole"]));
     let mut windows = 0;
     let secs = timed(|| {
         windows = cut(&samples)?;
         Ok(())
     })?;
     let cut = 1e6 * secs / windows as f64;
-    let note = "the peer's features below are of windows that are cut already, ours of samples";
-    figures.push(beside(BenchFigure::alone("windows cut, a window", cut, "us", note), told.as_ref(), "cut"));
+    figures.push(beside(BenchFigure::alone("windows cut, a window", cut, "us", ""), told.as_ref(), &["cut"]));
+    let mut cutters = vec![SlidingWindow::new(&EmgConfig::default())?; windows as usize];
+    let views = views(&samples, &mut cutters)?;
     for name in GROUPS {
         let config = EmgConfig { features: name.parse::<FeatureSet>()?, ..EmgConfig::default() };
-        let mut windows = 0;
         let secs = timed(|| {
-            windows = 0;
             for items in &samples {
-                windows += black_box(extract(&config, items)?).len();
+                black_box(extract(&config, items)?);
             }
             Ok(())
         })?;
         let goal = if name == "HTD" { 5 } else { 20 };
-        let note = format!("8 x 100 samples, {windows} windows; goal: {goal} times LibEMG's speed");
-        let value = 1e6 * secs / windows as f64;
-        let figure = BenchFigure::alone(&format!("features {name}, a window"), value, "us", &note);
-        figures.push(beside(figure, told.as_ref(), name));
+        let note = format!("cut and computed, 8 x 100 samples; goal: {goal} times LibEMG's speed");
+        let value = 1e6 * secs / views.len() as f64;
+        let figure = BenchFigure::alone(&format!("samples to {name}, a window"), value, "us", &note);
+        figures.push(beside(figure, told.as_ref(), &["cut", name]));
+        let mut extractor = FeatureExtractor::new(&config)?;
+        let secs = timed(|| {
+            for view in &views {
+                black_box(extractor.compute(view));
+            }
+            Ok(())
+        })?;
+        let value = 1e6 * secs / views.len() as f64;
+        let note = format!("{} windows that were cut before", views.len());
+        let figure = BenchFigure::alone(&format!("{name} alone, a window"), value, "us", &note);
+        figures.push(beside(figure, told.as_ref(), &[name]));
     }
     Ok(figures)
 }
 
-fn beside(figure: BenchFigure, told: Option<&Value>, key: &str) -> BenchFigure {
-    match told.and_then(|told| told[key].as_f64()) {
+/// Beside the sum of what the peer told of `keys`.
+fn beside(figure: BenchFigure, told: Option<&Value>, keys: &[&str]) -> BenchFigure {
+    match told.and_then(|told| keys.iter().map(|key| told[*key].as_f64()).sum::<Option<f64>>()) {
         Some(value) => figure.beside(super::PEER, value),
         None => figure,
     }
@@ -127,6 +138,24 @@ fn cut(recordings: &[Vec<EmgSample>]) -> Result<u64, Box<dyn Error>> {
         windows += window.counts().windows;
     }
     Ok(windows)
+}
+
+/// Every window of the recordings, each in a cutter of its own.
+fn views<'a>(
+    recordings: &[Vec<EmgSample>],
+    cutters: &'a mut [SlidingWindow],
+) -> Result<Vec<WindowView<'a>>, Box<dyn Error>> {
+    let config = EmgConfig::default();
+    let (length, increment) = (config.window_samples()?, config.increment_samples()?);
+    let pieces = recordings.iter().flat_map(|items| items.windows(length).step_by(increment));
+    let last_view = |(cutter, samples): (&'a mut SlidingWindow, &[EmgSample])| {
+        let (last, before) = samples.split_last()?;
+        before.iter().for_each(|sample| {
+            cutter.push(sample);
+        });
+        cutter.push(last)
+    };
+    Ok(cutters.iter_mut().zip(pieces).filter_map(last_view).collect())
 }
 
 /// From files to the class of each window.

@@ -5,8 +5,8 @@ use super::entropy::{fuzzy_entropy, sample_entropy};
 use super::phasors::{Radii, phasors};
 use super::spectral::{FOURIER_BANDS, Frequencies, Spectral};
 use super::sums::{
-    central_moments, hudgins, l_score, largest, lengths, mean_cube, mean_logarithm, mean_square_root,
-    slope_of_means, squares, steps_beyond,
+    central_moments, l_score, largest, lengths, magnitude_and_crossings, mean_cube, mean_logarithm,
+    mean_square_root, slope_of_means, squares, steps_beyond, turns_and_length,
 };
 use super::wavelets::{Band, Wavelets};
 use crate::feature::{AR_ORDER, Shape, wavelet_bands};
@@ -36,7 +36,8 @@ pub(super) struct Vectors<S: Simd> {
     scratch: Vec<Lanes<S>>,
     /// Burg's backward errors.
     backward: Vec<Lanes<S>>,
-    spectral: Spectral<S>,
+    /// None if no feature is of the spectrum.
+    spectral: Option<Spectral<S>>,
     wavelets: Wavelets<S>,
     /// Strength of each channel.
     radii: Vec<Radii>,
@@ -46,7 +47,8 @@ pub(super) struct Vectors<S: Simd> {
 /// Which quantities the set is made of; nothing else is computed.
 #[derive(Clone, Copy, Debug)]
 struct Needs {
-    hudgins: bool,
+    magnitudes: bool,
+    slopes: bool,
     squares: bool,
     lengths: bool,
     descriptors: bool,
@@ -60,8 +62,10 @@ struct Needs {
 /// Quantities of eight channels that several features share.
 #[derive(Clone, Debug)]
 struct Block<S: Simd> {
-    /// MAV, ZC, SSC, WL.
-    hudgins: [Lanes<S>; 4],
+    /// MAV and ZC.
+    magnitudes: [Lanes<S>; 2],
+    /// SSC and WL.
+    slopes: [Lanes<S>; 2],
     /// Sums of the squares of the signal and its first and second differences.
     squares: [Lanes<S>; 3],
     /// Sums of the magnitudes of the first and second differences.
@@ -103,7 +107,8 @@ impl<S: Simd> Vectors<S> {
         let set = config.features;
         let any = |features: &[Feature]| features.iter().any(|f| set.contains(*f));
         let needs = Needs {
-            hudgins: any(&[Mav, Zc, Ssc, Wl]),
+            magnitudes: any(&[Mav, Zc]),
+            slopes: any(&[Ssc, Wl]),
             descriptors: any(&[M0, M2, M4, Sparsi, Irf, Wlf]),
             squares: any(&[Rms, Dasdv, Act, Mob, Comp, Compc, Rmsphasor, Pap, Mzp, Isd, Cor, Mdiff]),
             lengths: any(&[Mfl, Mavfd, Wlphasor]),
@@ -122,7 +127,8 @@ impl<S: Simd> Vectors<S> {
             blocks: vec![Block::new(simd, wavelet_bands(config.rate_hz)); blocks],
             scratch: zeros(length),
             backward: zeros(length),
-            spectral: Spectral::new(simd, length, config.rate_hz),
+            spectral: (needs.frequencies || needs.fourier)
+                .then(|| Spectral::new(simd, length, config.rate_hz)),
             wavelets: Wavelets::new(length),
             radii: vec![Radii::default(); config.channels],
             needs,
@@ -134,8 +140,11 @@ impl<S: Simd> Vectors<S> {
     fn measure(&mut self, parameters: &FeatureParameters) {
         let (simd, needs) = (self.simd, self.needs);
         for (block, x) in self.blocks.iter_mut().zip(self.samples.chunks_exact(self.length)) {
-            if needs.hudgins {
-                block.hudgins = apart!(simd, hudgins(x, parameters.ssc_threshold));
+            if needs.magnitudes {
+                block.magnitudes = apart!(simd, magnitude_and_crossings(x));
+            }
+            if needs.slopes {
+                block.slopes = apart!(simd, turns_and_length(x, parameters.ssc_threshold));
             }
             if needs.squares {
                 block.squares = apart!(simd, squares(x));
@@ -152,11 +161,14 @@ impl<S: Simd> Vectors<S> {
             if needs.ar {
                 block.ar = apart!(simd, burg(x, &mut self.scratch, &mut self.backward));
             }
-            if needs.frequencies {
-                block.frequencies = apart!(simd, self.spectral.frequencies(x));
-            }
-            if needs.fourier {
-                block.fourier = apart!(simd, self.spectral.bands(x));
+            if let Some(spectral) = &mut self.spectral {
+                apart!(simd, spectral.transform(x));
+                if needs.frequencies {
+                    block.frequencies = apart!(simd, spectral.frequencies());
+                }
+                if needs.fourier {
+                    block.fourier = apart!(simd, spectral.bands());
+                }
             }
             if needs.wavelets {
                 apart!(simd, self.wavelets.decompose(x, &mut block.wavelets));
@@ -223,7 +235,8 @@ impl<S: Simd> Block<S> {
     fn new(simd: S, bands: usize) -> Self {
         let zero = Lanes::splat(simd, 0.0);
         Block {
-            hudgins: [zero; 4],
+            magnitudes: [zero; 2],
+            slopes: [zero; 2],
             squares: [zero; 3],
             lengths: [zero; 2],
             descriptors: Descriptors::new(simd),
@@ -248,7 +261,7 @@ impl<S: Simd> Block<S> {
         scratch: &mut [Lanes<S>],
     ) -> Lanes<S> {
         let (simd, count) = (x[0].simd, x.len() as f64);
-        let [mav, crossings, turns, length] = self.hudgins;
+        let ([mav, crossings], [turns, length]) = (self.magnitudes, self.slopes);
         let [square, square_1, square_2] = self.squares;
         let [second, third, fourth] = self.central;
         match feature {

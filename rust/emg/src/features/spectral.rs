@@ -1,5 +1,5 @@
 use crate::feature::{FOURIER_BANDS_FROM_HZ, fourier_bands};
-use crate::lanes::{Lanes, Mask, power, sum};
+use crate::lanes::{Lanes, Mask, cbrt, sum};
 use crate::spectrum::PowerSpectrum;
 use fearless_simd::prelude::*;
 use std::ops::Range;
@@ -52,11 +52,17 @@ impl<S: Simd> Spectral<S> {
         Spectral { simd, transform, length: length as f64, bin_hz, bands }
     }
 
+    /// Transforms a window for the two others.
     #[inline(always)]
-    pub(crate) fn frequencies(&mut self, x: &[Lanes<S>]) -> Frequencies<S> {
+    pub(crate) fn transform(&mut self, x: &[Lanes<S>]) {
+        self.transform.transform(x);
+    }
+
+    #[inline(always)]
+    pub(crate) fn frequencies(&self) -> Frequencies<S> {
         let simd = self.simd;
         let zero = Lanes::splat(simd, 0.0);
-        let powers = self.transform.powers(x);
+        let powers = self.transform.powers();
         let total = sum!(self.simd, power in powers => *power);
         let half = total * 0.5;
         let (mut below, mut weighted, mut squared) = (zero, zero, zero);
@@ -81,12 +87,17 @@ impl<S: Simd> Spectral<S> {
 
     /// Mean amplitudes of the bands to the power of two thirds.
     #[inline(always)]
-    pub(crate) fn bands(&mut self, x: &[Lanes<S>]) -> [Lanes<S>; FOURIER_BANDS] {
-        let powers = self.transform.powers(x);
+    pub(crate) fn bands(&self) -> [Lanes<S>; FOURIER_BANDS] {
+        let powers = self.transform.powers();
         let mut means = [Lanes::splat(self.simd, 0.0); FOURIER_BANDS];
         for (mean, band) in means.iter_mut().zip(&self.bands) {
             let amplitudes = sum!(self.simd, power in &powers[band.clone()] => power.sqrt());
-            *mean = power(amplitudes / self.length / band.len() as f64, 2.0 / 3.0);
+            *mean = amplitudes / self.length / band.len() as f64;
+        }
+        // Apart, so that they do not wait for each other.
+        for mean in &mut means {
+            let root = cbrt(*mean);
+            *mean = root * root;
         }
         means
     }

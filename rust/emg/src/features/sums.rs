@@ -3,24 +3,33 @@
 use crate::lanes::{Lanes, Mask, ln, mean, mean_absolute, ones, sum, where_true};
 use fearless_simd::prelude::*;
 
-/// MAV, ZC, SSC and WL.
+/// MAV and ZC.
 #[inline(always)]
-pub(crate) fn hudgins<S: Simd>(x: &[Lanes<S>], ssc_threshold: f64) -> [Lanes<S>; 4] {
+pub(crate) fn magnitude_and_crossings<S: Simd>(x: &[Lanes<S>]) -> [Lanes<S>; 2] {
     let signs = |value: Lanes<S>| (value.simd_gt(0.0), value.simd_lt(0.0));
-    let crosses = |from: (Mask<S>, Mask<S>), to: (Mask<S>, Mask<S>)| ones(from.0 & to.1 | from.1 & to.0);
-    let (mut last, mut sign, mut slope) = (x[1], signs(x[1]), x[1] - x[0]);
-    let mut absolute = x[0].abs() + x[1].abs();
-    let (mut crossings, mut turns, mut length) = (crosses(signs(x[0]), sign), zero(x), slope.abs());
-    for value in &x[2..] {
+    let (mut absolute, mut crossings, mut sign) = (x[0].abs(), zero(x), signs(x[0]));
+    for value in &x[1..] {
+        let next = signs(*value);
         absolute += value.abs();
-        let (next, next_sign) = (*value - last, signs(*value));
-        crossings += crosses(sign, next_sign);
+        crossings += ones(sign.0 & next.1 | sign.1 & next.0);
+        sign = next;
+    }
+    [absolute / x.len() as f64, crossings]
+}
+
+/// SSC and WL.
+#[inline(always)]
+pub(crate) fn turns_and_length<S: Simd>(x: &[Lanes<S>], ssc_threshold: f64) -> [Lanes<S>; 2] {
+    let (mut last, mut slope) = (x[1], x[1] - x[0]);
+    let (mut turns, mut length) = (zero(x), slope.abs());
+    for value in &x[2..] {
+        let next = *value - last;
         // (b - a) (b - c) >= threshold: the second factor is the next slope, negated.
         turns += ones((slope * next).simd_le(-ssc_threshold));
         length += next.abs();
-        (last, sign, slope) = (*value, next_sign, next);
+        (last, slope) = (*value, next);
     }
-    [absolute / x.len() as f64, crossings, turns, length]
+    [turns, length]
 }
 
 /// Sums of the squares of a signal and of its first and second differences.
@@ -150,19 +159,28 @@ pub(crate) fn slope_of_means<S: Simd>(x: &[Lanes<S>]) -> Lanes<S> {
 
 /// Samples whose logarithms are taken together.
 const LOGARITHMS: usize = 25;
+/// Products at a time: one alone waits for each of its multiplications.
+const PRODUCTS: usize = 4;
 
 /// Mean of the logarithms of the samples' magnitudes and one: that of products of several, unless they are too large for a
 /// number.
 #[inline(always)]
 pub(crate) fn mean_logarithm<S: Simd>(x: &[Lanes<S>]) -> Lanes<S> {
     let mut logarithms = zero(x);
-    for part in x.chunks(LOGARITHMS) {
-        let mut product = Lanes::splat(x[0].simd, 1.0);
-        for value in part {
-            product *= value.abs() + 1.0;
+    for part in x.chunks(PRODUCTS * LOGARITHMS) {
+        let mut products = [Lanes::splat(x[0].simd, 1.0); PRODUCTS];
+        let (rows, rest) = part.as_chunks::<PRODUCTS>();
+        for row in rows {
+            for k in 0..PRODUCTS {
+                products[k] *= row[k].abs() + 1.0;
+            }
         }
-        logarithms += if product.is_finite().all_true() {
-            ln(product)
+        for (product, value) in products.iter_mut().zip(rest) {
+            *product *= value.abs() + 1.0;
+        }
+        let largest = products[0].max(products[1]).max(products[2].max(products[3]));
+        logarithms += if largest.simd_lt(f64::INFINITY).all_true() {
+            sum!(x[0].simd, product in products => ln(product))
         } else {
             sum!(x[0].simd, v in part => ln(v.abs() + 1.0))
         };
@@ -186,8 +204,13 @@ mod tests {
         x.iter().map(|v| Lanes::splat(simd, *v)).collect()
     }
 
+    /// MAV, ZC, SSC and WL.
     fn hudgins_of(x: &[f64], ssc_threshold: f64) -> [f64; 4] {
-        dispatch!(Level::new(), simd => hudgins(&same(simd, x), ssc_threshold).map(|value| value[0]))
+        dispatch!(Level::new(), simd => {
+            let x = same(simd, x);
+            let ([mav, zc], [ssc, wl]) = (magnitude_and_crossings(&x), turns_and_length(&x, ssc_threshold));
+            [mav, zc, ssc, wl].map(|value| value[0])
+        })
     }
 
     #[test]

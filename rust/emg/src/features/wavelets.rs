@@ -1,4 +1,4 @@
-use crate::lanes::{Lanes, ln, sum};
+use crate::lanes::{Lanes, ln};
 use fearless_simd::prelude::*;
 
 /// Low-pass filter of the decomposition by symlets of order 8 (Daubechies, Ten Lectures on Wavelets, 1992), as
@@ -68,24 +68,52 @@ impl<S: Simd> Wavelets<S> {
         let x = &self.approximation;
         let (length, beyond) = (x.len() as isize, BEYOND as isize);
         self.mirrored.clear();
-        for k in -beyond..length + beyond {
-            let within = k.rem_euclid(2 * length);
-            self.mirrored.push(x[if within < length { within } else { 2 * length - 1 - within } as usize]);
+        for k in -beyond..0 {
+            self.mirrored.push(x[mirrored(k, length)]);
+        }
+        self.mirrored.extend_from_slice(x);
+        for k in length..length + beyond {
+            self.mirrored.push(x[mirrored(k, length)]);
         }
         self.approximation.clear();
         self.detail.clear();
         // The oldest of the samples under the filter is the one before the first by all but one of the taps.
-        for under in self.mirrored[1..].windows(LOW_PASS.len()).step_by(2) {
-            let zero = Lanes::splat(under[0].simd, 0.0);
-            let (mut smooth, mut rough) = (zero, zero);
-            for (value, taps) in under.iter().zip(&TAPS) {
-                smooth += *value * taps[0];
-                rough += *value * taps[1];
+        let mut under = &self.mirrored[1..];
+        while under.len() >= TAPS.len() {
+            let many = under.len() >= 2 * (TOGETHER - 1) + TAPS.len();
+            let sums: &[_] = if many { &filtered::<_, TOGETHER>(under) } else { &filtered::<_, 1>(under) };
+            for [smooth, rough] in sums {
+                self.approximation.push(*smooth);
+                self.detail.push(*rough);
             }
-            self.approximation.push(smooth);
-            self.detail.push(rough);
+            under = &under[2 * sums.len()..];
         }
     }
+}
+
+/// Places where the filters are summed up side by side: a sum alone waits for each of its additions.
+const TOGETHER: usize = 4;
+
+/// Both filters at each second of the samples, from the first on.
+#[inline(always)]
+fn filtered<S: Simd, const PLACES: usize>(x: &[Lanes<S>]) -> [[Lanes<S>; 2]; PLACES] {
+    let x = &x[..2 * (PLACES - 1) + TAPS.len()];
+    let mut sums = [[Lanes::splat(x[0].simd, 0.0); 2]; PLACES];
+    for (k, taps) in TAPS.iter().enumerate() {
+        for (place, sum) in sums.iter_mut().enumerate() {
+            sum[0] += x[2 * place + k] * taps[0];
+            sum[1] += x[2 * place + k] * taps[1];
+        }
+    }
+    sums
+}
+
+/// Where sample `k` of a signal mirrored at its ends, again and again, lies in it.
+fn mirrored(mut k: isize, length: isize) -> usize {
+    while !(0..length).contains(&k) {
+        k = if k < 0 { -1 - k } else { 2 * length - 1 - k };
+    }
+    k as usize
 }
 
 /// Samples beyond either end that the filter sees.
@@ -113,23 +141,26 @@ impl<S: Simd> Band<S> {
     /// Squares the coefficients in place.
     #[inline(always)]
     fn of(coefficients: &mut [Lanes<S>]) -> Self {
-        let simd = coefficients[0].simd;
+        let zero = Lanes::splat(coefficients[0].simd, 0.0);
+        let mut energy = zero;
         for coefficient in &mut *coefficients {
             *coefficient *= *coefficient;
+            energy += *coefficient;
         }
-        let squares = &*coefficients;
-        let count = squares.len() as f64;
-        let energy = sum!(simd, s in squares => *s);
-        let mean = energy / count;
-        let variance = sum!(simd, s in squares => (*s - mean) * (*s - mean)) / count;
-        let length = sum!(simd, pair in squares.windows(2) => (pair[1] - pair[0]).abs());
-        let entropy = sum!(simd, s in squares => {
-            let share = *s / energy;
-            -share * ln(share)
-        });
+        let (squares, count) = (&*coefficients, coefficients.len() as f64);
+        let (mean, mut last) = (energy / count, squares[0]);
+        let one_over_energy = Lanes::splat(zero.simd, 1.0) / energy;
+        let (mut variance, mut length, mut entropy) = (zero, zero, zero);
+        for square in squares {
+            let (from_mean, share) = (*square - mean, *square * one_over_energy);
+            variance += from_mean * from_mean;
+            length += (*square - last).abs();
+            entropy -= share * ln(share);
+            last = *square;
+        }
         Band {
             energy: ln(energy + FLOOR),
-            variance: ln(variance + FLOOR),
+            variance: ln(variance / count + FLOOR),
             length: ln(length + FLOOR),
             entropy,
         }
