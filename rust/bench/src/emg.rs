@@ -1,7 +1,7 @@
 mod grid;
 mod groups;
 
-use crate::{BenchFigure, BenchReport, quantile};
+use crate::{BenchFigure, BenchReport, python_peer, quantile};
 use proact_devices::{
     EmgOrigin, EmgPacket, SampleSource, SourceEvent, SyntheticEmg, SyntheticModel,
     gforce::{GForce, GForceOptions, Simulator, SimulatorOptions, TcpConnector, serve},
@@ -14,8 +14,6 @@ use std::{
     error::Error,
     hint::black_box,
     net::TcpListener,
-    path::{Path, PathBuf},
-    process::Command,
     sync::{
         Arc,
         atomic::{AtomicBool, Ordering},
@@ -233,18 +231,6 @@ for _ in range(2000):
 print(json.dumps({"windows": windows, "fit": float(np.median(fits))}))
 "#;
 
-/// Where peers may be: the folder that `PROACT_PEERS` names, else that of `./proact peers` in the checkout that the
-/// program runs or was built in.
-fn folders() -> Vec<PathBuf> {
-    if let Some(named) = std::env::var_os("PROACT_PEERS") {
-        return vec![named.into()];
-    }
-    let program = std::env::current_exe().unwrap_or_default();
-    // target/release/proact
-    let checkout = program.ancestors().nth(3).unwrap_or(Path::new("."));
-    vec!["build/peers".into(), checkout.join("build/peers")]
-}
-
 impl Peer {
     fn measure() -> Peer {
         match Peer::run() {
@@ -254,7 +240,7 @@ impl Peer {
     }
 
     fn run() -> Result<PeerFigures, String> {
-        let object = Peer::answer(PEER_PROGRAM, &[])?;
+        let object = python_peer::answer("libemg", PEER_PROGRAM, &[])?;
         let figures = || {
             let windows: Vec<f64> =
                 object["windows"].as_array()?.iter().map(Value::as_f64).collect::<Option<_>>()?;
@@ -263,26 +249,6 @@ impl Peer {
         figures()
             .filter(|found| !found.windows.is_empty())
             .ok_or_else(|| format!("LibEMG could not be measured: got {object}"))
-    }
-
-    /// The object that a Python program prints as its last line, run where LibEMG is.
-    fn answer(program: &str, words: &[&str]) -> Result<Value, String> {
-        let python = folders().into_iter().map(|folder| folder.join("bin/python3")).find(|python| {
-            let has = Command::new(python).args(["-c", "import libemg"]).output();
-            has.is_ok_and(|output| output.status.success())
-        });
-        let python = python.ok_or(
-            "LibEMG not installed; ./proact peers gets it, or name a virtual environment in PROACT_PEERS",
-        )?;
-        let output =
-            Command::new(&python).args(["-c", program]).args(words).output().map_err(|e| e.to_string())?;
-        // The library may print warnings of its own before the figures.
-        let text = String::from_utf8_lossy(&output.stdout);
-        let object = text.lines().last().and_then(|line| serde_json::from_str(line).ok());
-        object.ok_or_else(|| {
-            let error = String::from_utf8_lossy(&output.stderr);
-            format!("LibEMG could not be measured: {}", error.lines().last().unwrap_or("no output"))
-        })
     }
 
     fn beside(&self, figure: BenchFigure, value: impl FnOnce(&PeerFigures) -> f64) -> BenchFigure {

@@ -12,6 +12,7 @@ mod growth;
 mod kinematics;
 mod localization;
 mod planning;
+mod python_peer;
 #[cfg(feature = "ros")]
 mod ros;
 pub mod safety;

@@ -4,6 +4,7 @@ mod by_name;
 mod independent;
 mod problems;
 mod searches;
+mod vamp;
 
 use crate::{BenchFigure, BenchReport, quantile};
 use independent::{Contact, Independent};
@@ -118,6 +119,7 @@ pub(crate) fn planning(what: PlanningBench) -> Result<BenchReport, Box<dyn Error
     figures.extend(bench.search_figures());
     bar.set_message("a few problems for five seconds each");
     figures.extend(bench.beside_long_searches()?);
+    figures.extend(bench.vamp()?);
     figures.extend(bench.checks_per_second()?);
     figures.extend(bench.by_name(what.problems / 8)?);
     figures.extend(bench.cancels()?);

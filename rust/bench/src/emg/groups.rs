@@ -1,7 +1,7 @@
 //! Groups of features, and the way from files to classes, beside LibEMG's own calls on the same files.
 
 use super::Peer;
-use crate::{BenchFigure, core_secs, quantile};
+use crate::{BenchFigure, core_secs, python_peer, quantile};
 use proact_devices::{Recording, Recordings, SyntheticEmg, SyntheticModel, stream};
 use proact_emg::{Classifier, EmgConfig, FeatureExtractor, FeatureSet, SlidingWindow, WindowView, extract};
 use proact_types::{EmgSample, Gesture};
@@ -65,7 +65,7 @@ pub(super) fn figures(peer: &Peer) -> Result<Vec<BenchFigure>, Box<dyn Error>> {
     // Without the peer the figures stand alone and say why, once for all stages of the bench.
     let (told, why) = match peer.absent {
         Some(_) => (None, String::new()),
-        None => match Peer::answer(PEER_PROGRAM, &words) {
+        None => match python_peer::answer("libemg", PEER_PROGRAM, &words) {
             Ok(told) => (Some(told), String::new()),
             Err(why) => (None, format!("; {why}")),
         },
