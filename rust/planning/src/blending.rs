@@ -2,33 +2,79 @@
 
 use crate::context::PlanningContext;
 use crate::failure::Failure;
+use crate::reach;
 use crate::route::{Route, distance, mix};
 
-/// Longest piece of a blend that is checked as one straight motion, rad (L2).
-const PIECE: f64 = 0.04;
+/// Longest piece of a blend, rad (L2): about as long as control points of the curve are apart, or the arm slows down for each
+/// corner between two pieces.
+const PIECE: f64 = 0.02;
+/// Shortest leg of a blend, rad (L2).
+const SHORTEST: f64 = 0.04;
 /// Shares of the room up to the middle of the next motion that a blend may take, the widest first.
 const SHARES: [f64; 4] = [1.0, 0.5, 0.25, 0.125];
+/// So much of a straight way off the start or into the goal stays straight, metres: a block's height.
+const STRAIGHT: f64 = 0.05;
 
-/// `route` with its corners between the straight ways replaced by parabolas, as wide as there is room for. A corner without
-/// room stays.
+/// `route` with its corners replaced by parabolas, as wide as there is room for: those between the straight ways, and those at
+/// which these meet the rest. A corner without room stays.
 pub(crate) fn blended(context: &mut PlanningContext, route: &Route) -> Result<Route, Failure> {
     context.keep(route.searched)?;
     let path = &route.points;
     let [left, entered] = route.curved;
-    let mut round = path[..=left].to_vec();
-    let corners = if entered > left { path[left..=entered].windows(3) } else { [].windows(3) };
-    for around in corners {
+    if entered <= left {
+        return Ok(Route { points: path.clone(), ..*route });
+    }
+    let spare = |points: usize| points.saturating_sub(reach::line_steps(STRAIGHT));
+    let way_out = &path[left - spare(left)..=left];
+    let (begin, off) = blend_of_way(context, way_out, &path[left + 1], route.searched)?;
+    let mut way_in = path[entered..=entered + spare(path.len() - 1 - entered)].to_vec();
+    way_in.reverse();
+    let (end, mut onto) = blend_of_way(context, &way_in, &path[entered - 1], route.searched)?;
+    onto.reverse();
+
+    let mut round = path[..=left - begin].to_vec();
+    round.extend(off);
+    for around in path[left..=entered].windows(3) {
         match blend(context, around, route.searched)? {
             Some(blend) => round.extend(blend),
             None => round.push(around[1].clone()),
         }
     }
-    if entered > left {
-        round.push(path[entered].clone());
+    round.extend(onto);
+    let curved = [left - begin, round.len()];
+    round.extend_from_slice(&path[entered + end..]);
+    Ok(Route { points: round, curved, searched: route.searched })
+}
+
+/// The widest blend that keeps `padding` of the corner at the end of a straight way, from which a motion leads to `next`: how
+/// many points before the corner it begins, and its points but for the first.
+fn blend_of_way(
+    context: &mut PlanningContext,
+    way: &[Vec<f64>],
+    next: &[f64],
+    padding: f64,
+) -> Result<(usize, Vec<Vec<f64>>), Failure> {
+    let last = way.len() - 1;
+    let corner = &way[last];
+    let length = distance(corner, next);
+    let limits = context.limits_with(padding);
+    let mut points = last;
+    while points > 0 {
+        let from = &way[last - points];
+        let leg = distance(from, corner).min(0.5 * length);
+        if leg < SHORTEST {
+            break;
+        }
+        context.go_on()?;
+        let to = mix(corner, next, leg / length);
+        let mut blend = parabola(from, corner, &to, (2.0 * leg / PIECE).ceil() as usize);
+        if context.scene.path_is_free(blend.iter().map(Vec::as_slice), &limits)? {
+            blend.remove(0);
+            return Ok((points, blend));
+        }
+        points /= 2;
     }
-    let end = round.len() - 1;
-    round.extend_from_slice(&path[entered + 1..]);
-    Ok(Route { points: round, curved: [left, end], searched: route.searched })
+    Ok((0, Vec::new()))
 }
 
 /// The widest blend that keeps `padding` of the corner at the second of three points; none if no width is free.
@@ -43,7 +89,7 @@ fn blend(
     let limits = context.limits_with(padding);
     for share in SHARES {
         let leg = share * half;
-        if leg < PIECE {
+        if leg < SHORTEST {
             break;
         }
         context.go_on()?;

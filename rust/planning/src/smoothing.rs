@@ -43,13 +43,13 @@ impl Smoother {
         let mut widest: Option<Timed> = None;
         for spacing in SPACINGS {
             context.go_on()?;
-            let Some(curve) = Curve::along(path, spacing) else {
+            let Some(curve) = Curve::along(path, [*left, *entered], spacing) else {
                 // Already there: a trajectory of one point says so.
                 let qd = proact_types::zeros(path[0].len());
                 let point = TrajectoryPoint { time_secs: 0.0, q: proact_types::joints(&path[0]), qd };
                 return Ok(Timed { trajectory: Trajectory { points: vec![point] }, clearance: None });
             };
-            let (from, to) = (curve.path_parameter[*left], curve.path_parameter[*entered]);
+            let [from, to] = curve.kept;
             // The closest curve strays less from the path than the padding is wide.
             let closest = spacing == SPACINGS[SPACINGS.len() - 1];
             if closest && widest.is_some() {

@@ -6,7 +6,7 @@
 //! under |q'| sqrt(x) <= v and |q' w + q'' x| <= a with w = d2u/dt2, found by one backward and one forward pass
 //! (reachability analysis: Pham and Pham, IEEE T-RO 34(3), 2018). Jerk is limited afterwards, by averaging over time.
 
-use crate::route::distance;
+use crate::route::{distance, mix};
 use proact_types::{JointVector, Trajectory, TrajectoryPoint, joints};
 
 /// Speed and acceleration limits, one per arm joint.
@@ -28,34 +28,23 @@ const USED: f64 = 0.93;
 pub(crate) struct Curve {
     /// Control points, one phantom at each end.
     control: Vec<JointVector>,
-    /// For each point of the path, the parameter at which the curve passes it.
-    pub path_parameter: Vec<f64>,
+    /// The parameters at which the curve passes the points of the path that were to be kept, or beside them by a sixth of the
+    /// spacing.
+    pub kept: [f64; 2],
 }
 
 impl Curve {
-    /// A curve along `path` whose control points are at most `spacing` rad (L2) apart. None if the path has no
-    /// length.
-    pub fn along(path: &[Vec<f64>], spacing: f64) -> Option<Self> {
-        let mut control: Vec<JointVector> = Vec::new();
-        let mut path_parameter = Vec::with_capacity(path.len());
-        for point in path {
-            let Some(last) = control.last().cloned() else {
-                control.push(joints(point));
-                path_parameter.push(0.0);
-                continue;
-            };
-            let length = distance(&last, point);
-            // A point that stands almost still would put a needless kink into the curve.
-            if length > 1e-6 {
-                let pieces = (length / spacing).ceil() as usize;
-                for k in 1..pieces {
-                    let s = k as f64 / pieces as f64;
-                    control.push(last.iter().zip(point).map(|(a, b)| a + s * (b - a)).collect());
-                }
-                control.push(joints(point));
-            }
-            path_parameter.push((control.len() - 1) as f64);
-        }
+    /// A curve along `path` whose control points are at most `spacing` rad (L2) apart, and evenly spread before, between and
+    /// behind the two `kept` points of the path: where their distance changes, the arm slows down for nothing. None if the path
+    /// has no length.
+    pub fn along(path: &[Vec<f64>], kept: [usize; 2], spacing: f64) -> Option<Self> {
+        let [first, second] = kept;
+        let mut control = vec![joints(path.first()?)];
+        spread(&path[..=first], spacing, &mut control);
+        let from = (control.len() - 1) as f64;
+        spread(&path[first..=second], spacing, &mut control);
+        let to = (control.len() - 1) as f64;
+        spread(&path[second..], spacing, &mut control);
         if control.len() < 2 {
             return None;
         }
@@ -67,7 +56,7 @@ impl Curve {
         let last = mirror(&control[control.len() - 1], &control[control.len() - 2]);
         control.insert(0, first);
         control.push(last);
-        Some(Self { control, path_parameter })
+        Some(Self { control, kept: [from, to] })
     }
 
     /// Number of spans; the parameter runs from 0 to this.
@@ -146,6 +135,31 @@ impl Curve {
         points[intervals].q = self.control[self.control.len() - 2].clone();
         Trajectory { points }
     }
+}
+
+/// Adds points along `path`, evenly spread and at most `spacing` rad (L2) apart, behind its first, with which `control` ends.
+fn spread(path: &[Vec<f64>], spacing: f64, control: &mut Vec<JointVector>) {
+    let total: f64 = path.windows(2).map(|pair| distance(&pair[0], &pair[1])).sum();
+    // A point that stands almost still would put a needless kink into the curve.
+    if total <= 1e-6 {
+        return;
+    }
+    let pieces = (total / spacing).ceil() as usize;
+    let mut next = 1;
+    let mut travelled = 0.0;
+    for pair in path.windows(2) {
+        let length = distance(&pair[0], &pair[1]);
+        while next < pieces {
+            let on = total * next as f64 / pieces as f64 - travelled;
+            if on > length {
+                break;
+            }
+            control.push(joints(&mix(&pair[0], &pair[1], on / length)));
+            next += 1;
+        }
+        travelled += length;
+    }
+    control.extend(path.last().map(|last| joints(last)));
 }
 
 /// Basis of a uniform cubic B-spline over the four control points of a span, by the distances from its ends.
@@ -335,6 +349,26 @@ pub(crate) fn averaged(trajectory: &Trajectory, window_secs: f64) -> Trajectory 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Catches control points at each point of the path, between which the distance jumps.
+    #[test]
+    fn a_straight_motion_takes_as_long_whatever_points_lie_on_it() {
+        let limits = MotionLimits { velocity: vec![0.5; 2], acceleration: vec![1.0; 2] };
+        let secs = |shares: &[f64], kept: [usize; 2]| {
+            let path: Vec<Vec<f64>> = shares.iter().map(|share| vec![*share, -0.5 * share]).collect();
+            let curve = Curve::along(&path, kept, 0.02).unwrap();
+            for (index, parameter) in kept.into_iter().zip(curve.kept) {
+                let off = distance(&curve.position(parameter), &path[index]);
+                assert!(off < 0.02 / 6.0, "point {index} is {off} off");
+            }
+            curve.timed(&limits).duration_secs()
+        };
+        let alone = secs(&[0.0, 1.0], [0, 1]);
+        let among = secs(&[0.0, 0.013, 0.041, 0.05, 0.3, 0.33, 0.331, 0.7, 1.0], [0, 8]);
+        assert!((alone - among).abs() < 1e-9, "{alone} s, among points {among} s");
+        let in_parts = secs(&[0.0, 0.1, 0.33, 0.9, 1.0], [1, 3]);
+        assert!((alone - in_parts).abs() < 0.01, "{alone} s, in three parts {in_parts} s");
+    }
 
     #[test]
     fn the_largest_controllable_speed_is_the_one_that_bisection_finds() {
