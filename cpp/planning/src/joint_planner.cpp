@@ -134,43 +134,56 @@ struct Found {
   bool timed_out = false;
 };
 
-/// How long a path takes at equal limits for all joints, in radians of the joint that is behind: the farthest way of
-/// any joint on each motion, and what slowing down for a corner costs.
-double slowness(const og::PathGeometric& path) {
-  constexpr double corner = 0.15;  // radians of way that a turn of one radian costs, at 0.5 rad/s and 1 rad/s^2
-  const auto joints = path.getSpaceInformation()->getStateDimension();
-  double cost = 0.0;
-  std::vector<double> before;
-  for (std::size_t k = 0; k + 1 < path.getStateCount(); ++k) {
-    const double* from = values(path.getState(static_cast<unsigned int>(k)));
-    const double* to = values(path.getState(static_cast<unsigned int>(k + 1)));
-    double farthest = 0.0;
-    double squares = 0.0;
-    std::vector<double> along(joints);
-    for (unsigned int j = 0; j < joints; ++j) {
-      along[j] = to[j] - from[j];
-      farthest = std::max(farthest, std::abs(along[j]));
-      squares += along[j] * along[j];
-    }
-    double cosine = 1.0;
-    if (squares > 0.0) {
-      for (double& part : along) part /= std::sqrt(squares);
-      if (!before.empty()) {
-        cosine = 0.0;
-        for (unsigned int j = 0; j < joints; ++j) cosine += along[j] * before[j];
-      }
-      before = along;
-    }
-    cost += farthest + corner * std::acos(std::clamp(cosine, -1.0, 1.0));
-  }
-  return cost;
-}
-
-/// The farthest way of any joint, radians: `slowness` of the straight motion.
+/// The farthest way of any joint, radians.
 double farthest_way(const std::vector<double>& from, const std::vector<double>& to) {
   double farthest = 0.0;
   for (std::size_t j = 0; j < from.size(); ++j) farthest = std::max(farthest, std::abs(to[j] - from[j]));
   return farthest;
+}
+
+/// How long a path takes at equal limits for all joints, in radians of the joint that is behind: the farthest way of
+/// any joint on each motion, and what slowing down for a corner costs.
+double slowness(const std::vector<std::vector<double>>& path) {
+  // At 0.5 rad/s and 1 rad/s^2 a joint comes from rest to full speed, or to rest, on a quarter of a radian that others go
+  // meanwhile. Where both motions at a corner have room for that, it costs little.
+  constexpr double room = 0.23;
+  constexpr double turn = 0.03;
+  constexpr double no_room = 0.5;
+  double cost = 0.0;
+  for (std::size_t k = 0; k + 1 < path.size(); ++k) {
+    const double way = farthest_way(path[k], path[k + 1]);
+    cost += way;
+    if (k == 0) continue;
+    const double before = farthest_way(path[k - 1], path[k]);
+    if (before == 0.0 || way == 0.0) continue;
+    double change = 0.0;  // of the speed of the joint that changes it most, as a share of full speed
+    for (std::size_t j = 0; j < path[k].size(); ++j) {
+      change = std::max(change, std::abs((path[k][j] - path[k - 1][j]) / before - (path[k + 1][j] - path[k][j]) / way));
+    }
+    cost += turn * change + no_room * std::max(0.0, room * change - std::min(before, way));
+  }
+  return cost;
+}
+
+/// Length of a path, radians (L2).
+double length_of(const std::vector<std::vector<double>>& path) {
+  double length = 0.0;
+  for (std::size_t k = 0; k + 1 < path.size(); ++k) {
+    double squares = 0.0;
+    for (std::size_t j = 0; j < path[k].size(); ++j) squares += std::pow(path[k + 1][j] - path[k][j], 2);
+    length += std::sqrt(squares);
+  }
+  return length;
+}
+
+std::vector<std::vector<double>> points_of(const og::PathGeometric& path) {
+  const auto joints = path.getSpaceInformation()->getStateDimension();
+  std::vector<std::vector<double>> points;
+  for (std::size_t k = 0; k < path.getStateCount(); ++k) {
+    const double* q = values(path.getState(static_cast<unsigned int>(k)));
+    points.emplace_back(q, q + joints);
+  }
+  return points;
 }
 
 /// A further search is worth it where a path could be quicker by this share.
@@ -293,45 +306,15 @@ Found search_once(Scene& scene, const JointQuery& query, const std::vector<std::
     simplifier.simplifyMax(path);
   } else {
     leave_out_points(path);
-    if (slowness(path) < hopelessly_slow * least) {
+    if (slowness(points_of(path)) < hopelessly_slow * least) {
       simplifier.shortcutPath(path, query.shortcuts, query.shortcuts, shortcut_span, snap);
       leave_out_points(path);
     }
   }
   if (cancel.is_raised()) return found;
-  found.cost = slowness(path);
-  for (const ob::State* point : path.getStates()) {
-    found.path.emplace_back(values(point), values(point) + scene.joint_count());
-  }
+  found.path = points_of(path);
+  found.cost = slowness(found.path);
   return found;
-}
-
-/// Pulls each inner point of a path towards the middle between its neighbours, as far as the way stays free and gets
-/// no slower.
-void tighten(Scene& scene, const JointQuery& query, std::vector<std::vector<double>>& path, const CancelFlag& cancel) {
-  constexpr unsigned int rounds = 3;
-  const auto is_free = [&](const std::vector<double>& a, const std::vector<double>& b) {
-    return motion_is_free(scene, a.data(), b.data(), query.resolution) && accepts_motion(query, a.data(), b.data());
-  };
-  for (unsigned int round = 0; round < rounds; ++round) {
-    bool moved = false;
-    for (std::size_t k = 1; k + 1 < path.size() && !cancel.is_raised(); ++k) {
-      const std::vector<double>& before = path[k - 1];
-      const std::vector<double>& after = path[k + 1];
-      for (const double share : {0.6, 0.3, 0.15}) {
-        std::vector<double> pulled = path[k];
-        for (std::size_t j = 0; j < pulled.size(); ++j) pulled[j] += share * (0.5 * (before[j] + after[j]) - pulled[j]);
-        const double way = farthest_way(before, path[k]) + farthest_way(path[k], after);
-        if (farthest_way(before, pulled) + farthest_way(pulled, after) > way) continue;
-        if (is_free(before, pulled) && is_free(pulled, after)) {
-          path[k] = std::move(pulled);
-          moved = true;
-          break;
-        }
-      }
-    }
-    if (!moved) break;
-  }
 }
 
 /// Paths of which the best parts are joined, the least costly ones: as many as OMPL's own planner takes. The time and the
@@ -368,10 +351,8 @@ Found best_parts(Scene& scene, const JointQuery& query, const std::vector<Found>
   if (!mixed || cancel.is_raised()) return found;
   og::PathGeometric path = *mixed->as<og::PathGeometric>();
   SeededSimplifier(information, seed_of(query.seed, 2)).reduceVertices(path, query.shortcuts, query.shortcuts);
-  found.cost = slowness(path);
-  for (const ob::State* point : path.getStates()) {
-    found.path.emplace_back(values(point), values(point) + scene.joint_count());
-  }
+  found.path = points_of(path);
+  found.cost = slowness(found.path);
   return found;
 }
 
@@ -456,7 +437,8 @@ JointPlan plan_joint(Scene& scene, const JointQuery& query, const CancelFlag& ca
   const PlannerTurn turn(query.planner, seed_of(query.seed, 3), cancel);
   if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
   const bool anytime = query.planner == PlannerKind::anytime;
-  double least = std::numeric_limits<double>::infinity();
+  double best = std::numeric_limits<double>::infinity();
+  double least = best;
   std::vector<Found> paths;
   // Only trees that end with their first path begin again, and only where that path came easily.
   const bool again = query.planner == PlannerKind::rrt_connect || query.planner == PlannerKind::bitrrt;
@@ -475,7 +457,9 @@ JointPlan plan_joint(Scene& scene, const JointQuery& query, const CancelFlag& ca
     if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
     if (found.path.empty()) break;
     if (anytime) keep_best(paths, found);
-    if (found.cost < least) {
+    const double cost = found.cost + length_of(found.path);
+    if (cost < best) {
+      best = cost;
       least = found.cost;
       plan.path = found.path;
     }
@@ -487,8 +471,6 @@ JointPlan plan_joint(Scene& scene, const JointQuery& query, const CancelFlag& ca
     if (!mixed.path.empty() && mixed.cost < least) plan.path = mixed.path;
   }
   if (plan.path.empty()) return ended(JointPlanStatus::no_plan);
-  if (searches > 1 && equal_steps == 0.0) tighten(scene, query, plan.path, cancel);
-  if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
   // The goal that was reached: its state was copied through the planner unchanged.
   const auto reached = std::find(query.goals.begin(), query.goals.end(), plan.path.back());
   plan.goal = static_cast<std::size_t>(reached - query.goals.begin());

@@ -1,10 +1,10 @@
 //! Where a goal can be entered: arm angles above it and the straight way from there to it.
 
 use crate::context::PlanningContext;
-use crate::facing::faced;
+use crate::facing::{faced, has_faces};
 use crate::failure::Failure;
 use crate::problem::Problem;
-use crate::reach::{Limits, Reach};
+use crate::reach::{self, Limits, Reach};
 use crate::seeking::{End, Entry, Seeking, Tally, Touch};
 use crate::{PlannerOptions, PlanningError};
 use proact_arm::{Grasp, upright_axis};
@@ -19,6 +19,18 @@ pub(crate) struct ApproachPath {
     pub cost: f64,
     /// At its end the fingers touch something on their way open.
     pub cramped: bool,
+    /// What its end was sought for; none if it must stay where it is.
+    pub aim: Option<Aim>,
+}
+
+/// What a hand does at the end of a path.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Aim {
+    pub reach: Reach,
+    /// None for a pose of the tip, which has no straight way into it.
+    pub entry: Option<Entry>,
+    /// The fingers must have room to open.
+    pub roomy: bool,
 }
 
 /// Finds paths into a goal. Settings as in [`PlannerOptions`].
@@ -106,6 +118,50 @@ impl ApproachPaths {
         Err(first.unwrap_or_else(|| Tally::default().failure("goal")))
     }
 
+    /// A way to what `aim` asks that begins near the arm angles `corner`, unchecked; none if the arm cannot follow it.
+    pub fn near(
+        &self,
+        context: &PlanningContext,
+        problem: &Problem,
+        aim: &Aim,
+        corner: &[f64],
+    ) -> Option<Vec<Vec<f64>>> {
+        let (chain, limits) = (&context.chain, &context.limits);
+        if aim.entry.is_none() {
+            return Some(vec![reach::solve(chain, limits, &aim.reach, corner)?]);
+        }
+        let rise = problem.up * self.approach_height;
+        let above = Reach { target: aim.reach.target + rise, ..aim.reach };
+        let top = reach::solve(chain, limits, &above, corner)?;
+        let way = reach::line(chain, limits, &above, &-rise, &top);
+        (way.len() > reach::line_steps(rise.norm())).then_some(way)
+    }
+
+    /// The free way whose end is that of `way`; none if there is none.
+    pub fn confirmed(
+        &self,
+        context: &mut PlanningContext,
+        problem: &Problem,
+        aim: &Aim,
+        way: &[Vec<f64>],
+    ) -> Result<Option<Vec<Vec<f64>>>, Failure> {
+        let q = way[way.len() - 1].clone();
+        let mut seeking = Seeking {
+            context,
+            problem,
+            from: &way[0],
+            postures: &[],
+            approach_height: self.approach_height,
+            tally: Tally::default(),
+        };
+        let Some(entry) = aim.entry else { return seeking.path_to_pose_near(&aim.reach, &q) };
+        let end = End { q, number: 0, off: 0.0 };
+        if aim.roomy && seeking.by_room(vec![end.clone()])?.0.is_empty() {
+            return Ok(None);
+        }
+        Ok(seeking.path(&aim.reach, &end, entry)?.map(|path| path.points))
+    }
+
     fn paths_from(&self, mut seeking: Seeking) -> Result<Vec<ApproachPath>, Failure> {
         match &seeking.problem.request.goal {
             PlanGoal::Pick { centre, .. } => self.paths_to_pick(&mut seeking, centre),
@@ -155,7 +211,8 @@ impl ApproachPaths {
                 ];
                 for (paths, touch) in ways.into_iter().take(touches) {
                     if let Some(path) = seeking.path(&reach, &end, Entry::Pick(touch))? {
-                        paths.push(path);
+                        let aim = path.aim.filter(|_| !has_faces(problem));
+                        paths.push(ApproachPath { aim, ..path });
                         found = Some(end.number);
                         break;
                     }
@@ -258,7 +315,8 @@ impl ApproachPaths {
                 break;
             }
             let path = seeking.path(&reach, &end, Entry::Place)?;
-            paths.extend(path.map(|path| ApproachPath { cramped: true, ..path }));
+            let aim = |path: &ApproachPath| path.aim.map(|aim| Aim { roomy: false, ..aim });
+            paths.extend(path.map(|path| ApproachPath { cramped: true, aim: aim(&path), ..path }));
         }
         if paths.is_empty() { Err(seeking.failure("place")) } else { Ok(sorted(paths)) }
     }
@@ -291,8 +349,7 @@ pub(crate) fn grasp_axes(grasp: &Grasp) -> Vec<(Vector, f64)> {
 /// and closeness to a limit, in radians of joint travel.
 pub(crate) fn cost(limits: &Limits, from: &[f64], to: &[f64], off: f64) -> f64 {
     let travel = from.iter().zip(to).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    let squeeze = (0.05 - limits.margin(to)).max(0.0) / 0.05;
-    travel + 1.5 * off + 0.5 * squeeze
+    travel + 1.5 * off + limits.squeeze(to)
 }
 
 /// Axes of the tip's frame that may point up when the object is let go: its own axis, whichever end is up now,

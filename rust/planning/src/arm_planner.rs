@@ -10,6 +10,7 @@ use crate::intermediate::Intermediate;
 use crate::leave::Leaving;
 use crate::part::solve_part;
 use crate::problem::Problem;
+use crate::refining::refine;
 use crate::route::Route;
 use crate::smoothing::{Smoother, Timed};
 use crate::widening::widened;
@@ -230,13 +231,18 @@ impl ArmPlanner {
         self.context.stage.set(PlanStage::SeekingGoals);
         let left = path.len() - 1;
         let from = path[left].clone();
-        let (found, shortfall) = match self.path_on(problem, &from) {
+        let (mut found, shortfall) = match self.path_on(problem, &from) {
             Ok(found) => found,
             Err(failure) => {
                 let moved = from != problem.start && failure.status != PlanStatus::Cancelled;
                 return Err(Setback { failure, way_out: moved.then_some(path) });
             }
         };
+        // Paths to compare with stay as OMPL simplifies them.
+        if self.context.options.search.equal_steps.is_none() {
+            let before = (left > 0).then(|| path[0].as_slice());
+            refine(&mut self.context, problem, &self.paths, before, &mut found)?;
+        }
         let entered = left + found.entry;
         path.extend(found.points.into_iter().skip(1));
         let route = Route { points: path, curved: [left, entered], searched: self.context.attempt.transit };

@@ -1,6 +1,6 @@
 //! The search in joint space that connects where the start was left with a way into the goal.
 
-use crate::approach_paths::ApproachPath;
+use crate::approach_paths::{Aim, ApproachPath};
 use crate::context::{Clearance, PlanningContext};
 use crate::effort::PlanStage;
 use crate::failure::Failure;
@@ -13,6 +13,8 @@ pub(crate) struct Connection {
     pub points: Vec<Vec<f64>>,
     /// Index of the point at which the straight way into the goal begins.
     pub entry: usize,
+    /// What its end was sought for; none if it must stay where it is.
+    pub aim: Option<Aim>,
 }
 
 impl Connection {
@@ -34,7 +36,7 @@ impl Connection {
             SearchOutcome::Solved { path: mut points, goal } => {
                 let entry = points.len() - 1;
                 points.extend(paths[goal].points.iter().skip(1).cloned());
-                Ok(Self { points, entry })
+                Ok(Self { points, entry, aim: paths[goal].aim })
             }
             SearchOutcome::NoPlan if context.scene.effort.timed_out => Err(Failure::out_of_time()),
             SearchOutcome::NoPlan => Err(Failure::new(

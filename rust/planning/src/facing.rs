@@ -42,6 +42,11 @@ pub(crate) fn faced(context: &PlanningContext, problem: &Problem, reach: &Reach,
     turned.map(|q| (q, 0.0)).into_iter().chain(as_it_is(least)).collect()
 }
 
+/// True if the hand has to be turned onto faces of what is picked.
+pub(crate) fn has_faces(problem: &Problem) -> bool {
+    problem.grasp.closing.is_some() && !normals(problem).is_empty()
+}
+
 /// Level directions, base frame, along which the box that is picked is as wide as the grasp is for.
 fn normals(problem: &Problem) -> Vec<Vector> {
     let request = problem.request;

@@ -88,6 +88,7 @@ impl Intermediate {
                             cost: cost(&context.limits, from, &q, *off),
                             points: vec![q],
                             cramped: false,
+                            aim: None,
                         });
                     }
                 }
@@ -131,7 +132,7 @@ impl Intermediate {
                     && context.scene.is_free(&q)?
                 {
                     let cost = cost(&context.limits, from, &q, 0.0);
-                    paths.push(ApproachPath { cost, points: vec![q], cramped: false });
+                    paths.push(ApproachPath { cost, points: vec![q], cramped: false, aim: None });
                 }
             }
             if let Some(path) = connect_or_go_on(context, problem, from, paths)? {

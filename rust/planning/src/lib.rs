@@ -34,6 +34,7 @@ mod person;
 mod problem;
 mod reach;
 mod reasons;
+mod refining;
 mod route;
 mod scene;
 mod search;

@@ -63,6 +63,12 @@ impl Limits {
         };
         q.iter().zip(&self.0).map(share).fold(0.5, f64::min)
     }
+
+    /// What closeness to a limit costs, in radians of joint travel: half a radian at a limit, nothing from a twentieth of the
+    /// joint's range on.
+    pub fn squeeze(&self, q: &[f64]) -> f64 {
+        0.5 * (0.05 - self.margin(q)).max(0.0) / 0.05
+    }
 }
 
 /// Arm angles within the limits that do what `reach` asks, near `seed`, by damped least squares; none if the search does

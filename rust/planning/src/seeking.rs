@@ -1,7 +1,7 @@
 //! The look for paths into a goal from some arm postures: arm angles that do what is asked, and straight paths to them.
 
 use crate::PlanningError;
-use crate::approach_paths::{ApproachPath, cost, same, sorted};
+use crate::approach_paths::{Aim, ApproachPath, cost, same, sorted};
 use crate::context::{Clearance, PlanningContext};
 use crate::failure::Failure;
 use crate::problem::Problem;
@@ -72,7 +72,7 @@ impl Seeking<'_> {
                 PlanStatus::GoalInCollision,
                 format!("The arm would touch something at the goal: {a} and {b}."),
             )),
-            None => Ok(vec![ApproachPath { points: vec![goal], cost: 0.0, cramped: false }]),
+            None => Ok(vec![ApproachPath { points: vec![goal], cost: 0.0, cramped: false, aim: None }]),
         }
     }
 
@@ -109,11 +109,23 @@ impl Seeking<'_> {
                 Some(pair) => self.tally.hit = Some(pair),
                 None => {
                     let cost = cost(&self.context.limits, self.from, &q, 0.0);
-                    paths.push(ApproachPath { points: vec![q], cost, cramped: false });
+                    let aim = Some(Aim { reach, entry: None, roomy: false });
+                    paths.push(ApproachPath { points: vec![q], cost, cramped: false, aim });
                 }
             }
         }
         if paths.is_empty() { Err(self.failure("pose")) } else { Ok(sorted(paths)) }
+    }
+
+    /// The arm angles at the pose that `reach` asks for which the kinematics library finds from `q`, if they are free.
+    pub fn path_to_pose_near(&mut self, reach: &Reach, q: &[f64]) -> Result<Option<Vec<Vec<f64>>>, Failure> {
+        let Some(rotation) = reach.orientation else { return Ok(None) };
+        let pose = Pose::from_parts(reach.target.into(), rotation);
+        let outcome = self.context.kinematics.inverse(&pose, q).map_err(PlanningError::from)?;
+        let IkOutcome::Solved(q) = outcome else { return Ok(None) };
+        self.context.set_clearance(Clearance::Transit)?;
+        let free = self.context.limits.contain(&q, 1e-9) && self.context.scene.is_free(&q)?;
+        Ok(free.then(|| vec![q.to_vec()]))
     }
 
     /// Arm angles that do what `reach` asks, found from the postures, but for those that `paths` end at.
@@ -191,7 +203,11 @@ impl Seeking<'_> {
         match self.path_down(reach, &end.q, &entry, self.tally.hit.is_none())? {
             Ok(points) => {
                 let cost = cost(&self.context.limits, self.from, &points[0], end.off);
-                Ok(Some(ApproachPath { points, cost, cramped: false }))
+                // Part of an arm does not do all that is asked.
+                let whole = self.context.slack.is_none();
+                let roomy = matches!(entry, Entry::Place);
+                let aim = whole.then_some(Aim { reach: *reach, entry: Some(entry), roomy });
+                Ok(Some(ApproachPath { points, cost, cramped: false, aim }))
             }
             Err(hit) => {
                 self.tally.hit = self.tally.hit.take().or(hit);

@@ -67,7 +67,11 @@ fn tip(model: &ArmModel, request: &PlanRequest, q: &[f64]) -> Pose {
 /// A pick of the block for the part of the arm that is left with `held`: the limb is where it is when a whole arm has
 /// gripped, and the joint after it is bent by so much that the hand is higher.
 fn part_of_a_pick(model: &Arc<ArmModel>, held: &[usize], bend: f64, seed: u64) -> PlanRequest {
-    let whole = PlanRequest { seed, ..pick(model, BLOCK, 0.0, start(model)) };
+    // Another start makes another posture at the block.
+    let mut start = start(model);
+    start[2] += 0.2 * (seed as f64 - 2.5);
+    start[4] -= 0.25 * seed as f64;
+    let whole = PlanRequest { seed, ..pick(model, BLOCK, 0.0, start) };
     let reply = planner(model).solve(&whole);
     assert_eq!(reply.status, PlanStatus::Ok, "{}", reply.reason);
     let bent = |by: f64| {

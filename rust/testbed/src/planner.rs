@@ -83,8 +83,7 @@ pub struct SearchLimits {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_secs: Option<f64>,
     /// Searches after the first that succeeded, by RRTConnect and BiTRRT, for goals to which a path could be quicker,
-    /// as long as ways are found easily; the quickest of all paths, its inner points pulled
-    /// straight, is the outcome.
+    /// as long as ways are found easily; the best of all paths, by time and length, is the outcome.
     pub more_searches: u32,
     /// Longest motion added to a tree, rad (L2); for planners that grow trees.
     pub range_rad: f64,
@@ -108,7 +107,7 @@ impl Default for SearchLimits {
             max_secs: None,
             more_searches: 4,
             range_rad: 0.8,
-            shortcuts: 40,
+            shortcuts: 20,
             step_rad: 0.02,
             step_metres: 0.005,
             equal_steps: None,

@@ -50,11 +50,11 @@ struct JointQuery {
   /// Bound on the time, seconds; zero for none. With it equal queries no longer give equal plans.
   double max_seconds = 0.0;
   /// Searches after the first that succeeded, by RRTConnect and BiTRRT: each for the goals to which a path could be
-  /// quicker than the best so far, as long as ways are found easily. The quickest of all paths is the
-  /// plan, its inner points pulled straight.
+  /// quicker than the best so far, as long as ways are found easily. The plan is the
+  /// best of all paths by how long each takes and its length.
   unsigned int more_searches = 0;
   /// Attempts to shorten the path.
-  unsigned int shortcuts = 40;
+  unsigned int shortcuts = 20;
   Resolution resolution;
   /// What PRM begins with, if it is set. Nothing in it is taken for free: the milestones and motions that a way
   /// uses are looked at in the scene as it is now.
