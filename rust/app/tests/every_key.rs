@@ -135,6 +135,8 @@ const CASES: &[(&str, &str, &[&str])] = &[
     ("planner.search.equal_steps", "0.5", &[]),
     ("planner.search.max_iterations", "1", &[]),
     ("planner.search.max_secs", "0.001", &[]),
+    // One more search than usual finds nothing better in these trials.
+    ("planner.search.more_searches", "0", &[]),
     ("planner.search.shortcuts", "5", &[LONG]),
     ("profile.blend.share", "0.9", &[B, "profile.blend={}"]),
     ("profile.blend.speed_m_per_s", "0.2", &[B, "profile.blend={}"]),
