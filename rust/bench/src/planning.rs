@@ -25,7 +25,7 @@ const CLUTTERED_EVERY: usize = 5;
 /// Blocks of the cluttered scene.
 const CLUTTER: usize = 20;
 /// One problem in so many is planned again and again for as long as `LONG_SECS`.
-const LONG_EVERY: usize = 64;
+const LONG_EVERY: usize = 16;
 /// One problem in so many is also searched as a plain program on OMPL and FCL does it.
 const SEARCH_EVERY: usize = 48;
 /// The task's block, metres.
@@ -103,7 +103,7 @@ struct Bench {
 
 /// Plans drawn problems and reports times, success, contacts, lengths.
 ///
-/// A few minutes for 1,000, most of it the search for what a few seconds of planning would give and the fine
+/// A quarter of an hour for 1,000, most of it the search for what a few seconds of planning would give and the fine
 /// check of every path. The problems depend on the seed alone; the times on the machine.
 ///
 /// # Errors
