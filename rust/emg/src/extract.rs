@@ -12,7 +12,7 @@ use proact_types::{EmgSample, SimTime};
 /// Settings that cannot work, or a sample with another number of channels or a value that is not finite.
 pub fn extract(config: &EmgConfig, samples: &[EmgSample]) -> Result<Vec<FeatureVector>, EmgError> {
     let mut features = Vec::new();
-    each_window(config, samples, |_, vector| features.push(vector))?;
+    each_window(config, samples, &mut |_, vector| features.push(vector))?;
     Ok(features)
 }
 
@@ -25,7 +25,7 @@ pub fn extract_with_amplitudes(
     samples: &[EmgSample],
 ) -> Result<(Vec<FeatureVector>, Vec<f64>), EmgError> {
     let (mut features, mut amplitudes) = (Vec::new(), Vec::new());
-    each_window(config, samples, |window, vector| {
+    each_window(config, samples, &mut |window, vector| {
         features.push(vector);
         amplitudes.push(window.amplitude());
     })?;
@@ -49,7 +49,7 @@ pub fn extract_inputs(config: &EmgConfig, samples: &[EmgSample]) -> Result<Vec<W
     let input = config.process.as_ref().map(|process| process.input);
     let (mut windows, mut time) = (Vec::new(), config.window.samples(config.rate_hz)? as f64);
     let step = config.increment_samples()? as f64;
-    each_window(config, samples, |view, features| {
+    each_window(config, samples, &mut |view, features| {
         let end = SimTime((1000.0 * time / config.rate_hz) as u64);
         time += step;
         let line = input.map(|input| WindowLine::new(input, 0, end, view, &features));
@@ -63,7 +63,7 @@ pub fn extract_inputs(config: &EmgConfig, samples: &[EmgSample]) -> Result<Vec<W
 fn each_window(
     config: &EmgConfig,
     samples: &[EmgSample],
-    take: impl FnMut(&WindowView<'_>, FeatureVector),
+    take: &mut dyn FnMut(&WindowView<'_>, FeatureVector),
 ) -> Result<(), EmgError> {
     dispatch!(Level::new(), _simd => read(config, samples, take))
 }
@@ -72,7 +72,7 @@ fn each_window(
 fn read(
     config: &EmgConfig,
     samples: &[EmgSample],
-    mut take: impl FnMut(&WindowView<'_>, FeatureVector),
+    take: &mut dyn FnMut(&WindowView<'_>, FeatureVector),
 ) -> Result<(), EmgError> {
     // Nothing is trained on, or tested with, samples that nobody measured.
     let whole = BridgeConfig { longest_ms: 0, ..config.bridge };
