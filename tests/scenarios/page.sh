@@ -31,7 +31,7 @@ for mode in load wheel layout accessibility conduct study_forms; do
 done
 
 # The view of EMG beside a simulated armband.
-"$proact" emg train --source synthetic --flat-out --out "$output/model.json" >"$output/train.log" 2>&1
+"$proact" emg train --source synthetic --flat-out --replace --out "$output/model.json" >"$output/train.log" 2>&1
 start serve --no-record --setup still --seed 1 --limit 1800 --emg-source synthetic --emg-model "$output/model.json"
 node "$here/../page/run.mjs" --url "$address" --out "$output/emg" --mode emg
 stop
