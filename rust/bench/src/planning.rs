@@ -117,7 +117,7 @@ pub(crate) fn planning(what: PlanningBench) -> Result<BenchReport, Box<dyn Error
     }
     let mut figures = bench.figures();
     figures.extend(bench.search_figures());
-    bar.set_message("a few problems for five seconds each");
+    bar.set_message("some problems for five seconds, twice each");
     figures.extend(bench.beside_long_searches()?);
     figures.extend(bench.vamp()?);
     figures.extend(bench.checks_per_second()?);

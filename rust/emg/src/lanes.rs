@@ -18,6 +18,7 @@ pub(crate) type Mask<S> = fearless_simd::mask64x8<S>;
 #[repr(align(64))]
 pub(crate) struct Eight(pub(crate) [f64; LANES]);
 
+#[cfg(test)]
 impl From<&[f64]> for Eight {
     /// Up to eight values; zeros behind them.
     fn from(values: &[f64]) -> Eight {

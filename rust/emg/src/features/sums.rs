@@ -229,7 +229,9 @@ mod tests {
     fn logarithms_taken_together_are_those_taken_one_by_one() {
         let signals = [[0.0, -1.0, 20.0, 0.3], [1e90, -1e90, 1e90, 3.0], [f64::MAX, 1.0, f64::MAX, 1.0]];
         for x in signals {
-            let apart = x.iter().map(|v| (v.abs() + 1.0).ln()).sum::<f64>() / 4.0;
+            // Several of the large ones in each product.
+            let x = x.repeat(3);
+            let apart = x.iter().map(|v| (v.abs() + 1.0).ln()).sum::<f64>() / x.len() as f64;
             let together = dispatch!(Level::new(), simd => mean_logarithm(&same(simd, &x))[0]);
             assert!((together - apart).abs() <= 1e-14 * apart, "{x:?}: {together}, {apart}");
         }
