@@ -25,10 +25,11 @@ fn main() {
         .include(core.join("include"))
         .include(core.join("../common/include"))
         .std("c++17")
-        .opt_level(2)
+        .opt_level(3)
         .flag("-ffp-contract=off") // results must not depend on the compiler's choice of fused operations
         .flag("-Wall")
-        .flag("-Wextra");
+        .flag("-Wextra")
+        .flag("-Wno-maybe-uninitialized"); // at this level it is found in Eigen, where nothing is
 
     for package in ["fcl", "eigen3", "ompl"] {
         for include in probe(package, false) {

@@ -122,12 +122,22 @@ class Row {
   std::vector<double> reach_;
 };
 
+/// The whole row before its parts, the longest first: what hits something is found soon.
 bool part_is_free(Scene& scene, Row& row, std::size_t first, std::size_t last, const Resolution& resolution) {
-  if (first == last) return true;
-  if (last - first == 1) return motion_is_free(scene, row.at(first), row.at(last), resolution);
-  const auto [left, right] = row.proved(first, first + (last - first) / 2, last);
-  return left <= right && part_is_free(scene, row, first, left, resolution) &&
-         part_is_free(scene, row, right, last, resolution);
+  std::vector<std::pair<std::size_t, std::size_t>> open{{first, last}};
+  for (std::size_t next = 0; next < open.size(); ++next) {
+    const auto [begin, end] = open[next];
+    if (begin == end) continue;
+    if (end - begin == 1) {
+      if (!motion_is_free(scene, row.at(begin), row.at(end), resolution)) return false;
+      continue;
+    }
+    const auto [left, right] = row.proved(begin, begin + (end - begin) / 2, end);
+    if (left > right) return false;
+    open.emplace_back(begin, left);
+    open.emplace_back(right, end);
+  }
+  return true;
 }
 
 /// States from `first` to before `end`.

@@ -1,6 +1,7 @@
 //! From a request to a reply: the start is left, paths to the goal are found, a search connects the two.
 
 use crate::approach_paths::{ApproachPath, ApproachPaths};
+use crate::blending::BlendedPath;
 use crate::connection::Connection;
 use crate::context::{Attempt, PlanningContext};
 use crate::effort::{PlanEffort, PlanStage, StageCell, thread_cpu_secs};
@@ -231,21 +232,22 @@ impl ArmPlanner {
         self.context.stage.set(PlanStage::SeekingGoals);
         let left = path.len() - 1;
         let from = path[left].clone();
-        let (mut found, shortfall) = match self.path_on(problem, &from) {
+        let (found, shortfall) = match self.path_on(problem, &from) {
             Ok(found) => found,
             Err(failure) => {
                 let moved = from != problem.start && failure.status != PlanStatus::Cancelled;
                 return Err(Setback { failure, way_out: moved.then_some(path) });
             }
         };
+        path.extend(found.points.into_iter().skip(1));
+        let mut path = BlendedPath::new(path, [left, left + found.entry]);
+        let transit = self.context.attempt.transit;
+        path.widen(&mut self.context, transit)?;
         // Paths to compare with stay as OMPL simplifies them.
         if self.context.options.search.equal_steps.is_none() {
-            let before = (left > 0).then(|| path[0].as_slice());
-            refine(&mut self.context, problem, &self.paths, before, &mut found)?;
+            refine(&mut self.context, problem, &self.paths, found.aim.as_ref(), &mut path)?;
         }
-        let entered = left + found.entry;
-        path.extend(found.points.into_iter().skip(1));
-        let route = Route { points: path, curved: [left, entered], searched: self.context.attempt.transit };
+        let route = path.route(transit);
         let (context, smoother) = (&mut self.context, &self.smoother);
         context.go_on()?;
         context.stage.set(PlanStage::Smoothing);

@@ -8,103 +8,144 @@ use crate::route::{Route, distance, mix};
 /// Longest piece of a blend, rad (L2): about as long as control points of the curve are apart, or the arm slows down for each
 /// corner between two pieces.
 const PIECE: f64 = 0.02;
+/// The same where a place for a corner is looked at: the trajectory itself is looked at later.
+const PIECE_LOOKED_AT: f64 = 0.05;
+/// Fewest pieces of a blend.
+const FEWEST: f64 = 4.0;
 /// Shortest leg of a blend, rad (L2).
 const SHORTEST: f64 = 0.04;
-/// Shares of the room up to the middle of the next motion that a blend may take, the widest first.
-const SHARES: [f64; 4] = [1.0, 0.5, 0.25, 0.125];
+/// Shares of the room for a blend that are tried, the widest first.
+const SHARES: [f64; 6] = [1.0, 0.75, 0.5, 0.35, 0.25, 0.125];
 /// So much of a straight way off the start or into the goal stays straight, metres: a block's height.
 const STRAIGHT: f64 = 0.05;
 
-/// `route` with its corners replaced by parabolas, as wide as there is room for: those between the straight ways, and those at
-/// which these meet the rest. A corner without room stays.
-pub(crate) fn blended(context: &mut PlanningContext, route: &Route) -> Result<Route, Failure> {
-    context.keep(route.searched)?;
-    let path = &route.points;
-    let [left, entered] = route.curved;
-    if entered <= left {
-        return Ok(Route { points: path.clone(), ..*route });
-    }
-    let spare = |points: usize| points.saturating_sub(reach::line_steps(STRAIGHT));
-    let way_out = &path[left - spare(left)..=left];
-    let (begin, off) = blend_of_way(context, way_out, &path[left + 1], route.searched)?;
-    let mut way_in = path[entered..=entered + spare(path.len() - 1 - entered)].to_vec();
-    way_in.reverse();
-    let (end, mut onto) = blend_of_way(context, &way_in, &path[entered - 1], route.searched)?;
-    onto.reverse();
-
-    let mut round = path[..=left - begin].to_vec();
-    round.extend(off);
-    for around in path[left..=entered].windows(3) {
-        match blend(context, around, route.searched)? {
-            Some(blend) => round.extend(blend),
-            None => round.push(around[1].clone()),
-        }
-    }
-    round.extend(onto);
-    let curved = [left - begin, round.len()];
-    round.extend_from_slice(&path[entered + end..]);
-    Ok(Route { points: round, curved, searched: route.searched })
+/// A path of straight motions whose corners are replaced by parabolas: those between the straight ways, and those at which these
+/// meet the rest.
+#[derive(Clone)]
+pub(crate) struct BlendedPath {
+    /// Arm angles from start to goal.
+    pub points: Vec<Vec<f64>>,
+    /// Where the straight way off the start ends, and where that into the goal begins.
+    pub ways: [usize; 2],
+    /// For each point how wide its blend is, as a share of the room: up to the middle of the motions beside it, or to where a
+    /// straight way must stay straight.
+    pub shares: Vec<f64>,
 }
 
-/// The widest blend that keeps `padding` of the corner at the end of a straight way, from which a motion leads to `next`: how
-/// many points before the corner it begins, and its points but for the first.
-fn blend_of_way(
-    context: &mut PlanningContext,
-    way: &[Vec<f64>],
-    next: &[f64],
-    padding: f64,
-) -> Result<(usize, Vec<Vec<f64>>), Failure> {
-    let last = way.len() - 1;
-    let corner = &way[last];
-    let length = distance(corner, next);
-    let limits = context.limits_with(padding);
-    let mut points = last;
-    while points > 0 {
-        let from = &way[last - points];
-        let leg = distance(from, corner).min(0.5 * length);
-        if leg < SHORTEST {
-            break;
-        }
-        context.go_on()?;
-        let to = mix(corner, next, leg / length);
-        let mut blend = parabola(from, corner, &to, (2.0 * leg / PIECE).ceil() as usize);
-        if context.scene.path_is_free(blend.iter().map(Vec::as_slice), &limits)? {
-            blend.remove(0);
-            return Ok((points, blend));
-        }
-        points /= 2;
+impl BlendedPath {
+    /// With its corners.
+    pub fn new(points: Vec<Vec<f64>>, ways: [usize; 2]) -> Self {
+        let shares = vec![0.0; points.len()];
+        Self { points, ways, shares }
     }
-    Ok((0, Vec::new()))
+
+    /// Makes each blend as wide as there is room for with `padding`.
+    pub fn widen(&mut self, context: &mut PlanningContext, padding: f64) -> Result<(), Failure> {
+        let [left, entered] = self.ways;
+        if entered <= left {
+            return Ok(());
+        }
+        context.keep(padding)?;
+        let limits = context.limits_with(padding);
+        for k in left..=entered {
+            for share in SHARES {
+                self.shares[k] = share;
+                context.go_on()?;
+                let blend = self.blend(k, PIECE);
+                if blend.len() > 1 && context.scene.path_is_free(blend.iter().map(Vec::as_slice), &limits)? {
+                    break;
+                }
+                self.shares[k] = 0.0;
+            }
+        }
+        Ok(())
+    }
+
+    /// With another straight way into the goal, and the widest blends at its beginning and before it.
+    pub fn with_way_in(&self, way: Vec<Vec<f64>>) -> Self {
+        let [left, entered] = self.ways;
+        let mut other = self.clone();
+        other.points.splice(entered.., way);
+        other.shares.resize(other.points.len(), 0.0);
+        other.shares[(entered - 1).max(left + 1)..=entered].fill(1.0);
+        other
+    }
+
+    /// The curve around the point `k` and those beside it: all that changes if it is moved.
+    pub fn curve_around(&self, k: usize) -> Vec<Vec<f64>> {
+        let [left, entered] = self.ways;
+        let (first, last) = (k.saturating_sub(1).max(left), (k + 1).min(entered));
+        let mut curve = Vec::new();
+        if first > left {
+            curve.push(mix(&self.points[first - 1], &self.points[first], 0.5));
+        }
+        for j in first..=last {
+            curve.extend(self.blend(j, PIECE_LOOKED_AT));
+        }
+        if last < entered {
+            curve.push(mix(&self.points[last], &self.points[last + 1], 0.5));
+        }
+        curve
+    }
+
+    /// The path with its blends, which keeps `searched`, metres, between its straight ways.
+    pub fn route(&self, searched: f64) -> Route {
+        let [left, entered] = self.ways;
+        if entered <= left {
+            return Route { points: self.points.clone(), curved: self.ways, searched };
+        }
+        let [begin, end] = self.ways.map(|k| self.leg_of_way(k).0);
+        let mut points = self.points[..left - begin].to_vec();
+        for k in left..=entered {
+            points.extend(self.blend(k, PIECE));
+        }
+        let curved = [left - begin, points.len() - 1];
+        points.extend_from_slice(&self.points[entered + end + 1..]);
+        Route { points, curved, searched }
+    }
+
+    /// What stands for the point `k`: a parabola, or the point itself where there is no room for one.
+    fn blend(&self, k: usize, piece: f64) -> Vec<Vec<f64>> {
+        let [left, entered] = self.ways;
+        let corner = &self.points[k];
+        let half = |other: usize| 0.5 * distance(corner, &self.points[other]);
+        let towards = |other: usize, leg: f64| mix(corner, &self.points[other], leg / (2.0 * half(other)));
+        if k > left && k < entered {
+            let leg = self.shares[k] * half(k - 1).min(half(k + 1));
+            return if leg < SHORTEST {
+                vec![corner.clone()]
+            } else {
+                parabola(&towards(k - 1, leg), corner, &towards(k + 1, leg), 2.0 * leg, piece)
+            };
+        }
+        let (steps, leg) = self.leg_of_way(k);
+        if steps == 0 {
+            return vec![corner.clone()];
+        }
+        let (on_way, next) = if k == left { (k - steps, k + 1) } else { (k + steps, k - 1) };
+        let mut blend = parabola(&self.points[on_way], corner, &towards(next, leg), 2.0 * leg, piece);
+        if k == entered {
+            blend.reverse();
+        }
+        blend
+    }
+
+    /// How many points of its straight way the blend of that end of it takes, and how much of the motion beside it, rad.
+    fn leg_of_way(&self, k: usize) -> (usize, f64) {
+        let is_start = k == self.ways[0];
+        let way = if is_start { k } else { self.points.len() - 1 - k };
+        let spare = way.saturating_sub(reach::line_steps(STRAIGHT));
+        let steps = (self.shares[k] * spare as f64) as usize;
+        let (on_way, next) = if is_start { (k - steps, k + 1) } else { (k + steps, k - 1) };
+        let leg = distance(&self.points[k], &self.points[on_way])
+            .min(0.5 * distance(&self.points[k], &self.points[next]));
+        if leg < SHORTEST { (0, 0.0) } else { (steps, leg) }
+    }
 }
 
-/// The widest blend that keeps `padding` of the corner at the second of three points; none if no width is free.
-fn blend(
-    context: &mut PlanningContext,
-    around: &[Vec<f64>],
-    padding: f64,
-) -> Result<Option<Vec<Vec<f64>>>, Failure> {
-    let [before, corner, after] = around else { return Ok(None) };
-    let lengths = [before, after].map(|end| distance(corner, end));
-    let half = 0.5 * lengths[0].min(lengths[1]);
-    let limits = context.limits_with(padding);
-    for share in SHARES {
-        let leg = share * half;
-        if leg < SHORTEST {
-            break;
-        }
-        context.go_on()?;
-        let ends =
-            [(before, lengths[0]), (after, lengths[1])].map(|(end, length)| mix(corner, end, leg / length));
-        let blend = parabola(&ends[0], corner, &ends[1], (2.0 * leg / PIECE).ceil() as usize);
-        if context.scene.path_is_free(blend.iter().map(Vec::as_slice), &limits)? {
-            return Ok(Some(blend));
-        }
-    }
-    Ok(None)
-}
-
-/// A parabola from `from` to `to` whose ends point to `corner`, in so many pieces.
-fn parabola(from: &[f64], corner: &[f64], to: &[f64], pieces: usize) -> Vec<Vec<f64>> {
+/// A parabola from `from` to `to` whose ends point to `corner`, in pieces of which `length`, rad, is shared out.
+fn parabola(from: &[f64], corner: &[f64], to: &[f64], length: f64, piece: f64) -> Vec<Vec<f64>> {
+    let pieces = (length / piece).ceil().max(FEWEST) as usize;
     let at = |k: usize| {
         let s = k as f64 / pieces as f64;
         mix(&mix(from, corner, s), &mix(corner, to, s), s)
@@ -118,7 +159,7 @@ mod tests {
 
     #[test]
     fn a_parabola_leaves_along_the_first_motion_and_arrives_along_the_second() {
-        let points = parabola(&[0.0, 0.0], &[1.0, 0.0], &[1.0, 1.0], 200);
+        let points = parabola(&[0.0, 0.0], &[1.0, 0.0], &[1.0, 1.0], 4.0, 0.02);
         assert_eq!((&points[0], &points[200]), (&vec![0.0, 0.0], &vec![1.0, 1.0]));
         let slope = |a: &[f64], b: &[f64]| (b[1] - a[1]).atan2(b[0] - a[0]);
         assert!(slope(&points[0], &points[1]).abs() < 0.01);

@@ -1,14 +1,15 @@
-//! A path that was found is made quicker and shorter: its corners are moved where the way stays free, and the goal is sought again near its
-//! last corner.
+//! A path that was found is made quicker and shorter: its corners are moved where the curve around them stays free, and the goal is
+//! sought again near its last corner.
 
 use crate::approach_paths::{Aim, ApproachPaths};
-use crate::connection::Connection;
+use crate::blending::BlendedPath;
 use crate::context::{Clearance, PlanningContext};
 use crate::failure::Failure;
 use crate::problem::Problem;
 use crate::route::distance;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use std::ops::RangeInclusive;
 
 /// How often the corners are moved, and then the goal sought again.
 const ROUNDS: usize = 2;
@@ -22,147 +23,168 @@ const FARTHEST: f64 = 0.6;
 const SCALES: usize = 5;
 /// A path must be so much better to be looked at.
 const LEAST_GAIN: f64 = 0.005;
+/// Shares of the room for the blend into a new way to the goal that are tried; the last is a corner.
+const SHARES_OF_WAY: [f64; 3] = [1.0, 0.5, 0.0];
 /// What corners cost, radians, by the change of the speed of the joint that changes it most, as a share of full speed: at a
-/// corner; for each radian that is missing for the change beside it; and where a straight way meets the rest. By least squares
-/// over the durations of 400 plans, as `slowness` of the search.
+/// corner; for each radian that its blend lacks for the change; and where a straight way meets the rest.
 const TURN: f64 = 0.03;
-const NO_ROOM: f64 = 0.5;
+const NO_ROOM: f64 = 0.8;
 const TURN_OF_WAY: f64 = 0.1;
-/// What another joint goes while one comes to full speed, rad: at 0.5 rad/s and 1 rad/s^2, less what is rounded off.
-const ROOM: f64 = 0.23;
+/// What another joint goes while one comes to full speed, rad: at 0.5 rad/s and 1 rad/s^2, and some more for the blend, along
+/// which the change is not even.
+const ROOM: f64 = 0.3;
 
-/// The part of a path that was searched for, and what it joins.
+/// A path that is being refined.
 struct Refining<'a> {
     context: &'a mut PlanningContext,
     problem: &'a Problem<'a>,
-    /// From where the start was left straight, if it was.
-    before: Option<&'a [f64]>,
-    /// From where the search began to where the straight way into the goal begins.
-    points: Vec<Vec<f64>>,
-    /// The straight way into the goal, behind its first point.
-    way: Vec<Vec<f64>>,
+    path: &'a mut BlendedPath,
     random: ChaCha8Rng,
 }
 
-/// Makes `found`, behind a straight way that began at `before`, quicker and shorter.
+/// Makes `path`, whose end was sought for `aim`, quicker and shorter.
 pub(crate) fn refine(
     context: &mut PlanningContext,
     problem: &Problem,
     paths: &ApproachPaths,
-    before: Option<&[f64]>,
-    found: &mut Connection,
+    aim: Option<&Aim>,
+    path: &mut BlendedPath,
 ) -> Result<(), Failure> {
-    let mut points = std::mem::take(&mut found.points);
-    let way = points.split_off(found.entry + 1);
+    let [left, entered] = path.ways;
+    if entered <= left {
+        return Ok(());
+    }
     let random = ChaCha8Rng::seed_from_u64(problem.request.seed);
-    let mut refining = Refining { context, problem, before, points, way, random };
-    let refined = refining.refine(paths, found.aim.as_ref());
-    found.points = refining.points;
-    found.points.append(&mut refining.way);
-    refined
+    let mut refining = Refining { context, problem, path, random };
+    refining.seek_goal(paths, aim)?;
+    for _ in 0..ROUNDS {
+        refining.move_corners()?;
+        refining.seek_goal(paths, aim)?;
+    }
+    Ok(())
+}
+
+/// What was moved, for putting it back.
+struct Moved {
+    point: Vec<f64>,
+    /// Of the point before it, its own and of the one behind it.
+    shares: [f64; 3],
 }
 
 impl Refining<'_> {
-    fn refine(&mut self, paths: &ApproachPaths, aim: Option<&Aim>) -> Result<(), Failure> {
-        self.seek_goal(paths, aim)?;
-        for _ in 0..ROUNDS {
-            self.move_corners()?;
-            self.seek_goal(paths, aim)?;
-        }
-        Ok(())
-    }
-
-    /// About how long a path takes, in radians of the joint that is behind, and its length, rad (L2): it is to be quick and short.
-    /// Behind it a straight way leads to `goal`, if there is one.
-    fn cost(&self, points: &[Vec<f64>], goal: Option<&[f64]>) -> f64 {
-        let motion = |a: &[f64], b: &[f64]| farthest(a, b) + distance(a, b);
-        let corner = |three: &[Vec<f64>]| {
-            let [a, b, c] = three else { return 0.0 };
-            let turn = turn(a, b, c);
-            TURN * turn + NO_ROOM * (ROOM * turn - farthest(a, b).min(farthest(b, c))).max(0.0)
-        };
-        let [.., before_last, last] = points else { return 0.0 };
-        let motions: f64 = points.windows(2).map(|pair| motion(&pair[0], &pair[1])).sum();
-        let corners: f64 = points.windows(3).map(corner).sum();
-        let way_out = self.before.map_or(0.0, |before| TURN_OF_WAY * turn(before, &points[0], &points[1]));
-        let way_in =
-            goal.map_or(0.0, |goal| motion(last, goal) + TURN_OF_WAY * turn(before_last, last, goal));
-        motions + corners + way_out + way_in + self.context.limits.squeeze(last)
-    }
-
-    fn goal(&self) -> Option<&[f64]> {
-        self.way.last().map(Vec::as_slice)
-    }
-
-    /// Moves inner points to drawn places that make the path better, and on in the same direction as long as that does.
+    /// Moves corners to drawn places that make the path better, and on in the same direction, each time twice as far, as long as
+    /// that does.
     fn move_corners(&mut self) -> Result<(), Failure> {
-        let corners = self.points.len().saturating_sub(2);
+        let [left, entered] = self.path.ways;
+        let corners = entered - left - 1;
         if corners == 0 {
             return Ok(());
         }
         self.context.set_clearance(Clearance::Transit)?;
         let limits = self.context.limits_with(self.context.attempt.transit);
-        let mut least = self.cost(&self.points, self.goal());
         let (mut looks, mut draws) = (0, 0);
         let mut going_well: Option<(usize, Vec<f64>)> = None;
         while looks < LOOKS && draws < DRAWS {
             let (k, step) = going_well.take().unwrap_or_else(|| {
                 draws += 1;
-                (1 + draws % corners, self.draw(FARTHEST * 0.5_f64.powi((draws % SCALES) as i32)))
+                let farthest = FARTHEST * 0.5_f64.powi((draws % SCALES) as i32);
+                (left + 1 + draws % corners, self.draw(farthest))
             });
-            let moved: Vec<f64> = self.points[k].iter().zip(&step).map(|(q, by)| q + by).collect();
-            let moved = self.context.limits.clamp(&moved);
-            let was = std::mem::replace(&mut self.points[k], moved);
-            let cost = self.cost(&self.points, self.goal());
-            if cost < least - LEAST_GAIN {
+            let before = self.cost(k - 1..=k + 1);
+            let moved = self.move_corner(k, &step);
+            if self.cost(k - 1..=k + 1) < before - LEAST_GAIN {
                 self.context.go_on()?;
                 looks += 1;
-                let around = self.points[k - 1..=k + 1].iter().map(Vec::as_slice);
-                if self.context.scene.path_is_free(around, &limits)? {
-                    least = cost;
-                    going_well = Some((k, step));
+                let curve = self.path.curve_around(k);
+                if self.context.scene.path_is_free(curve.iter().map(Vec::as_slice), &limits)? {
+                    going_well = Some((k, step.iter().map(|by| 2.0 * by).collect()));
                     continue;
                 }
             }
-            self.points[k] = was;
+            self.path.points[k] = moved.point;
+            self.path.shares[k - 1..=k + 1].copy_from_slice(&moved.shares);
         }
         Ok(())
+    }
+
+    /// Moves the corner `k` by `step`, with the widest blends there and at the corners beside it.
+    fn move_corner(&mut self, k: usize, step: &[f64]) -> Moved {
+        let BlendedPath { points, ways: [left, entered], shares } = &mut *self.path;
+        let place: Vec<f64> = points[k].iter().zip(step).map(|(q, by)| q + by).collect();
+        let point = std::mem::replace(&mut points[k], self.context.limits.clamp(&place));
+        let moved = Moved { point, shares: [shares[k - 1], shares[k], shares[k + 1]] };
+        shares[(k - 1).max(*left + 1)..=(k + 1).min(*entered - 1)].fill(1.0);
+        moved
     }
 
     /// A change of each joint by at most `farthest`, rad.
     fn draw(&mut self, farthest: f64) -> Vec<f64> {
         let mut unit = || (self.random.next_u64() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0;
-        self.points[0].iter().map(|_| farthest * unit()).collect()
+        self.path.points[0].iter().map(|_| farthest * unit()).collect()
     }
 
     /// Another way into the goal, sought near the last corner, in the place of the present one if that makes the path better.
     fn seek_goal(&mut self, paths: &ApproachPaths, aim: Option<&Aim>) -> Result<(), Failure> {
         let Some(aim) = aim else { return Ok(()) };
         self.context.go_on()?;
-        let last = self.points.len() - 1;
-        let cost = self.cost(&self.points, self.goal());
-        let is_better = |this: &Self, way: &[Vec<f64>]| {
-            let mut points = this.points.clone();
-            points[last].clone_from(&way[0]);
-            this.cost(&points, way[1..].last().map(Vec::as_slice)) < cost - LEAST_GAIN
-        };
-        let Some(way) = paths.near(self.context, self.problem, aim, &self.points[last - 1]) else {
+        let [left, entered] = self.path.ways;
+        let most = self.cost(left..=entered) - LEAST_GAIN;
+        let promises = |this: &Self, path: &BlendedPath| cost(this.context, path, left..=entered) < most;
+        let Some(way) = paths.near(self.context, self.problem, aim, &self.path.points[entered - 1]) else {
             return Ok(());
         };
-        if !is_better(self, &way) {
+        if !promises(self, &self.path.with_way_in(way.clone())) {
             return Ok(());
         }
-        let Some(mut way) = paths.confirmed(self.context, self.problem, aim, &way)? else { return Ok(()) };
+        let Some(way) = paths.confirmed(self.context, self.problem, aim, &way)? else { return Ok(()) };
+        let mut other = self.path.with_way_in(way);
         self.context.set_clearance(Clearance::Transit)?;
         let limits = self.context.limits_with(self.context.attempt.transit);
-        if is_better(self, &way)
-            && self.context.scene.motion_is_free(&self.points[last - 1], &way[0], &limits)?
-        {
-            self.points[last] = way.remove(0);
-            self.way = way;
+        for share in SHARES_OF_WAY {
+            other.shares[entered] = share;
+            let curve = other.curve_around(entered);
+            if promises(self, &other)
+                && self.context.scene.path_is_free(curve.iter().map(Vec::as_slice), &limits)?
+            {
+                *self.path = other;
+                break;
+            }
         }
         Ok(())
     }
+
+    fn cost(&self, part: RangeInclusive<usize>) -> f64 {
+        cost(self.context, self.path, part)
+    }
+}
+
+/// About how long a part of a path takes, in radians of the joint that is behind, and its length, rad (L2): it is to be quick and
+/// short. Of its points the corners count, and the motions to the next ones.
+fn cost(context: &PlanningContext, path: &BlendedPath, part: RangeInclusive<usize>) -> f64 {
+    let BlendedPath { points, ways: [left, entered], shares } = path;
+    let motion = |a: &[f64], b: &[f64]| farthest(a, b) + distance(a, b);
+    let mut cost = 0.0;
+    for k in part {
+        let here = &points[k];
+        if k < *entered {
+            cost += motion(here, &points[k + 1]);
+        }
+        if k > *left && k < *entered {
+            let (before, after) = (&points[k - 1], &points[k + 1]);
+            let turn = turn(before, here, after);
+            let room = shares[k] * farthest(before, here).min(farthest(here, after));
+            cost += TURN * turn + NO_ROOM * (ROOM * turn - room).max(0.0);
+        } else if k == *left && k > 0 {
+            cost += TURN_OF_WAY * turn(&points[0], here, &points[k + 1]);
+        } else if k == *entered {
+            cost += context.limits.squeeze(here);
+            let goal = &points[points.len() - 1];
+            if k + 1 < points.len() {
+                cost += motion(here, goal) + TURN_OF_WAY * turn(&points[k - 1], here, goal);
+            }
+        }
+    }
+    cost
 }
 
 /// The farthest way of any joint from `a` to `b`, rad.

@@ -1,7 +1,6 @@
 //! From the points of a path to a trajectory that touches nothing either.
 
 use crate::PlannerOptions;
-use crate::blending::blended;
 use crate::context::{Clearance, PlanningContext};
 use crate::failure::Failure;
 use crate::route::{Route, away_from_ends};
@@ -39,7 +38,7 @@ impl Smoother {
     /// cuts corners, is checked again and drawn closer to the route if need be: until it touches nothing, and until its middle
     /// keeps `wanted`, metres, if any of the curves does.
     pub fn timed(&self, context: &mut PlanningContext, route: &Route, wanted: f64) -> Result<Timed, Failure> {
-        let Route { points: path, curved: [left, entered], .. } = &blended(context, route)?;
+        let Route { points: path, curved: [left, entered], .. } = route;
         let mut widest: Option<Timed> = None;
         for spacing in SPACINGS {
             context.go_on()?;

@@ -188,12 +188,16 @@ impl<'a> Derivatives<'a> {
     }
 }
 
-/// The acceleration limits |c w + d x| <= a of all joints for one interval, as bounds of w = d2u/dt2 that are linear in x:
-/// base + slope * x.
-#[derive(Default)]
+/// A bound of w = d2u/dt2 that is linear in x, from an acceleration limit |c w + d x| <= a: |w - slope x| <= base.
+#[derive(Clone, Copy)]
+struct Line {
+    base: f64,
+    slope: f64,
+}
+
+/// The acceleration limits of all joints for one interval.
 struct Bounds {
-    low: Vec<(f64, f64)>,
-    high: Vec<(f64, f64)>,
+    lines: Vec<Line>,
     /// Above it a joint that turns round here would bend too fast.
     most: f64,
 }
@@ -202,37 +206,40 @@ impl Bounds {
     /// For the interval from `here` to `next`, at both its ends: w is constant in between, so that x has grown by 2 du w at
     /// the far end (the interpolation scheme of Pham and Pham, section III-C).
     fn of(here: &Derivatives, next: &Derivatives, limits: &MotionLimits, du: f64) -> Self {
-        let count = 2 * limits.acceleration.len();
-        let (low, high) = (Vec::with_capacity(count), Vec::with_capacity(count));
-        let mut bounds = Self { low, high, most: f64::INFINITY };
+        let mut lines = Vec::with_capacity(2 * limits.acceleration.len());
+        let mut most = f64::INFINITY;
+        let mut add = |c: f64, d: f64, a: f64| {
+            if c.abs() >= 1e-9 {
+                lines.push(Line { base: (a / c).abs(), slope: -d / c });
+            } else if d != 0.0 {
+                // This joint turns round here; its acceleration is the bend alone.
+                most = most.min(a / d.abs());
+            }
+        };
         for (k, limit) in limits.acceleration.iter().enumerate() {
             let a = USED * limit;
-            bounds.add(here.first[k], here.second[k], a);
-            bounds.add(next.first[k] + 2.0 * du * next.second[k], next.second[k], a);
+            add(here.first[k], here.second[k], a);
+            add(next.first[k] + 2.0 * du * next.second[k], next.second[k], a);
         }
-        bounds
-    }
-
-    fn add(&mut self, c: f64, d: f64, a: f64) {
-        if c.abs() >= 1e-9 {
-            let (base, slope) = ((a / c).abs(), -d / c);
-            self.low.push((-base, slope));
-            self.high.push((base, slope));
-        } else if d != 0.0 {
-            // This joint turns round here; its acceleration is the bend alone.
-            self.most = self.most.min(a / d.abs());
-        }
+        Self { lines, most }
     }
 
     /// True if some allowed w leads from x to at most `next` after `du`.
     fn leads_below(&self, x: f64, next: f64, du: f64) -> bool {
-        let least = self.low.iter().map(|(base, slope)| base + slope * x).fold(f64::NEG_INFINITY, f64::max);
+        let mut least = f64::NEG_INFINITY;
+        for line in &self.lines {
+            least = least.max(line.slope * x - line.base);
+        }
         least <= self.largest(x) && x + 2.0 * du * least <= next
     }
 
     /// The largest w that the limits leave for x.
     fn largest(&self, x: f64) -> f64 {
-        self.high.iter().map(|(base, slope)| base + slope * x).fold(f64::INFINITY, f64::min)
+        let mut largest = f64::INFINITY;
+        for line in &self.lines {
+            largest = largest.min(line.base + line.slope * x);
+        }
+        largest
     }
 
     /// The largest x, at most `top`, from which some allowed w leads to an x of at most `next` after `du`.
@@ -254,12 +261,12 @@ impl Bounds {
                 largest = (-base / slope).clamp(0.0, largest);
             }
         };
-        for (low, low_slope) in &self.low {
-            keep(2.0 * du * low - next, 1.0 + 2.0 * du * low_slope);
+        for low in &self.lines {
+            keep(-2.0 * du * low.base - next, 1.0 + 2.0 * du * low.slope);
         }
-        for (low, low_slope) in &self.low {
-            for (high, high_slope) in &self.high {
-                keep(low - high, low_slope - high_slope);
+        for low in &self.lines {
+            for high in &self.lines {
+                keep(-low.base - high.base, low.slope - high.slope);
             }
         }
         largest

@@ -1,5 +1,6 @@
 //! The middle of a path with as much room as can be had: what is tight at one end need not be tight all the way.
 
+use crate::blending::BlendedPath;
 use crate::context::{FOR_ROUNDING, PlanningContext};
 use crate::failure::Failure;
 use crate::problem::Problem;
@@ -179,7 +180,9 @@ fn joined(
     let entered = add(std::slice::from_ref(&enters.q));
     let last = add(&route.points[enters.motion + 1..]);
     let behind = (route.points.len() - 1 - route.curved[1]).min(last - entered);
-    Ok(Some(Route { points, curved: [left, last - behind], searched: padding }))
+    let mut joined = BlendedPath::new(points, [left, last - behind]);
+    joined.widen(context, padding)?;
+    Ok(Some(joined.route(padding)))
 }
 
 /// Arm angles with `padding` around them that a short free motion joins with one of `stations`, which lie along a path,
