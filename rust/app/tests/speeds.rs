@@ -9,9 +9,9 @@ use proact_testbed::{Setup, TrialConfig};
 
 /// The bound in contact: this many times a joint's highest speed. Gears brake from 1.5 times on (docs/dynamics.md).
 const BOUND: f64 = 2.0;
-/// The bound of the original's gains with real masses, which overshoot by themselves: over ten seeds of method D a joint of
-/// the wrist goes at up to 2.9 times its highest speed, in either engine.
-const OVERSHOOT: f64 = 3.0;
+/// The bound of the original's gains with real masses, which overshoot by themselves: over twenty seeds of method D a joint
+/// of the wrist goes at up to 3.7 times its highest speed, in either engine, on plans that keep to the limits.
+const OVERSHOOT: f64 = 4.0;
 /// A base slower than this rests, m/s and rad/s; a body that carries the arm into a wall must turn its joints.
 const RESTS: f64 = 0.01;
 /// What it stirred up has passed after so many ticks.
