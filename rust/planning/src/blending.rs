@@ -108,10 +108,10 @@ impl BlendedPath {
     fn blend(&self, k: usize, piece: f64) -> Vec<Vec<f64>> {
         let [left, entered] = self.ways;
         let corner = &self.points[k];
-        let half = |other: usize| 0.5 * distance(corner, &self.points[other]);
-        let towards = |other: usize, leg: f64| mix(corner, &self.points[other], leg / (2.0 * half(other)));
+        let length = |other: usize| distance(corner, &self.points[other]);
+        let towards = |other: usize, leg: f64| mix(corner, &self.points[other], leg / length(other));
         if k > left && k < entered {
-            let leg = self.shares[k] * half(k - 1).min(half(k + 1));
+            let leg = 0.5 * self.shares[k] * length(k - 1).min(length(k + 1));
             return if leg < SHORTEST {
                 vec![corner.clone()]
             } else {
