@@ -17,8 +17,9 @@ pub(crate) fn start() -> Result<BenchReport, Box<dyn Error>> {
     let mut frame = Vec::new();
     let program = std::env::current_exe()?;
     for _ in 0..ROUNDS {
+        // Not --version, which asks the package manager for those of the libraries.
         let begin = Instant::now();
-        Command::new(&program).arg("--version").output()?;
+        Command::new(&program).arg("--help").output()?;
         process.push(begin.elapsed().as_secs_f64() * 1e3);
 
         let begin = Instant::now();
@@ -27,7 +28,7 @@ pub(crate) fn start() -> Result<BenchReport, Box<dyn Error>> {
     }
     let mut figures = Vec::new();
     for (name, share) in [("median", 0.5), ("99 %", 0.99), ("worst", 1.0)] {
-        let note = if share == 1.0 { "goal: under 2000" } else { "" };
+        let note = if share == 0.5 { "goal: under 60" } else { "" };
         let value = quantile(&process, share) + quantile(&frame, share);
         figures.push(BenchFigure::alone(&format!("command to first frame, {name}"), value, "ms", note));
     }
