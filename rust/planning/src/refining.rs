@@ -138,14 +138,15 @@ impl Refining<'_> {
         }
         let Some(way) = paths.confirmed(self.context, self.problem, aim, &way)? else { return Ok(()) };
         let mut other = self.path.with_way_in(way);
+        if !promises(self, &other) {
+            return Ok(());
+        }
         self.context.set_clearance(Clearance::Transit)?;
         let limits = self.context.limits_with(self.context.attempt.transit);
         for share in SHARES_OF_WAY {
             other.shares[entered] = share;
             let curve = other.curve_around(entered);
-            if promises(self, &other)
-                && self.context.scene.path_is_free(curve.iter().map(Vec::as_slice), &limits)?
-            {
+            if self.context.scene.path_is_free(curve.iter().map(Vec::as_slice), &limits)? {
                 *self.path = other;
                 break;
             }

@@ -10,11 +10,11 @@ pub(crate) const ENDS: f64 = 0.05;
 /// Arm angles from start to goal, straight motions between them.
 pub(crate) struct Route {
     pub points: Vec<Vec<f64>>,
-    /// First and last point between which corners are rounded: outside lie the straight ways off the start and into the
+    /// First and last point of the part whose corners are rounded: outside lie the straight ways off the start and into the
     /// goal.
     pub curved: [usize; 2],
     /// Free space that was kept in the search for what lies between these two, metres; of a route that was widened, more than
-    /// [`ENDS`] away from both ends.
+    /// [`ENDS`] away from both ends. A blend was looked at in longer pieces than it has here, and may lie closer by a millimetre.
     pub searched: f64,
 }
 
