@@ -3,8 +3,8 @@
 use crate::vmpl::{VMPL_COMMAND, VmplError, VmplMethod};
 use proact_arm::ArmModel;
 use proact_control::{ControlError, MethodEntry, MethodProgram, ports::MethodProcess};
-use proact_devices::LineProcess;
-use proact_types::{MOST_TEXT_BYTES, MethodAnswer, SimTime, read_text};
+use proact_devices::{LineFault, LineProcess};
+use proact_types::{ExternalAnswer, MOST_TEXT_BYTES, MethodAnswer, SimTime, read_text};
 use std::{
     fs::File,
     path::{Path, PathBuf},
@@ -99,9 +99,15 @@ impl Running {
         Ok(Self { process, patience })
     }
 
-    /// Its answer to the line of `now`, or why there is none.
-    pub(crate) fn answer(&mut self, now: SimTime, line: &str) -> Result<String, String> {
-        self.process.ask(now.0, line.to_owned(), self.patience).map_err(|fault| fault.to_string())
+    /// Its answer to the line of `now`.
+    pub(crate) fn answer(&mut self, now: SimTime, line: &str) -> ExternalAnswer {
+        match self.process.ask(now.0, line.to_owned(), self.patience) {
+            Ok(line) => ExternalAnswer::Line(line),
+            Err(fault @ (LineFault::Late { .. } | LineFault::NotRead)) => {
+                ExternalAnswer::Missed(fault.to_string())
+            }
+            Err(fault) => ExternalAnswer::Failed(fault.to_string()),
+        }
     }
 }
 

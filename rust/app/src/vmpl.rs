@@ -262,12 +262,15 @@ impl VmplMethod {
 
 impl MethodProcess for VmplMethod {
     fn ask(&mut self, _now: SimTime, line: &str) -> MethodAnswer {
-        let line: InputLine = serde_json::from_str(line).map_err(|error| error.to_string())?;
+        let line: InputLine = match serde_json::from_str(line) {
+            Ok(line) => line,
+            Err(error) => return MethodAnswer::Failed(error.to_string()),
+        };
         if line.time.0.is_multiple_of(PERCEPTS_EVERY_MS) {
             self.display.send(&self.percepts(&line));
         }
         let answer = self.answer(&line, Instant::now());
-        serde_json::to_string(&answer).map_err(|error| error.to_string())
+        serde_json::to_string(&answer).map_err(|error| error.to_string()).into()
     }
 }
 
