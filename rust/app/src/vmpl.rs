@@ -1,6 +1,7 @@
 //! The method `vmpl`: a decoder that speaks to miniVIE's virtual limb drives the arm, unchanged, and gets percepts back. What it
 //! asks for is logged as the answers of an outside method are, so that a replay needs no decoder.
 
+use crate::tell;
 use proact_arm::{ArmModel, Side, is_named};
 use proact_control::{
     FingerCommand, HandCommand, InputLine, MethodEntry, MethodProgram, MotionCommand, OutputLine,
@@ -269,7 +270,11 @@ impl MethodProcess for VmplMethod {
         if line.time.0.is_multiple_of(PERCEPTS_EVERY_MS) {
             self.display.send(&self.percepts(&line));
         }
-        let answer = self.answer(&line, Instant::now());
+        let now = Instant::now();
+        let answer = self.answer(&line, now);
+        if let Some(report) = self.display.report_refused(now) {
+            tell(format_args!("method vmpl: {report}"));
+        }
         serde_json::to_string(&answer).map_err(|error| error.to_string()).into()
     }
 }

@@ -64,6 +64,7 @@ mod recorder;
 mod recording;
 mod recording_folder;
 mod sample_file;
+mod refused;
 mod setup;
 mod simulated_imu;
 mod sources;
@@ -97,6 +98,7 @@ pub use recorder::{EmgRecorder, RecordedStream, read_recorded};
 pub use recording::{MYO_RATE_HZ, Recording, Recordings};
 pub use recording_folder::RecordingFolder;
 pub use sample_file::{SampleFile, read_samples};
+pub use refused::RefusedDatagrams;
 pub use setup::{EmgOrigin, EmgSetup, default_config, prepare, prepare_model, prepare_with, train};
 pub use simulated_imu::SimulatedImu;
 pub use sources::{

@@ -403,6 +403,9 @@ impl Testbed {
         let judged = TaskStageInput { world: self.world.state(), held: world.hand.holds };
         let task = self.task.step(now, judged);
         note(task.events);
+        if self.method.gave_up() && !task.state.finished {
+            note(vec![EventKind::TrialFinished]);
+        }
         self.world.rearrange(&task.placements);
         self.digest.task(&task.state, world.hand.holds);
 
@@ -441,7 +444,9 @@ impl Testbed {
             task: self.task.task().state(),
             world_from_head,
         };
-        self.display.step(self.now, shown, self.kinematics.as_mut())
+        let mut frame = self.display.step(self.now, shown, self.kinematics.as_mut())?;
+        frame.finished |= self.method.gave_up();
+        Ok(frame)
     }
 
     fn check_input(&self, input: &TickInput) -> Result<(), TestbedError> {
