@@ -405,7 +405,8 @@ mod tests {
         for feature in &FEATURES {
             let check = found(&format!("feature {}", feature.name));
             assert_eq!(check.status == Status::Ok, feature.built_in, "{check:?}");
-            let lists = |scheme: &&str| forms.clone().any(|form| form.split([':', '[']).next() == Some(scheme));
+            let lists =
+                |scheme: &&str| forms.clone().any(|form| form.split([':', '[']).next() == Some(scheme));
             assert_eq!(feature.schemes.iter().all(lists), feature.built_in, "{:?}", feature.schemes);
             assert_eq!(feature.schemes.iter().any(lists), feature.built_in, "{:?}", feature.schemes);
         }

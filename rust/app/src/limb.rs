@@ -130,7 +130,10 @@ mod tests {
         send("{\"angles\": [1.0]}");
         assert!(!receiver.drive(&mut session));
         let report = receiver.report_refused(Instant::now()).unwrap();
-        assert!(report.starts_with("2 datagrams refused") && report.contains("an angle for each joint"), "{report}");
+        assert!(
+            report.starts_with("2 datagrams refused") && report.contains("an angle for each joint"),
+            "{report}"
+        );
         // A key that the program does not know does not matter, nor does what comes after.
         send(&format!("{{\"angles\": [1.0, -0.2, 0.1, {}, 0, 0, 0], \"quality\": 1}}", start - 0.2));
         send("rubbish");

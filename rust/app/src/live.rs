@@ -1,8 +1,10 @@
 //! A trial that a person drives in real time.
 
 use crate::{
-    CardTally, Experimenter, LivePerson, Pace, Recorder, ResultCards, experimenter::store_gaze_check,
-    person::drive_by_page, run::{finish, tell_faults},
+    CardTally, Experimenter, LivePerson, Pace, Recorder, ResultCards,
+    experimenter::store_gaze_check,
+    person::drive_by_page,
+    run::{finish, tell_faults},
 };
 use crate::{experimenter::begins_or_ends, latency::StageClock};
 use crate::{vmpl::is_by_decoder, vmpl_ghost::GhostReceiver};

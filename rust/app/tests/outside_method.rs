@@ -143,9 +143,13 @@ fn method_stops(frames: &[DisplayFrame]) -> Vec<(u64, StopCause, String)> {
 
 /// It only held the arm: no event, no fault in the tables, and a score of zero.
 #[test]
-fn a_method_that_goes_wrong_stops_the_arm_with_an_event_and_its_trial_fails_live_and_in_the_replay() -> Outcome {
+fn a_method_that_goes_wrong_stops_the_arm_with_an_event_and_its_trial_fails_live_and_in_the_replay() -> Outcome
+{
     for (wrong, expected) in [
-        ("answer = '{\"time\": %d, \"motion\": {\"velocity\": [0.4, 0.4]}}' % t", "got 2 values, the arm has 7 joints"),
+        (
+            "answer = '{\"time\": %d, \"motion\": {\"velocity\": [0.4, 0.4]}}' % t",
+            "got 2 values, the arm has 7 joints",
+        ),
         (
             "answer = '{\"time\": %d, \"mode\": {\"moves\": {\"joint\": 40}, \"name\": \"x\", \"directions\": [\"a\", \"b\"]}}' % t",
             "mode: got joint 40",
@@ -164,7 +168,11 @@ fn a_method_that_goes_wrong_stops_the_arm_with_an_event_and_its_trial_fails_live
         assert_eq!(*at, 500, "in the tick of the first bad answer");
         assert!(reason.starts_with("the method failed: ") && reason.contains(expected), "{reason}");
         let last = frames.last().ok_or("frames")?;
-        assert_eq!(last.stop.as_ref().map(|stop| stop.source), Some(InputSource::Method), "the page shows it");
+        assert_eq!(
+            last.stop.as_ref().map(|stop| stop.source),
+            Some(InputSource::Method),
+            "the page shows it"
+        );
         assert!(session.testbed().plant().state().velocity.iter().all(|speed| speed.abs() < 1e-2));
         let result = session.result();
         assert_eq!((result.ended, result.counted_score()), (TrialEnd::Failed, None), "{wrong}");
@@ -189,7 +197,10 @@ fn a_live_method_that_never_answers_stops_the_arm_in_200_ms_and_ends_the_trial_a
     assert_eq!((last.time.0, last.finished), (500, true), "50 steps of 10 ms");
     let result = session.result();
     let failure = result.failure().ok_or("it failed")?;
-    assert!(failure.contains("has missed 50 answers in a row") && failure.contains("within 1 ms"), "{failure}");
+    assert!(
+        failure.contains("has missed 50 answers in a row") && failure.contains("within 1 ms"),
+        "{failure}"
+    );
     drop(session);
     assert!(replay_trial(&dir, ReplayOptions::default())?.agrees);
     Ok(())
@@ -240,7 +251,11 @@ fn a_method_that_is_back_goes_on_after_a_relaxed_hand_and_its_trial_counts() -> 
     let mut kinds = Vec::new();
     let mut turned = Vec::new();
     for tick in 1..=1500 {
-        session.person().act(if (1000..1100).contains(&tick) { Gesture::NoMotion } else { Gesture::WristExtension });
+        session.person().act(if (1000..1100).contains(&tick) {
+            Gesture::NoMotion
+        } else {
+            Gesture::WristExtension
+        });
         kinds.extend(session.step(false)?.output.events.into_iter().map(|event| (tick, event.kind)));
         turned.push(session.testbed().targets()[3]);
     }

@@ -48,7 +48,11 @@ fn a_demo_whose_method_fails_or_never_acts_exits_with_an_error_and_says_why() {
             &["demo", "--headless", "--no-record", "--json", "--set", "limit_secs=0.5", "--method", file],
         );
         let (result, error) = texts(&output);
-        assert_eq!((output.status.code(), result["ended"].as_str()), (Some(1), Some(ended)), "{file}: {error}");
+        assert_eq!(
+            (output.status.code(), result["ended"].as_str()),
+            (Some(1), Some(ended)),
+            "{file}: {error}"
+        );
         assert!(error.contains(reason), "{file}: {error}");
         assert!(result["trial_faults"].to_string().contains(&reason.replace('"', "\\\"")), "{result}");
     }
@@ -72,8 +76,12 @@ fn simulate_and_compare_list_a_method_that_fails_as_failed_and_not_with_a_score(
     assert!(error.contains("broken: 2 of 2 trials failed"), "{error}");
     assert_eq!(output.status.code(), Some(1), "all trials of a method failed");
     let read = |name: &str| fs::read_to_string(place.path().join("batch").join(name)).unwrap();
-    let faults: Vec<String> = read("faults.csv").lines().filter(|row| row.contains("broken")).map(str::to_owned).collect();
-    assert_eq!(faults.iter().filter(|row| row.contains("stopped") && row.contains("exit status: 3")).count(), 2);
+    let faults: Vec<String> =
+        read("faults.csv").lines().filter(|row| row.contains("broken")).map(str::to_owned).collect();
+    assert_eq!(
+        faults.iter().filter(|row| row.contains("stopped") && row.contains("exit status: 3")).count(),
+        2
+    );
     assert!(!read("blocks.csv").contains("broken") && !read("measures.csv").contains("broken"));
     for line in read("trials.jsonl").lines().filter(|line| line.contains("\"broken\"")) {
         let line: Value = serde_json::from_str(line).unwrap();
@@ -88,6 +96,9 @@ fn simulate_and_compare_list_a_method_that_fails_as_failed_and_not_with_a_score(
     let leaders: Vec<&str> =
         board["leaders"].as_array().unwrap().iter().map(|own| own["method"].as_str().unwrap()).collect();
     assert!(leaders.len() == 2 && !leaders.contains(&"broken"), "{leaders:?}");
-    assert_eq!((board["failed"][0]["method"].as_str(), board["failed"][0]["trials"].as_u64()), (Some("broken"), Some(2)));
+    assert_eq!(
+        (board["failed"][0]["method"].as_str(), board["failed"][0]["trials"].as_u64()),
+        (Some("broken"), Some(2))
+    );
     assert!(error.contains("broken: 2 of 2 trials failed"), "{error}");
 }

@@ -3,8 +3,8 @@ mod common;
 
 use common::{Rig, model};
 use proact_control::{
-    FingerCommand, HandCommand, InputLine, MethodEntry, MethodFault, MethodProgram, MotionCommand, OutputLine, PipeMethod,
-    Profile, ports::MethodProcess,
+    FingerCommand, HandCommand, InputLine, MethodEntry, MethodFault, MethodProgram, MotionCommand,
+    OutputLine, PipeMethod, Profile, ports::MethodProcess,
 };
 use proact_types::{
     Gesture, InputSource, MethodAnswer, MethodInfo, PlannerView, SimTime, Stop, StopCause, joints,
@@ -88,11 +88,15 @@ fn without_an_answer_that_is_a_command_the_arm_holds_and_the_reason_is_shown() {
             "without control characters",
         ),
         (
-            Ok("{\"time\":NOW,\"mode\":{\"moves\":{\"joint\":8},\"name\":\"tail\",\"directions\":[\"up\",\"down\"]}}"),
+            Ok(
+                "{\"time\":NOW,\"mode\":{\"moves\":{\"joint\":8},\"name\":\"tail\",\"directions\":[\"up\",\"down\"]}}",
+            ),
             "mode: got joint 8, expected 0 to 7",
         ),
         (
-            Ok("{\"time\":NOW,\"mode\":{\"moves\":{\"rotation\":3},\"name\":\"w\",\"directions\":[\"up\",\"down\"]}}"),
+            Ok(
+                "{\"time\":NOW,\"mode\":{\"moves\":{\"rotation\":3},\"name\":\"w\",\"directions\":[\"up\",\"down\"]}}",
+            ),
             "mode: got axis 3",
         ),
         (

@@ -153,7 +153,8 @@ mod tests {
         assert!(sent.sample.valid && sent.frame == GazeFrame::World);
         let sent = SentGaze { frame: GazeFrame::Head, ..sent };
         assert_eq!(SentGaze::parse(&sent.to_bytes()).unwrap(), sent);
-        let more = br#"{"direction": [0, 0, -4], "confidence": 0.97, "pupil": {"left": 3.1}, "frame": "head"}"#;
+        let more =
+            br#"{"direction": [0, 0, -4], "confidence": 0.97, "pupil": {"left": 3.1}, "frame": "head"}"#;
         assert_eq!(SentGaze::parse(more).unwrap().sample.direction, Vector::new(0.0, 0.0, -1.0));
         let lost = SentGaze::parse(br#"{"direction": [0, 0, 0], "valid": false}"#).unwrap();
         assert!(!lost.sample.valid);

@@ -38,7 +38,10 @@ impl RefusedDatagrams {
         self.reported_at = Some(now);
         let (count, total) = (std::mem::take(&mut self.unreported), self.total);
         let datagrams = if count == 1 { "datagram" } else { "datagrams" };
-        Some(format!("{count} {datagrams} refused, {total} so far; reason of the first: {}", self.first_reason))
+        Some(format!(
+            "{count} {datagrams} refused, {total} so far; reason of the first: {}",
+            self.first_reason
+        ))
     }
 }
 

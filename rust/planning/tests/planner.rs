@@ -534,12 +534,16 @@ fn a_start_or_goal_in_collision_names_both_links_or_the_link_and_the_obstacle() 
     let there = end(&free);
     let mut seen = std::collections::BTreeMap::new();
     // A ball and a slab at the start and at the goal, from a touch to deep inside, for each kind of goal.
-    for (at_start, reach) in [true, false].into_iter().flat_map(|at| [-0.05, 0.0, 0.03, 0.08].map(|r| (at, r))) {
-        for (goal, shape) in [PlanGoal::Joints { q: joints(&there) }, pick(&model, still(), Region::FL, 1).goal]
-            .into_iter()
-            .flat_map(|goal| {
-                [Shape::Sphere { radius: 0.03 }, Shape::Box { size: [0.2, 0.2, 0.02] }].map(|s| (goal.clone(), s))
-            })
+    for (at_start, reach) in
+        [true, false].into_iter().flat_map(|at| [-0.05, 0.0, 0.03, 0.08].map(|r| (at, r)))
+    {
+        for (goal, shape) in
+            [PlanGoal::Joints { q: joints(&there) }, pick(&model, still(), Region::FL, 1).goal]
+                .into_iter()
+                .flat_map(|goal| {
+                    [Shape::Sphere { radius: 0.03 }, Shape::Box { size: [0.2, 0.2, 0.02] }]
+                        .map(|s| (goal.clone(), s))
+                })
         {
             let mut request = pick(&model, still(), Region::FL, 1);
             request.goal = goal;
@@ -547,7 +551,12 @@ fn a_start_or_goal_in_collision_names_both_links_or_the_link_and_the_obstacle() 
             let mut pose = tip(&request, &near);
             pose.translation.z += reach;
             let pose = Pose::from_parts(pose.translation, Default::default());
-            request.obstacles.push(proact_types::Obstacle { name: "thing".to_owned(), shape, pose, loose: false });
+            request.obstacles.push(proact_types::Obstacle {
+                name: "thing".to_owned(),
+                shape,
+                pose,
+                loose: false,
+            });
             let reply = planner.solve(&request);
             if !matches!(reply.status, PlanStatus::StartInCollision | PlanStatus::GoalInCollision) {
                 continue;
@@ -555,8 +564,9 @@ fn a_start_or_goal_in_collision_names_both_links_or_the_link_and_the_obstacle() 
             *seen.entry(format!("{:?}", reply.status)).or_insert(0) += 1;
             let names = model.links.iter().map(|link| link.name.as_str());
             let names = names.chain(request.obstacles.iter().map(|o| o.name.as_str()));
-            let named: std::collections::BTreeSet<&str> =
-                names.filter(|name| reply.reason.split([' ', '.', ':', ',']).any(|word| word == *name)).collect();
+            let named: std::collections::BTreeSet<&str> = names
+                .filter(|name| reply.reason.split([' ', '.', ':', ',']).any(|word| word == *name))
+                .collect();
             assert!(named.len() >= 2, "{:?}: {} names {named:?}", reply.status, reply.reason);
             assert_eq!(planner.effort().reason, reply.reason, "the plans log has the same");
         }

@@ -6,7 +6,8 @@ use proact_emg::DecoderProcess;
 use proact_intent::IntentProcess;
 use proact_participants::Participant;
 use proact_types::{
-    DisplayFrame, ExternalAnswer, Gesture, IntentAnswer, Intention, MethodAnswer, SimTime, TrunkPosture, Vector, WindowAnswer,
+    DisplayFrame, ExternalAnswer, Gesture, IntentAnswer, Intention, MethodAnswer, SimTime, TrunkPosture,
+    Vector, WindowAnswer,
 };
 use pyo3::{exceptions::PyKeyboardInterrupt, prelude::*};
 use std::{

@@ -7,7 +7,8 @@ use crate::stages::{ActuationOutput, EmgStageOutput, IntentOutput, MethodOutput}
 use blake3::Hasher;
 use proact_tasks::TaskState;
 use proact_types::{
-    ExternalAnswer, JointGoal, ObjectId, PlantState, Pose, SimTime, Stop, TaskGoal, TickInput, Vector, WindowAnswer,
+    ExternalAnswer, JointGoal, ObjectId, PlantState, Pose, SimTime, Stop, TaskGoal, TickInput, Vector,
+    WindowAnswer,
 };
 use serde::{Deserialize, Serialize};
 

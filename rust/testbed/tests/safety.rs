@@ -277,10 +277,12 @@ fn a_device_that_the_method_does_not_use_may_fall_silent_and_one_that_it_uses_ma
                 session.person().look(GazeSample { origin: Point::origin(), direction, valid: true });
             }
             session.person().act(Gesture::WristExtension);
-            found.extend(session.step(false)?.output.events.into_iter().filter_map(|event| match event.kind {
-                EventKind::Stopped { source, .. } => Some(source),
-                _ => None,
-            }));
+            found.extend(session.step(false)?.output.events.into_iter().filter_map(
+                |event| match event.kind {
+                    EventKind::Stopped { source, .. } => Some(source),
+                    _ => None,
+                },
+            ));
         }
         assert_eq!(found.first().copied(), stops, "method {method}: {found:?}");
         assert!(!found.contains(&InputSource::LimbTracker), "the whole arm is lost");

@@ -78,7 +78,9 @@ pub(super) fn failed_notes(trials: &Table) -> Vec<String> {
     }
     let note = |(condition, (failed, all)): (String, (usize, usize))| {
         (failed > 0).then(|| {
-            format!("{condition}: {failed} of {all} trials failed and have no score; the table faults says why")
+            format!(
+                "{condition}: {failed} of {all} trials failed and have no score; the table faults says why"
+            )
         })
     };
     counts.into_iter().filter_map(note).collect()

@@ -14,8 +14,8 @@ use proact_control::{
 };
 use proact_types::{
     EventKind, Gesture, HandView, InputSign, InputSource, IntentAnswer, JointVector, MethodAnswer,
-    MethodStyle, ModeView, ParticipantAnswer, PlanReply, PlanRequest, PlannerView, PlantState, Scene, SignKind,
-    SimTime, Stop, StopCause, TargetView, WindowAnswer,
+    MethodStyle, ModeView, ParticipantAnswer, PlanReply, PlanRequest, PlannerView, PlantState, Scene,
+    SignKind, SimTime, Stop, StopCause, TargetView, WindowAnswer,
 };
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -326,7 +326,9 @@ impl MethodStage {
         }
         for answer in &input.gesture.answers {
             let missed = match answer {
-                WindowAnswer::Late { deadline_ms } => Some(format!("it has not answered within {deadline_ms} ms")),
+                WindowAnswer::Late { deadline_ms } => {
+                    Some(format!("it has not answered within {deadline_ms} ms"))
+                }
                 _ => None,
             };
             self.missed.take(ExternalPart::Decoder, missed.as_deref());

@@ -290,7 +290,11 @@ fn outcome(result: &TrialResult) -> String {
         TrialEnd::Abort => ", ended by the experimenter",
         TrialEnd::Restart | TrialEnd::Interrupt => ", interrupted",
         TrialEnd::Failed => {
-            return format!("failed after {:.0} s: {}", result.sim_seconds, result.failure().unwrap_or_default());
+            return format!(
+                "failed after {:.0} s: {}",
+                result.sim_seconds,
+                result.failure().unwrap_or_default()
+            );
         }
     };
     format!("{} {} in {:.0} s{ended}", result.score, result.score_name, result.sim_seconds)
