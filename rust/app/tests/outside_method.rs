@@ -190,11 +190,11 @@ fn a_live_method_that_never_answers_stops_the_arm_in_200_ms_and_ends_the_trial_a
     let dir = place.path().join("trial");
     let silent = config(&["sh", "-c", "cat >/dev/null"], 1)?;
     let (frames, session) = run(TrialConfig { missed_answers_limit: Some(50), ..silent }, Some(&dir))?;
-    // The first step is that of 10 ms.
+    // The first step is that of tick 1, in which the gesture begins.
     let stops = method_stops(&frames);
     assert!(matches!(stops.as_slice(), [(210, StopCause::Silent, _)]), "{stops:?}");
     let last = frames.last().ok_or("frames")?;
-    assert_eq!((last.time.0, last.finished), (500, true), "50 steps of 10 ms");
+    assert_eq!((last.time.0, last.finished), (490, true), "50 steps");
     let result = session.result();
     let failure = result.failure().ok_or("it failed")?;
     assert!(
