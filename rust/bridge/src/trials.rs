@@ -29,7 +29,9 @@ pub struct RecordedTrial {
     pub method: String,
     /// Set-up.
     pub setup: String,
-    /// Seed; a bag has none.
+    /// Seed, as text: JavaScript has no whole numbers above 2^53. A bag has none.
+    #[serde(serialize_with = "crate::encoding::as_text")]
+    #[cfg_attr(feature = "ts", ts(type = "string | null"))]
     pub seed: Option<u64>,
     /// Length, simulated seconds.
     pub seconds: f64,
@@ -57,7 +59,9 @@ pub struct TrialSummary {
     pub method: String,
     /// Set-up.
     pub setup: String,
-    /// Seed; a bag has none.
+    /// Seed, as text: JavaScript has no whole numbers above 2^53. A bag has none.
+    #[serde(serialize_with = "crate::encoding::as_text")]
+    #[cfg_attr(feature = "ts", ts(type = "string | null"))]
     pub seed: Option<u64>,
     /// Length, simulated seconds.
     pub seconds: f64,
