@@ -3,8 +3,8 @@
 #![allow(clippy::disallowed_methods)] // It starts another program.
 
 use proact_analysis::statistics::{
-    Chance, Repeated, StatisticsError, Wilcoxon, bca_interval, friedman, holm, paired_permutation, skewness_test,
-    wilcoxon, wilcoxon_of_pairs,
+    Chance, Repeated, StatisticsError, Wilcoxon, bca_interval, friedman, holm, paired_permutation,
+    skewness_test, wilcoxon, wilcoxon_of_pairs,
 };
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -4,7 +4,8 @@
 //! a message, the newest only; a page that reads slowly misses some. From the page: [`CalibrationCommand`]s.
 
 use crate::{
-    BridgeError, CalibrationScreen, PageOptions, assets, calibration_screen::CalibrationMessage,
+    BridgeError, CalibrationScreen, PageOptions, assets,
+    calibration_screen::CalibrationMessage,
     encoding::takes_gzip,
     places::{Place, Places, Seat, Seats},
 };
@@ -139,7 +140,8 @@ async fn connect(
     let place = match shared.places.enter(shared.next_client.fetch_add(1, Ordering::Relaxed), seat, None) {
         Ok(place) => place,
         Err(most) => {
-            return (StatusCode::SERVICE_UNAVAILABLE, format!("{most} pages watch already\n")).into_response();
+            return (StatusCode::SERVICE_UNAVAILABLE, format!("{most} pages watch already\n"))
+                .into_response();
         }
     };
     upgrade

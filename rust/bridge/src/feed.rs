@@ -61,15 +61,17 @@ pub(crate) enum ServerMessage<'a> {
 impl ServerMessage<'_> {
     /// As JSON text.
     pub(crate) fn to_text(&self) -> Utf8Bytes {
-        let mut text = Vec::new();
         let written = match self {
             Self::Frame(_) | Self::Ghost { .. } => {
+                let mut text = Vec::new();
                 self.serialize(&mut serde_json::Serializer::with_formatter(&mut text, Rounded))
+                    .map(|()| String::from_utf8(text).expect("JSON is UTF-8"))
             }
-            _ => self.serialize(&mut serde_json::Serializer::new(&mut text)),
+            _ => proact_types::to_json(self),
         };
-        written.expect("plain structs with string keys always serialise; non-finite numbers become null");
-        String::from_utf8(text).expect("JSON is UTF-8").into()
+        let text =
+            written.expect("plain structs with string keys always serialise; non-finite numbers become null");
+        text.into()
     }
 }
 

@@ -65,8 +65,8 @@ pub use calibration_screen::{
 pub use error::BridgeError;
 pub use feed::GhostArm;
 pub use gaze_check::{GazeCheck, GazePoint};
-pub use input_arbiter::Heard;
 pub use input::{AfterTrial, ClientInput, ControllerPose, StudyAction};
+pub use input_arbiter::Heard;
 pub use meshes::MeshFile;
 pub use pictures::PictureAge;
 pub use recorded_signals::{RecordedEmg, RecordedWindow};

@@ -139,8 +139,10 @@ pub(crate) async fn serve(socket: WebSocket, shared: Arc<Shared>, role: Role, ri
     let updates = shared.feed.subscribe();
     let pulse = Pulse::new(shared.limits);
     let watches = AtomicBool::new(role != Role::Participant);
-    let reader = Reader { client, role, right, shared: &shared, pulse: &pulse, watches: &watches, place: &place };
-    let writer = Writer { client, role, right, shared: &shared, pulse: &pulse, watches: &watches, place: &place };
+    let reader =
+        Reader { client, role, right, shared: &shared, pulse: &pulse, watches: &watches, place: &place };
+    let writer =
+        Writer { client, role, right, shared: &shared, pulse: &pulse, watches: &watches, place: &place };
     tokio::select! {
         () = reader.read(incoming, replies) => {}
         () = writer.write(outgoing, updates, reply_queue) => {}
@@ -462,10 +464,7 @@ async fn send_all(outgoing: &mut Outgoing, messages: Vec<Utf8Bytes>) -> Result<(
     send_each(outgoing, messages.into_iter().map(Message::Text)).await
 }
 
-async fn send_each(
-    outgoing: &mut Outgoing,
-    messages: impl IntoIterator<Item = Message>,
-) -> Result<(), Lost> {
+async fn send_each(outgoing: &mut Outgoing, messages: impl IntoIterator<Item = Message>) -> Result<(), Lost> {
     for message in messages {
         send(outgoing, message).await?;
     }

@@ -356,7 +356,7 @@ impl PageServer {
     /// How the tracking sources stand now, for the page of tracking.
     pub fn set_tracking(&self, reports: &[TrackingReport]) {
         // Numbers that are not finite are written as null: nothing here fails.
-        if let Ok(text) = serde_json::to_vec(reports) {
+        if let Ok(text) = proact_types::to_json(reports) {
             *self.shared.tracking() = text.into();
         }
     }
@@ -427,7 +427,7 @@ fn store(page: &PageContent) -> Result<StoredContent, BridgeError> {
         return refuse(format!("a target is for object {}, the scene has {objects}", target.object.0));
     }
     let json =
-        serde_json::to_string(page).map_err(|error| BridgeError::Content { what: error.to_string() })?;
+        proact_types::to_json(page).map_err(|error| BridgeError::Content { what: error.to_string() })?;
     let studio = Arc::new(Studio::new(&page.arm, &page.scene));
     let methods = page.methods.iter().map(|method| method.name.clone()).collect();
     let meshes = meshes::by_id(&page.meshes);
@@ -502,7 +502,8 @@ async fn connect(
     let place = match shared.place(connection.role, right) {
         Ok(place) => place,
         Err(most) => {
-            return (StatusCode::SERVICE_UNAVAILABLE, format!("{most} pages watch already\n")).into_response();
+            return (StatusCode::SERVICE_UNAVAILABLE, format!("{most} pages watch already\n"))
+                .into_response();
         }
     };
     upgrade

@@ -132,7 +132,7 @@ impl StoredTrials {
     pub(crate) fn new(library: Arc<dyn TrialLibrary>) -> Result<Self, BridgeError> {
         let list = library.list();
         let json =
-            serde_json::to_vec(&list).map_err(|error| BridgeError::Content { what: error.to_string() })?;
+            proact_types::to_json(&list).map_err(|error| BridgeError::Content { what: error.to_string() })?;
         Ok(Self {
             count: list.len(),
             list: json.into(),
@@ -157,7 +157,7 @@ impl StoredTrials {
         // It holds the lock itself: a page that asks and goes away does not let the next one begin beside it.
         let make = move || {
             let trial = library.trial(number)?;
-            let plain = serde_json::to_vec(&trial).map_err(|error| error.to_string())?;
+            let plain = proact_types::to_json(&trial).map_err(|error| error.to_string())?;
             let small = gzip(&plain).map_err(|error| error.to_string())?.into();
             let written = Written { plain: plain.into(), small };
             let own = meshes::by_id(&trial.content.meshes);

@@ -140,7 +140,7 @@ fn intent(methods: &MethodRegistry, args: &AnalyzeArgs) -> Result<bool, Box<dyn 
     })?;
     bar.finish_and_clear();
     if args.json {
-        answer(serde_json::to_string(&report)?)?;
+        answer(proact_types::to_json(&report)?)?;
     } else {
         answer(report.to_string().trim_end())?;
     }

@@ -284,7 +284,7 @@ fn act(registry: &Registry, command: Command) -> Result<bool, Box<dyn Error>> {
                 std::fs::write(folder.join(&chart.name).with_extension("svg"), &chart.svg)?;
             }
             if args.json {
-                answer(serde_json::to_string(&report)?)?;
+                answer(proact_types::to_json(&report)?)?;
             } else {
                 answer(report.to_string().trim_end())?;
             }

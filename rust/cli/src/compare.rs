@@ -13,6 +13,7 @@ use proact_app::{
     batch::{Batch, MethodsBatch, NO_EVIDENCE, Sweep},
     tell,
 };
+use proact_types::Number;
 use serde_json::json;
 use std::error::Error;
 
@@ -106,7 +107,9 @@ pub(crate) fn command(registry: &Registry, args: CompareArgs) -> Result<bool, Bo
     }
     answer("     method      mean  [95 % interval]    sd   all   none  better than the next")?;
     for leader in &leaders {
-        let interval = leader.interval.map_or_else(String::new, |i| format!("[{:.2}, {:.2}]", i.low, i.high));
+        let interval = leader
+            .interval
+            .map_or_else(String::new, |i| format!("[{:.2}, {:.2}]", Number(i.low), Number(i.high)));
         let sd = leader.scores.sd.map_or_else(|| "-".to_owned(), |sd| format!("{sd:.2}"));
         let next = leader.over_next.as_ref().map_or_else(String::new, |next| next.to_string());
         answer(format_args!(

@@ -311,7 +311,7 @@ impl Shown {
             room.cards.show(page, briefing.most, &result, "Simulated participant", tally, &room.offers);
         }
         if how.json {
-            answer(serde_json::to_string(&result)?)?;
+            answer(proact_types::to_json(&result)?)?;
         } else {
             print_result(&result)?;
         }

@@ -24,7 +24,7 @@ pub(crate) struct ExportArgs {
 pub(crate) fn command(methods: &MethodRegistry, args: &ExportArgs) -> Result<bool, Box<dyn Error>> {
     let exported = export_xdf(methods, &args.trial, &args.xdf)?;
     if args.json {
-        answer(serde_json::to_string(&exported)?)?;
+        answer(proact_types::to_json(&exported)?)?;
         return Ok(true);
     }
     for stream in &exported.streams {

@@ -8,6 +8,7 @@ use proact_description::{
     ArmFolder, DescriptionError, Imported, Report, check, collect_meshes, import, parse, parse_urdf,
     read_text, settings_text, to_urdf, with_pinch,
 };
+use proact_types::Number;
 use serde_json::json;
 use std::{
     error::Error,
@@ -239,12 +240,12 @@ fn run_grasps(args: &GraspsArgs, json: bool) -> Result<bool, Box<dyn Error>> {
     } else {
         answer(note(&pinch, args))?;
         let Grasp { centre, roll, roll_range, lean, .. } = &pinch.grasp;
-        let degrees = f64::to_degrees;
+        let degrees = |rad: f64| Number(rad.to_degrees());
         answer(format_args!(
             "centre {:.1} {:.1} {:.1} mm in the tip's frame; roll {:.0} degrees ({:.0} to {:.0}), lean up to {:.0}",
-            1e3 * centre.x,
-            1e3 * centre.y,
-            1e3 * centre.z,
+            Number(1e3 * centre.x),
+            Number(1e3 * centre.y),
+            Number(1e3 * centre.z),
             degrees(*roll),
             degrees(roll_range[0]),
             degrees(roll_range[1]),
@@ -279,7 +280,7 @@ fn note(pinch: &Pinch, args: &GraspsArgs) -> String {
 }
 
 fn print_json(report: &Report) -> Result<(), Box<dyn Error>> {
-    Ok(answer(serde_json::to_string(report)?)?)
+    Ok(answer(proact_types::to_json(report)?)?)
 }
 
 /// Writes the arm's folder: descriptions, settings and meshes; what was written, and the meshes that were not found. The

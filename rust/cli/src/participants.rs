@@ -13,6 +13,7 @@ use proact_app::{
     tell, write_whole,
 };
 use proact_participants::Population;
+use proact_types::Number;
 use serde_json::json;
 use std::{error::Error, fs, path::PathBuf};
 
@@ -205,7 +206,7 @@ fn table(prediction: &StudyPrediction) -> String {
             "| {method} | {role} | {trials} | {:.2} ({:.2}) | {:+.2} | {:.2} ({:.2}) | {} to {} ({} to {}) | {} | {} | {:.2} to {:.2} |\n",
             mean[0],
             mean[1],
-            mean[0] - mean[1],
+            Number(mean[0] - mean[1]),
             sd[0],
             sd[1],
             min[0],

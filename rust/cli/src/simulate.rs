@@ -12,6 +12,7 @@ use proact_app::{
     batch::{Batch, BatchFolder, ConditionSummary, Merged, MethodsBatch, NO_EVIDENCE, Sweep, merge},
     study::Study,
 };
+use proact_types::Number;
 use serde_json::{Map, Value, json};
 use std::{
     error::Error,
@@ -180,7 +181,11 @@ fn told(
         let sd = scores.sd.map_or("    -".to_owned(), |sd| format!("{sd:5.2}"));
         answer(format_args!(
             "{condition:6} {:6.2} {sd} {:5.1} {:6.1} {:5.1} {:7}  {score_name}",
-            scores.mean, scores.min, scores.median, scores.max, scores.trials
+            Number(scores.mean),
+            Number(scores.min),
+            Number(scores.median),
+            Number(scores.max),
+            scores.trials
         ))?;
     }
     answer(format_args!("{NO_EVIDENCE} In {:.0} s.", start.elapsed().as_secs_f64()))?;

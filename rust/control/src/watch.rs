@@ -188,9 +188,10 @@ impl SourceWatch {
                     let delay = self.limits.map_or(0, |limits| limits.delay_ms);
                     Some(match cause {
                         StopCause::Closed => (cause, format!("the {source} was closed")),
-                        StopCause::Delayed => {
-                            (cause, format!("the connection of the {source} is delayed by more than {delay} ms"))
-                        }
+                        StopCause::Delayed => (
+                            cause,
+                            format!("the connection of the {source} is delayed by more than {delay} ms"),
+                        ),
                         _ => (cause, format!("the {source} is silent")),
                     })
                 }

@@ -73,8 +73,9 @@ pub fn leader_board(collected: &Collected, seed: u64) -> Vec<Leader> {
             let mean = |places: &[usize]| {
                 Some(places.iter().map(|place| means[*place]).sum::<f64>() / places.len() as f64)
             };
-            let share =
-                |score: f64| scores.iter().filter(|own| tied(**own, score)).count() as f64 / scores.len() as f64;
+            let share = |score: f64| {
+                scores.iter().filter(|own| tied(**own, score)).count() as f64 / scores.len() as f64
+            };
             Some(Leader {
                 place: 0,
                 method: method.clone(),

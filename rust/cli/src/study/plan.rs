@@ -73,7 +73,7 @@ pub(super) fn check(methods: &MethodRegistry, args: &CheckArgs, json: bool) -> R
 /// All trials, as CSV or as JSON.
 fn schedule(study: &Study, json: bool) -> Result<String, Box<dyn Error>> {
     if json {
-        return Ok(serde_json::to_string(&study.schedule)?);
+        return Ok(proact_types::to_json(&study.schedule)?);
     }
     let mut table = csv::Writer::from_writer(Vec::new());
     for trial in study.schedule.trials() {

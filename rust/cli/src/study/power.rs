@@ -9,6 +9,7 @@ use proact_app::{
     write_whole,
 };
 use proact_control::MethodRegistry;
+use proact_types::Number;
 use serde_json::json;
 use std::{error::Error, fs, path::PathBuf};
 
@@ -92,7 +93,7 @@ fn table(study: &Study, found: &[PowerOfSize], options: &PowerOptions) -> Result
         answer(format_args!("{people:>6}{cells}"))?;
     }
     let means = study.conditions().into_iter().zip(&first.power.means);
-    let means: Vec<String> = means.map(|(name, mean)| format!("{name} {mean:.2}")).collect();
+    let means: Vec<String> = means.map(|(name, mean)| format!("{name} {:.2}", Number(*mean))).collect();
     answer(format_args!(
         "Chance to find a difference at p <= {} in {} simulated studies each (Friedman; Wilcoxon, Holm over pairs). Means of their \
          scores: {}.",
