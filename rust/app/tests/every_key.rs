@@ -35,7 +35,7 @@ const STEERS_NOTHING: [(&str, &str); 16] = [
     ("profile.gaze_assisted.base_turned_rad", "as base_moved_m"),
     (
         "profile.dead_man.delay_ms",
-        "these trials have no line with a delay; rust/app/tests/live_trial.rs tests it",
+        "these trials have no line with a delay; rust/bridge and rust/control test it",
     ),
     ("profile.jog.confirm_open_ms", "no block is held so early; rust/control tests it"),
     ("wait_for_plans", "decides by the clock; rust/app/tests/plans.rs tests it"),

@@ -61,17 +61,16 @@ pub(crate) enum ServerMessage<'a> {
 impl ServerMessage<'_> {
     /// As JSON text.
     pub(crate) fn to_text(&self) -> Utf8Bytes {
-        let written = match self {
+        let text = match self {
             Self::Frame(_) | Self::Ghost { .. } => {
                 let mut text = Vec::new();
-                self.serialize(&mut serde_json::Serializer::with_formatter(&mut text, Rounded))
-                    .map(|()| String::from_utf8(text).expect("JSON is UTF-8"))
+                let written =
+                    self.serialize(&mut serde_json::Serializer::with_formatter(&mut text, Rounded));
+                written.map(|()| String::from_utf8(text).expect("JSON is UTF-8"))
             }
             _ => proact_types::to_json(self),
         };
-        let text =
-            written.expect("plain structs with string keys always serialise; non-finite numbers become null");
-        text.into()
+        text.expect("plain structs with string keys always serialise; non-finite numbers become null").into()
     }
 }
 

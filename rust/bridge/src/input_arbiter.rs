@@ -177,6 +177,8 @@ impl InputArbiter {
         self.lines.remove(&client);
         if drove {
             self.driver = None;
+            // What it said before is no sign of life after its end.
+            (self.heard, self.delayed) = (false, false);
             self.changes += 1;
             self.let_time_go();
             self.release();

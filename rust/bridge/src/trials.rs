@@ -158,7 +158,7 @@ impl StoredTrials {
         let make = move || {
             let trial = library.trial(number)?;
             let plain = proact_types::to_json(&trial).map_err(|error| error.to_string())?;
-            let small = gzip(&plain).map_err(|error| error.to_string())?.into();
+            let small = gzip(plain.as_bytes()).map_err(|error| error.to_string())?.into();
             let written = Written { plain: plain.into(), small };
             let own = meshes::by_id(&trial.content.meshes);
             meshes.lock().unwrap_or_else(PoisonError::into_inner).extend(own);

@@ -41,7 +41,7 @@ pub fn to_json_pretty<T: Serialize + ?Sized>(value: &T) -> serde_json::Result<St
 fn write<T: Serialize + ?Sized>(value: &T, formatter: impl Formatter) -> serde_json::Result<String> {
     let mut text = Vec::new();
     value.serialize(&mut serde_json::Serializer::with_formatter(&mut text, NoNegativeZero(formatter)))?;
-    String::from_utf8(text).map_err(|error| serde_json::Error::io(io::Error::other(error)))
+    Ok(String::from_utf8(text).expect("serde_json writes UTF-8"))
 }
 
 /// Adding zero makes a negative zero positive, and changes no other number.
