@@ -159,3 +159,18 @@ impl Table {
         self.rows.push(row);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Tables had `-0`, which a reader takes for another value than 0.
+    #[test]
+    fn no_cell_shows_a_negative_zero() {
+        for cell in [Cell::from(-0.0), Cell::read("-0.0"), Cell::from(Some(-0.0))] {
+            assert_eq!(cell.to_string(), "0");
+            assert_eq!(serde_json::to_string(&cell).unwrap(), "0.0");
+        }
+        assert_eq!(Cell::from(-1e-9).to_string(), "-0.000000001");
+    }
+}

@@ -9,7 +9,7 @@ use clap::Args;
 use proact_app::{
     Registry,
     analysis::{self, ReportOptions, leader_board},
-    answer,
+    answer, answer_json,
     batch::{Batch, MethodsBatch, NO_EVIDENCE, Sweep},
     tell,
 };
@@ -74,14 +74,22 @@ pub(crate) fn command(registry: &Registry, args: CompareArgs) -> Result<bool, Bo
                 dir.display()
             );
             let object = json!({ "shard": shard.to_string(), "trials": trials, "out": dir, "merged": false, "note": NO_EVIDENCE });
-            answer(if args.json { object.to_string() } else { text })?;
+            if args.json {
+                answer_json(&object)?;
+            } else {
+                answer(text)?;
+            }
             return Ok(true);
         }
         BatchOutcome::Submitted(script, number) => {
             let object = json!({ "script": script, "job": number, "note": NO_EVIDENCE });
             let text =
                 format!("job {number} of Slurm, by {}; its last task writes the report", script.display());
-            answer(if args.json { object.to_string() } else { text })?;
+            if args.json {
+                answer_json(&object)?;
+            } else {
+                answer(text)?;
+            }
             return Ok(true);
         }
         // With a folder nothing is only summed up.
@@ -102,7 +110,7 @@ pub(crate) fn command(registry: &Registry, args: CompareArgs) -> Result<bool, Bo
     if args.json {
         let object = json!({ "leaders": leaders, "out": dir, "report": written.page, "tables": written.tables,
             "figures": written.figures, "notes": written.notes, "lines": merged.lines, "note": NO_EVIDENCE });
-        answer(object.to_string())?;
+        answer_json(&object)?;
         return Ok(true);
     }
     answer("     method      mean  [95 % interval]    sd   all   none  better than the next")?;

@@ -10,7 +10,7 @@ use crate::{
 };
 use clap::Args;
 use proact_app::{
-    Arm, Audience, CardTally, Recorder, Registry, ResultCards, Rosbridge, TrackedShoulder, answer,
+    Arm, Audience, CardTally, Recorder, Registry, ResultCards, Rosbridge, TrackedShoulder, answer_json,
     default_dir, page_content, run_to_end, tell,
     trial::{self, Assembly},
 };
@@ -311,7 +311,7 @@ impl Shown {
             room.cards.show(page, briefing.most, &result, "Simulated participant", tally, &room.offers);
         }
         if how.json {
-            answer(proact_types::to_json(&result)?)?;
+            answer_json(&result)?;
         } else {
             print_result(&result)?;
         }

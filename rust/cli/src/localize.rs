@@ -4,7 +4,7 @@ use crate::{interrupt::interrupt_flag, trial_args::TrialArgs};
 use clap::{Args, Subcommand};
 use proact_app::{
     CALIBRATIONS_DIR, Calibrated, Calibrations, HEAD_BODY, MarkedHeadset, MocapAxes, PoseLog, ReachMap,
-    RecordedBodies, Registry, SavedCalibration, answer, recorded_poses, tell,
+    RecordedBodies, Registry, SavedCalibration, answer, answer_json, recorded_poses, tell,
 };
 use proact_devices::{
     SourceName,
@@ -389,7 +389,7 @@ fn reach(registry: &Registry, args: &ReachArgs, json: bool) -> Result<bool, Box<
 
 fn tell_or_answer(json: bool, object: &Value, text: &str) -> Result<(), Box<dyn Error>> {
     if json {
-        answer(object.to_string())?
+        answer_json(object)?
     } else {
         answer(text)?
     }

@@ -8,7 +8,7 @@ use clap::Args;
 use proact_app::{
     Registry,
     analysis::{SweepReport, sweep_report},
-    answer,
+    answer, answer_json,
     batch::{Batch, BatchFolder, ConditionSummary, Merged, MethodsBatch, NO_EVIDENCE, Sweep, merge},
     study::Study,
 };
@@ -99,7 +99,11 @@ pub(crate) fn command(registry: &Registry, args: &SimulateArgs) -> Result<bool, 
                 dir.display()
             );
             let object = json!({ "shard": shard.to_string(), "trials": trials, "out": dir, "merged": false, "note": NO_EVIDENCE });
-            answer(if args.json { object.to_string() } else { text })?;
+            if args.json {
+                answer_json(&object)?;
+            } else {
+                answer(text)?;
+            }
             Ok(true)
         }
         BatchOutcome::Submitted(script, number) => {
@@ -108,7 +112,11 @@ pub(crate) fn command(registry: &Registry, args: &SimulateArgs) -> Result<bool, 
                 "job {number} of Slurm, by {}; squeue --job {number} tells how far it is",
                 script.display()
             );
-            answer(if args.json { object.to_string() } else { text })?;
+            if args.json {
+                answer_json(&object)?;
+            } else {
+                answer(text)?;
+            }
             Ok(true)
         }
         BatchOutcome::Interrupted(dir) => {
@@ -174,7 +182,7 @@ fn told(
         if let (Some(object), Value::Object(more)) = (object.as_object_mut(), more) {
             object.extend(more);
         }
-        return Ok(answer(object.to_string())?);
+        return Ok(answer_json(&object)?);
     }
     answer("         mean    sd   min median   max  trials")?;
     for ConditionSummary { condition, score_name, scores } in summaries {

@@ -2,7 +2,7 @@
 
 use proact_app::{
     analysis::{TrainingFigure, training_figures},
-    answer, tell, write_whole,
+    answer, answer_json, tell, write_whole,
 };
 use proact_devices::{DeviceError, Evaluation, Recording, Recordings, leave_one_out, train_process};
 use proact_emg::{CalibrationReport, DriveScore, EmgConfig, EmgModel, Repetition, feature_space};
@@ -125,7 +125,7 @@ pub(super) fn process_text(judged: Option<&Evaluation>) -> String {
 
 pub(super) fn print(object: &Value, json: bool) -> Result<(), Box<dyn Error>> {
     if json {
-        answer(object)?;
+        answer_json(object)?;
     } else if let Some(text) = object["verdict"].as_str() {
         answer(format_args!("{text}; it is in {}", object["model"].as_str().unwrap_or_default()))?;
     } else {

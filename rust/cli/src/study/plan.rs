@@ -2,7 +2,7 @@
 
 use clap::Args;
 use proact_app::{
-    answer,
+    answer, answer_json,
     study::{Study, new_study, new_study_from_armsym},
     tell,
 };
@@ -46,7 +46,7 @@ pub(super) fn new(args: &NewArgs, json: bool) -> Result<(), Box<dyn Error>> {
         files => new_study_from_armsym(&args.folder, files)?,
     };
     if json {
-        return Ok(answer(json!({ "plan": file, "left_out": left_out }).to_string())?);
+        return Ok(answer_json(&json!({ "plan": file, "left_out": left_out }))?);
     }
     left_out.iter().for_each(tell);
     Ok(answer(format!(

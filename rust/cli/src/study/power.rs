@@ -4,7 +4,7 @@ use crate::progress::bar;
 use clap::Args;
 use proact_app::{
     analysis::collect,
-    answer,
+    answer, answer_json,
     study::{self, PowerOfSize, PowerOptions, Study},
     write_whole,
 };
@@ -74,7 +74,7 @@ pub(super) fn command(methods: &MethodRegistry, args: &PowerArgs, json: bool) ->
         fs::write(&file, png).map_err(|error| format!("{}: {error}", file.display()))?;
     }
     if json {
-        return Ok(answer(json!({ "conditions": study.conditions(), "power": found }).to_string())?);
+        return Ok(answer_json(&json!({ "conditions": study.conditions(), "power": found }))?);
     }
     table(&study, &found, &options)
 }
