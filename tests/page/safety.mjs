@@ -2,6 +2,8 @@
 // relaxed gesture. Times are trial time, by the frames that a third party gets; the wall clock, which all pages
 // share, only tells which frame came first after something that was done.
 
+import net from "node:net";
+
 /** Number of the joint in method A: the elbow turns for four seconds before WE brings it to its limit. */
 const ELBOW = 3;
 /** The arm turns at 0.4 rad/s; a joint that is slower than this is at rest, rad/s. */
@@ -10,6 +12,8 @@ const REST = 0.01;
 const SILENT_MS = 250;
 /** From the end of the connection to rest. */
 const CLOSED_MS = 100;
+/** Delay of the line in each direction, ms: together more than the 250 ms that a trial allows by default. */
+const ONE_WAY_MS = 150;
 /** Nothing that happens later than this after a stop is still its doing. */
 const AFTERWARDS_MS = 600;
 /** Right trigger of a gamepad: WE. */
@@ -30,6 +34,7 @@ export async function safety(page, { url, check, screenshot }) {
   await silentPage(parts);
   await unreadGamepad(parts);
   await closedPage(parts);
+  await delayedPage(parts);
   await watcher.page.close();
 }
 
@@ -130,6 +135,72 @@ async function closedPage({ page, url, watcher, check, screenshot }) {
   const frames = await watcher.since(begun);
   const late = turning(frames).at(-1) - firstAfter(frames, gone).time;
   check(late <= SILENT_MS, `a page that is closed leaves the arm at rest ${late} ms later, ${SILENT_MS} are allowed`);
+}
+
+/** A page whose line has a constant delay: everything comes, nothing is missing, and all of it is old. */
+async function delayedPage({ page, url, watcher, check, screenshot }) {
+  const line = await delayedLine(new URL(url).port);
+  const driver = await page.context().newPage();
+  await driver.goto(new URL(`?quality=3&tutorial=0&pictures=6`, `http://127.0.0.1:${line.port}/`).href);
+  await driver.waitForFunction(() => window.__proact?.connected && window.__proact.framesDrawn > 3);
+  await driver.click('.wheel button:text-is("Take over")');
+  await drives(driver);
+  await driver.locator(".delay-banner:not([hidden])").waitFor();
+  check(/delayed by \d{3} ms/.test(await driver.textContent(".delay-banner")), "a page with a slow line says by how much");
+  let begun = Date.now();
+  await driver.keyboard.down("KeyW");
+  await watcher.until(() => window.seen.at(-1).stop !== null);
+  await watcher.passes(AFTERWARDS_MS);
+  const { source, cause, reason } = (await watcher.latest()).stop;
+  check(source === "page" && cause === "delayed", `and stops the arm: ${source}, ${cause}`);
+  const turned = turning(await watcher.since(begun)).length;
+  check(turned === 0, `which did not begin to move: ${turned} frames`);
+  await checkBanner(page, check, reason, "another page");
+  await screenshot("stop-delayed");
+  await driver.keyboard.up("KeyW");
+  line.delayMs = 0;
+  await driver.locator(".delay-banner").waitFor({ state: "hidden" });
+  await watcher.until(() => window.seen.at(-1).stop === null);
+  await hold(watcher, key(driver));
+  check(true, "on a line that is fast again a new press moves it");
+  // The mouse moves, and nothing vouches for the key any more.
+  await driver.evaluate(() => {
+    const send = WebSocket.prototype.send;
+    WebSocket.prototype.send = function (text) {
+      if (!["alive", "gesture"].includes(JSON.parse(text).type)) send.call(this, text);
+    };
+  });
+  begun = Date.now();
+  for (let k = 0; (await watcher.latest()).stop === null && k < 200; k++) await driver.mouse.move(400 + k, 300);
+  const stop = (await watcher.latest()).stop;
+  check(stop?.cause === "silent", `gaze keeps no gesture alive: ${stop?.cause}`);
+  await driver.close();
+  line.close();
+}
+
+/** A line to `port` of this machine whose bytes come `delayMs` later in each direction, in their order. */
+async function delayedLine(port) {
+  const line = { delayMs: ONE_WAY_MS, port: 0, close: () => server.close() };
+  const server = net.createServer((near) => {
+    const far = net.connect(port, "127.0.0.1");
+    for (const [from, to] of [[near, far], [far, near]]) {
+      // One queue a direction: bytes keep their order, whatever timers do.
+      const waiting = [];
+      const pass = () => {
+        while (waiting.length > 0 && waiting[0].due <= Date.now()) to.write(waiting.shift().data);
+        if (waiting.length > 0) setTimeout(pass, waiting[0].due - Date.now());
+      };
+      from.on("data", (data) => {
+        waiting.push({ due: Date.now() + line.delayMs, data });
+        if (waiting.length === 1) setTimeout(pass, line.delayMs);
+      });
+      from.on("close", () => to.destroy());
+      from.on("error", () => to.destroy());
+    }
+  });
+  await new Promise((resolve) => server.listen(0, "127.0.0.1", resolve));
+  line.port = server.address().port;
+  return line;
 }
 
 function drives(page) {

@@ -4,7 +4,7 @@
 //! does: Friedman over all conditions, Wilcoxon with Holm over the pairs, of the means of people. The share of runs that find a
 //! difference is the power.
 
-use crate::statistics::{Repeated, friedman_quick, holm, wilcoxon};
+use crate::statistics::{Repeated, friedman_quick, holm_of_pairs, wilcoxon_of_pairs};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -168,15 +168,10 @@ pub fn power(
         // Scores are finite and rows are as long as there are conditions.
         let Ok(values) = Repeated::new(conditions.to_vec(), rows) else { continue };
         any += u32::from(friedman_quick(&values.complete()).is_some_and(|p| p <= options.level));
-        let chances: Vec<f64> = pairs
-            .iter()
-            .map(|(a, b)| {
-                let differences: Vec<f64> = values.pairs(*a, *b).into_iter().map(|[a, b]| b - a).collect();
-                wilcoxon(&differences).map_or(1.0, |test| test.p)
-            })
-            .collect();
-        for (hits, p) in found.iter_mut().zip(holm(&chances)) {
-            *hits += u32::from(p <= options.level);
+        let chance = |(a, b): &(usize, usize)| Some(wilcoxon_of_pairs(&values.pairs(*a, *b)).ok()?.p);
+        let chances: Vec<Option<f64>> = pairs.iter().map(chance).collect();
+        for (hits, p) in found.iter_mut().zip(holm_of_pairs(&chances)) {
+            *hits += u32::from(p.is_some_and(|p| p <= options.level));
         }
     }
     let named = |((a, b), hits): (&(usize, usize), u32)| {

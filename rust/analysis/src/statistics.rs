@@ -42,10 +42,11 @@ pub use comparison::{ConditionComparison, Pair, compare};
 pub use effect::{PairedEffect, skewness_test};
 pub(crate) use friedman::friedman_quick;
 pub use friedman::{Friedman, friedman};
-pub use holm::holm;
+pub use holm::{holm, holm_of_pairs};
 pub use permutation::{PermutationTest, paired_permutation};
+pub use ranks::tied;
 pub use repeated::Repeated;
-pub use wilcoxon::{Wilcoxon, wilcoxon};
+pub use wilcoxon::{Wilcoxon, wilcoxon, wilcoxon_of_pairs};
 
 use serde::Serialize;
 

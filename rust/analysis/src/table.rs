@@ -1,5 +1,6 @@
 //! Tidy tables: one row an observation, one column a variable, and what each variable is.
 
+use proact_types::Number;
 use serde::{Deserialize, Serialize};
 
 /// What a column holds.
@@ -43,7 +44,8 @@ impl From<String> for Cell {
 
 impl From<f64> for Cell {
     fn from(number: f64) -> Self {
-        if number.is_finite() { Cell::Real(number) } else { Cell::Missing }
+        // Adding zero makes a negative zero positive.
+        if number.is_finite() { Cell::Real(number + 0.0) } else { Cell::Missing }
     }
 }
 
@@ -75,7 +77,7 @@ impl std::fmt::Display for Cell {
         match self {
             Cell::Missing => Ok(()),
             Cell::Whole(number) => write!(to, "{number}"),
-            Cell::Real(number) => write!(to, "{number}"),
+            Cell::Real(number) => write!(to, "{}", Number(*number)),
             Cell::Words(words) => to.write_str(words),
         }
     }
@@ -88,7 +90,7 @@ impl Cell {
             _ if text.is_empty() => Cell::Missing,
             // `007` is a name.
             (Ok(whole), _) if whole.to_string() == text => Cell::Whole(whole),
-            (Err(_), Ok(real)) if real.is_finite() => Cell::Real(real),
+            (Err(_), Ok(real)) if real.is_finite() => real.into(),
             _ => Cell::Words(text.to_owned()),
         }
     }
@@ -155,5 +157,20 @@ impl Table {
     pub fn push(&mut self, row: Vec<Cell>) {
         assert_eq!(row.len(), self.columns.len(), "cells of a row of {}", self.name);
         self.rows.push(row);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Tables had `-0`, which a reader takes for another value than 0.
+    #[test]
+    fn no_cell_shows_a_negative_zero() {
+        for cell in [Cell::from(-0.0), Cell::read("-0.0"), Cell::from(Some(-0.0))] {
+            assert_eq!(cell.to_string(), "0");
+            assert_eq!(serde_json::to_string(&cell).unwrap(), "0.0");
+        }
+        assert_eq!(Cell::from(-1e-9).to_string(), "-0.000000001");
     }
 }

@@ -6,7 +6,7 @@ use proact_description::{DescriptionError, urdfdom_link_poses};
 use proact_dynamics::{DynamicsOptions, Engine, OdePlant};
 use proact_kinematics::Kinematics;
 use proact_testbed::ports::Plant;
-use proact_types::{PlantCommand, Point, Pose, Scene, TICK_SECS, Vector, joints, zeros};
+use proact_types::{Number, PlantCommand, Point, Pose, Scene, TICK_SECS, Vector, joints, zeros};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
@@ -266,7 +266,7 @@ impl fmt::Display for Comparison {
 }
 
 fn numbers(values: &[f64]) -> String {
-    values.iter().map(|value| format!("{value:.4}")).collect::<Vec<_>>().join(" ")
+    values.iter().map(|value| format!("{:.4}", Number(*value))).collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]

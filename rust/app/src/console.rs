@@ -1,6 +1,7 @@
 //! Standard output and standard error, either of which may be closed, full or a terminal that is gone; lines of input as they come.
 
-use proact_types::{LineRead, read_line};
+use proact_types::{LineRead, read_line, to_json};
+use serde::Serialize;
 use std::{
     fmt::Display,
     io::{self, BufRead, Write},
@@ -21,6 +22,14 @@ pub fn answer(text: impl Display) -> io::Result<()> {
         out.flush()
     };
     write().map_err(|error| io::Error::new(error.kind(), format!("cannot write to standard output: {error}")))
+}
+
+/// Writes an answer for machines to standard output: JSON in one line, without negative zeros.
+///
+/// # Errors
+/// As [`answer`].
+pub fn answer_json(value: &impl Serialize) -> io::Result<()> {
+    answer(to_json(value)?)
 }
 
 /// Tells whoever watches standard error. What cannot be told is lost: a terminal that is closed ends no trial.

@@ -227,7 +227,7 @@ impl Latency {
         struct Table {
             stages: Vec<LatencyRow>,
         }
-        let text = serde_json::to_string_pretty(&Table { stages: self.rows() });
+        let text = proact_types::to_json_pretty(&Table { stages: self.rows() });
         let text = text.map_err(|error| format!("cannot write {LATENCY_FILE}: {error}"))?;
         write_whole(&dir.join(LATENCY_FILE), &format!("{text}\n"))
     }

@@ -83,7 +83,7 @@ pub use calibrations::{
     CALIBRATIONS_DIR, Calibrated, CalibrationFileError, CalibrationSource, Calibrations, SavedCalibration,
 };
 pub use centred::CentredStream;
-pub use console::{answer, lines_of, tell};
+pub use console::{answer, answer_json, lines_of, tell};
 pub use counterfactual::{Counterfactual, counterfactual};
 pub use experimenter::Experimenter;
 pub use head_shoulder::HeadShoulder;

@@ -2,11 +2,15 @@
 
 use crate::vmpl::VmplPublisher;
 use crate::{Calibrations, HeadShoulder, LimbReceiver, Rosbridge, TrackedShoulder, TrialMarkers, tell};
-use proact_bridge::{ClientInput, ControllerPose, PageServer};
+use proact_bridge::{ClientInput, ControllerPose, Heard, PageServer};
 use proact_devices::{DeviceError, FeedbackSinks, GazeDevice, GazeFrame, SentGaze};
 use proact_testbed::{Session, Step};
 use proact_types::{FeedbackCue, GazeSample, InputSource};
-use std::{error::Error, path::Path, time::Instant};
+use std::{
+    error::Error,
+    path::Path,
+    time::{Duration, Instant},
+};
 
 /// Hands cues to what makes them heard or felt, and tells what becomes of it.
 pub fn give_feedback(sinks: &mut FeedbackSinks, cues: &[FeedbackCue]) {
@@ -223,8 +227,11 @@ pub fn drive_by_page(page: &PageServer, inputs: Vec<ClientInput>, session: &mut 
             other => others.push(other),
         }
     }
-    if page.take_heard() {
-        session.person().hear(InputSource::Page);
+    let limit = session.testbed().config().profile.dead_man.map(|ages| Duration::from_millis(ages.delay_ms));
+    match page.take_heard(limit) {
+        Some(Heard::Alive) => session.person().hear(InputSource::Page),
+        Some(Heard::Delayed) => session.person().hear_delayed(InputSource::Page),
+        None => {}
     }
     others
 }

@@ -101,8 +101,7 @@ pub fn run(options: QueryOptions, mut input: impl BufRead, mut output: impl Writ
         };
         if let Some(answer) = answer {
             let answer = answer.unwrap_or_else(|error| json!({ "error": error }));
-            serde_json::to_writer(&mut output, &answer).map_err(std::io::Error::from)?;
-            output.write_all(b"\n")?;
+            writeln!(output, "{}", proact_types::to_json(&answer).map_err(std::io::Error::from)?)?;
             // Whoever asks may wait for the answer before asking on.
             output.flush()?;
         }

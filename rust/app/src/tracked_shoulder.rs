@@ -12,7 +12,7 @@ use proact_devices::motion_capture::{LEFT_CONTROLLER, OpenedCapture, RIGHT_CONTR
 use proact_http::Repeats;
 use proact_localization::{FilterProfile, Nanos, RawBodyPose};
 use proact_testbed::Session;
-use proact_types::{Pose, SimTime, Vector};
+use proact_types::{Number, Pose, SimTime, Vector};
 use std::{path::Path, time::Instant};
 
 /// A person who sits as for the calibration is this near to it: m, degrees. People breathe and settle; a belt that slipped, or a
@@ -280,7 +280,7 @@ fn sits(was: &Pose, now: &Pose) -> (bool, String) {
     let way = now.translation.vector - was.translation.vector;
     let lean = (now.rotation * Vector::z()).angle(&(was.rotation * Vector::z())).to_degrees();
     let good = way.norm() <= SITS_M && lean <= SITS_DEG;
-    let [ahead, left, up] = [way.x, way.y, way.z].map(|metres| 1e3 * metres);
+    let [ahead, left, up] = [way.x, way.y, way.z].map(|metres| Number(1e3 * metres));
     let words = format!(
         "the shoulder is {:.0} mm from where it was calibrated ({ahead:+.0} ahead, {left:+.0} left, {up:+.0} up), and leans by \
          {lean:.0} degrees",

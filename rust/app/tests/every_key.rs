@@ -19,7 +19,7 @@ use std::{
 };
 
 /// Keys that steer nothing, and why.
-const STEERS_NOTHING: [(&str, &str); 15] = [
+const STEERS_NOTHING: [(&str, &str); 16] = [
     ("setup.name", "is shown and recorded"),
     ("profile.name", "is shown and recorded"),
     ("emg.bridge.longest_ms", "these trials lose no sample; rust/devices/tests/losses.rs tests it"),
@@ -33,6 +33,10 @@ const STEERS_NOTHING: [(&str, &str); 15] = [
     ("profile.joint_jog.drift_limit_rad", "the arm of these trials follows; rust/control tests it"),
     ("profile.gaze_assisted.base_moved_m", "nobody leans while a plan is made; rust/control tests the rule"),
     ("profile.gaze_assisted.base_turned_rad", "as base_moved_m"),
+    (
+        "profile.dead_man.delay_ms",
+        "these trials have no line with a delay; rust/bridge and rust/control test it",
+    ),
     ("profile.jog.confirm_open_ms", "no block is held so early; rust/control tests it"),
     ("wait_for_plans", "decides by the clock; rust/app/tests/plans.rs tests it"),
 ];

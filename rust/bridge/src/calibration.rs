@@ -4,8 +4,10 @@
 //! a message, the newest only; a page that reads slowly misses some. From the page: [`CalibrationCommand`]s.
 
 use crate::{
-    BridgeError, CalibrationScreen, PageOptions, assets, calibration_screen::CalibrationMessage,
+    BridgeError, CalibrationScreen, PageOptions, assets,
+    calibration_screen::CalibrationMessage,
     encoding::takes_gzip,
+    places::{Place, Places, Seat, Seats},
 };
 use axum::{
     Extension, Router,
@@ -21,13 +23,13 @@ use proact_http::{Limits, Pulse, Right, Server};
 use proact_types::GestureName;
 use serde::Deserialize;
 use std::{
-    sync::{Arc, Mutex, PoisonError},
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicU64, Ordering},
+    },
     time::Duration,
 };
-use tokio::{
-    sync::{Semaphore, watch},
-    time,
-};
+use tokio::{sync::watch, time};
 
 /// What the buttons of the page ask for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -51,15 +53,15 @@ pub enum CalibrationCommand {
 const MAX_MESSAGE_BYTES: usize = 1024;
 /// Commands kept until they are asked for; a page that sends more is broken.
 const MAX_COMMANDS: usize = 64;
-/// Most pages at once; further ones are refused with 503.
-const MAX_CLIENTS: usize = 16;
+/// Most pages at once. Of further ones, those that only watch are refused with 503.
+const SEATS: Seats = Seats { watching: 16, driving: 16, conducting: 0 };
 /// A page that takes no byte for so long is gone or hopeless.
 const SEND_TIMEOUT: Duration = Duration::from_secs(10);
 
 struct Shared {
     limits: Limits,
-    /// One permit for each page that may connect still.
-    places: Arc<Semaphore>,
+    places: Arc<Places>,
+    next_client: AtomicU64,
     newest: watch::Sender<Utf8Bytes>,
     commands: Mutex<Vec<CalibrationCommand>>,
 }
@@ -78,7 +80,8 @@ impl CalibrationServer {
     pub fn start(options: PageOptions) -> Result<CalibrationServer, BridgeError> {
         let shared = Arc::new(Shared {
             limits: options.limits,
-            places: Arc::new(Semaphore::new(MAX_CLIENTS)),
+            places: Places::new(SEATS),
+            next_client: AtomicU64::new(1),
             newest: watch::Sender::new(CalibrationMessage::Nothing.to_text().into()),
             commands: Mutex::default(),
         });
@@ -133,26 +136,29 @@ async fn connect(
     Extension(right): Extension<Right>,
     upgrade: WebSocketUpgrade,
 ) -> Response {
-    let Ok(place) = Arc::clone(&shared.places).try_acquire_owned() else {
-        return (StatusCode::SERVICE_UNAVAILABLE, format!("{MAX_CLIENTS} pages are connected already\n"))
-            .into_response();
+    let seat = if right == Right::Act { Seat::Driving } else { Seat::Watching };
+    let place = match shared.places.enter(shared.next_client.fetch_add(1, Ordering::Relaxed), seat, None) {
+        Ok(place) => place,
+        Err(most) => {
+            return (StatusCode::SERVICE_UNAVAILABLE, format!("{most} pages watch already\n"))
+                .into_response();
+        }
     };
-    upgrade.max_message_size(MAX_MESSAGE_BYTES).max_frame_size(MAX_MESSAGE_BYTES).on_upgrade(
-        async move |socket| {
-            serve(socket, shared, right).await;
-            drop(place);
-        },
-    )
+    upgrade
+        .max_message_size(MAX_MESSAGE_BYTES)
+        .max_frame_size(MAX_MESSAGE_BYTES)
+        .on_upgrade(async move |socket| serve(socket, shared, right, place).await)
 }
 
 /// One page: sends the newest object whenever there is one, takes commands.
-async fn serve(mut socket: WebSocket, shared: Arc<Shared>, right: Right) {
+async fn serve(mut socket: WebSocket, shared: Arc<Shared>, right: Right, place: Place) {
     let mut newest = shared.newest.subscribe();
     newest.mark_changed();
     let pulse = Pulse::new(shared.limits);
     let mut pings = pulse.pings();
     loop {
         let answer = tokio::select! {
+            () = place.lost() => return,
             changed = newest.changed() => {
                 if changed.is_err() {
                     return;
@@ -163,7 +169,10 @@ async fn serve(mut socket: WebSocket, shared: Arc<Shared>, right: Right) {
                 pulse.beat();
                 match message {
                     Some(Ok(Message::Text(text))) => match take(&shared, right, &text) {
-                        Ok(()) => continue,
+                        Ok(()) => {
+                            place.note_speech();
+                            continue;
+                        }
                         Err(reason) => {
                             Message::Text(CalibrationMessage::Error { message: &reason }.to_text().into())
                         }

@@ -1,4 +1,4 @@
-//! Answers as they go over the line: compressed, for browsers that take that.
+//! What goes over the line in a form that browsers take: compressed answers, and whole numbers as text.
 
 use axum::{
     body::Body,
@@ -6,7 +6,19 @@ use axum::{
     response::{IntoResponse, Response},
 };
 use flate2::{Compression, write::GzEncoder};
+use serde::Serializer;
 use std::io::Write;
+
+/// Writes a whole number, or none, as text. A browser reads numbers of JSON as doubles and would show another one above 2^53.
+pub(crate) fn as_text<T: Copy + Into<Option<u64>>, S: Serializer>(
+    number: &T,
+    to: S,
+) -> Result<S::Ok, S::Error> {
+    match (*number).into() {
+        Some(number) => to.collect_str(&number),
+        None => to.serialize_none(),
+    }
+}
 
 /// Whether the browser takes gzip.
 pub(crate) fn takes_gzip(asked: &HeaderMap) -> bool {

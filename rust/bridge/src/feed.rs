@@ -24,12 +24,16 @@ pub(crate) enum ServerMessage<'a> {
     /// The first message of each connection.
     Hello {
         page_version: &'a str,
+        #[cfg_attr(feature = "ts", ts(type = "number"))]
         revision: u64,
         /// The controller that is strapped to the brace: it is neither gaze nor buttons.
         brace_controller: Option<Side>,
     },
     /// There is new content to fetch.
-    Content { revision: u64 },
+    Content {
+        #[cfg_attr(feature = "ts", ts(type = "number"))]
+        revision: u64,
+    },
     /// One instant.
     Frame(&'a DisplayFrame),
     /// Paused, or going on.
@@ -44,6 +48,8 @@ pub(crate) enum ServerMessage<'a> {
     Study(&'a ExperimenterScreen),
     /// What a study shows to whoever takes part.
     Participant(&'a ParticipantScreen),
+    /// The round trip of this client's line is longer than the trial allows, ms; null: no longer.
+    Delay { ms: Option<f64> },
     /// The answer to `ping`, with the server's clock, ms.
     Pong { id: u32, clock_ms: f64 },
     /// Events of frames that this client did not get.
@@ -55,15 +61,16 @@ pub(crate) enum ServerMessage<'a> {
 impl ServerMessage<'_> {
     /// As JSON text.
     pub(crate) fn to_text(&self) -> Utf8Bytes {
-        let mut text = Vec::new();
-        let written = match self {
+        let text = match self {
             Self::Frame(_) | Self::Ghost { .. } => {
-                self.serialize(&mut serde_json::Serializer::with_formatter(&mut text, Rounded))
+                let mut text = Vec::new();
+                let written =
+                    self.serialize(&mut serde_json::Serializer::with_formatter(&mut text, Rounded));
+                written.map(|()| String::from_utf8(text).expect("JSON is UTF-8"))
             }
-            _ => self.serialize(&mut serde_json::Serializer::new(&mut text)),
+            _ => proact_types::to_json(self),
         };
-        written.expect("plain structs with string keys always serialise; non-finite numbers become null");
-        String::from_utf8(text).expect("JSON is UTF-8").into()
+        text.expect("plain structs with string keys always serialise; non-finite numbers become null").into()
     }
 }
 

@@ -3,7 +3,10 @@
 //! One client at a time drives: the first that joins or sends anything, until its connection ends or another says that
 //! it takes over. The others watch. A stop is taken from everybody. Pure: the time is handed in.
 
-use crate::input::{ClientInput, StudyAction};
+use crate::{
+    input::{ClientInput, StudyAction},
+    line_delay::LineDelay,
+};
 use proact_types::Gesture;
 use std::{
     collections::BTreeMap,
@@ -23,6 +26,15 @@ const MAX_WAITING: usize = 512;
 
 /// Number of a connection, never used twice.
 pub(crate) type ClientId = u64;
+
+/// What was heard of the page in control.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Heard {
+    /// It is there.
+    Alive,
+    /// Its line is delayed by more than the limit: what it says is too old to move the arm.
+    Delayed,
+}
 
 #[derive(Debug)]
 struct Driver {
@@ -44,8 +56,15 @@ pub(crate) struct InputArbiter {
     holding: bool,
     /// A gesture was released because the client in control fell silent.
     released: bool,
-    /// The client in control said something since that was asked for last.
+    /// The client in control began to drive, changed its gesture or said that it still holds it, since that was asked for last.
+    /// Gaze does not count: it comes from another hand than the gesture, and from a page that is stuck.
     heard: bool,
+    /// The lines of the clients.
+    lines: BTreeMap<ClientId, LineDelay>,
+    /// A line with a longer delay is not driven by; none before a trial says so.
+    delay_limit: Option<Duration>,
+    /// The client in control was delayed when that was asked for last.
+    delayed: bool,
     waiting: Vec<ClientInput>,
 }
 
@@ -92,13 +111,15 @@ impl InputArbiter {
         (self.changes, driver)
     }
 
-    fn drives(&self, client: ClientId) -> bool {
+    pub(crate) fn drives(&self, client: ClientId) -> bool {
         self.driver.as_ref().is_some_and(|driver| driver.client == client)
     }
 
     fn drive(&mut self, client: ClientId, now: Instant) {
         self.driver = Some(Driver { client, heard: now });
         self.released = false;
+        // It holds nothing yet, and a stop that another one's silence caused can end.
+        self.heard = true;
         self.changes += 1;
     }
 
@@ -119,7 +140,8 @@ impl InputArbiter {
             self.drive(client, now);
         }
         let drives = self.drives(client);
-        if let Some(driver) = self.driver.as_mut().filter(|_| drives) {
+        let holds = matches!(input, None | Some(ClientInput::Gesture(_)));
+        if let Some(driver) = self.driver.as_mut().filter(|_| drives && holds) {
             driver.heard = now;
             self.heard = true;
         }
@@ -152,8 +174,11 @@ impl InputArbiter {
     pub(crate) fn leave(&mut self, client: ClientId) {
         let drove = self.drives(client);
         self.names.remove(&client);
+        self.lines.remove(&client);
         if drove {
             self.driver = None;
+            // What it said before is no sign of life after its end.
+            (self.heard, self.delayed) = (false, false);
             self.changes += 1;
             self.let_time_go();
             self.release();
@@ -169,9 +194,25 @@ impl InputArbiter {
         }
     }
 
-    /// Whether the client in control said anything since the last call, if only that it is there.
-    pub(crate) fn take_heard(&mut self) -> bool {
-        std::mem::take(&mut self.heard)
+    /// What the client in control said of its gesture since the last call, if only that it still holds it. A line with a delay over
+    /// `limit` is told when it becomes so and with each sign, and its end once.
+    pub(crate) fn take_heard(&mut self, now: Instant, limit: Option<Duration>) -> Option<Heard> {
+        self.delay_limit = limit;
+        let heard = std::mem::take(&mut self.heard);
+        let delayed = self.driver.as_ref().is_some_and(|driver| self.delay(driver.client, now).is_some());
+        let before = std::mem::replace(&mut self.delayed, delayed);
+        (heard || before != delayed).then_some(if delayed { Heard::Delayed } else { Heard::Alive })
+    }
+
+    /// The line of `client`.
+    pub(crate) fn line(&mut self, client: ClientId) -> &mut LineDelay {
+        self.lines.entry(client).or_default()
+    }
+
+    /// How much the line of `client` is delayed, if that is more than the limit.
+    pub(crate) fn delay(&self, client: ClientId, now: Instant) -> Option<Duration> {
+        let (limit, line) = (self.delay_limit?, self.lines.get(&client)?);
+        line.at(now).filter(|delay| *delay > limit)
     }
 
     /// Everything since the last call, oldest first.
@@ -228,6 +269,11 @@ mod tests {
     const HC: ClientInput = ClientInput::Gesture(Gesture::HandClose);
     const NM: ClientInput = ClientInput::Gesture(Gesture::NoMotion);
 
+    /// What was heard, on a line of which nothing is known.
+    fn heard(input_arbiter: &mut InputArbiter) -> bool {
+        input_arbiter.take_heard(Instant::now(), None).is_some()
+    }
+
     fn gaze(x: f64) -> ClientInput {
         ClientInput::Gaze { origin: Point::origin(), direction: Vector::new(x, 0.0, 1.0), measured: false }
     }
@@ -281,9 +327,9 @@ mod tests {
         input_arbiter.check_silence(start + 2 * MAX_SILENCE + Duration::from_millis(1));
         assert_eq!(input_arbiter.drain(), [NM]);
         // A released gesture is no word of the client.
-        assert!(input_arbiter.take_heard());
+        assert!(heard(&mut input_arbiter));
         input_arbiter.check_silence(start + 3 * MAX_SILENCE);
-        assert!(!input_arbiter.take_heard());
+        assert!(!heard(&mut input_arbiter));
         // Once is enough, and a late sign of life does not press again.
         input_arbiter.check_silence(start + 9 * MAX_SILENCE);
         input_arbiter.accept(1, start + 9 * MAX_SILENCE, None);
@@ -293,6 +339,47 @@ mod tests {
         assert_eq!(input_arbiter.drain(), [NM]);
         input_arbiter.accept(1, start + 9 * MAX_SILENCE, Some(NM));
         assert_eq!(input_arbiter.drain(), []);
+    }
+
+    /// A page whose keys were stuck kept the arm moving as long as the mouse moved.
+    #[test]
+    fn gaze_keeps_no_gesture_alive() {
+        let (mut input_arbiter, start) = (InputArbiter::default(), Instant::now());
+        input_arbiter.accept(1, start, Some(WE));
+        assert!(heard(&mut input_arbiter));
+        let late = start + MAX_SILENCE + Duration::from_millis(1);
+        input_arbiter.accept(1, late, Some(gaze(1.0)));
+        input_arbiter.accept(1, late, Some(ClientInput::Trunk(proact_types::TrunkPosture::default())));
+        assert!(!heard(&mut input_arbiter));
+        input_arbiter.check_silence(late);
+        assert_eq!(input_arbiter.drain().last(), Some(&NM));
+    }
+
+    /// A line with a constant delay moved the arm as if it had none: signs of life came as often as ever.
+    #[test]
+    fn what_comes_over_a_delayed_line_is_no_sign_of_life() {
+        let (mut input_arbiter, start) = (InputArbiter::default(), Instant::now());
+        let (ms, limit) = (Duration::from_millis, Some(Duration::from_millis(250)));
+        input_arbiter.accept(1, start, Some(WE));
+        assert_eq!(input_arbiter.take_heard(start, limit), Some(Heard::Alive));
+        let echo = |arbiter: &mut InputArbiter, asked: u64, answered: u64| {
+            let ping = arbiter.line(1).ask(start + ms(asked)).unwrap();
+            arbiter.line(1).answer(&ping, start + ms(answered));
+        };
+        echo(&mut input_arbiter, 0, 300);
+        assert_eq!(input_arbiter.delay(1, start + ms(300)), Some(ms(300)));
+        assert_eq!(input_arbiter.delay(2, start + ms(300)), None);
+        // It is told at once, although nothing was said, and with each sign of life.
+        assert_eq!(input_arbiter.take_heard(start + ms(300), limit), Some(Heard::Delayed));
+        assert_eq!(input_arbiter.take_heard(start + ms(300), limit), None);
+        input_arbiter.accept(1, start + ms(340), None);
+        assert_eq!(input_arbiter.take_heard(start + ms(340), limit), Some(Heard::Delayed));
+        // Another limit, none, and a line that is good again.
+        assert_eq!(input_arbiter.take_heard(start + ms(340), Some(ms(300))), Some(Heard::Alive));
+        assert_eq!(input_arbiter.take_heard(start + ms(340), limit), Some(Heard::Delayed));
+        assert_eq!(input_arbiter.take_heard(start + ms(340), None), Some(Heard::Alive));
+        echo(&mut input_arbiter, 400, 420);
+        assert_eq!(input_arbiter.take_heard(start + ms(420), limit), None);
     }
 
     #[test]
@@ -313,9 +400,9 @@ mod tests {
         assert!(!input_arbiter.accept(1, later, Some(gaze(1.0))));
         assert!(input_arbiter.accept(2, later, Some(HC)));
         assert_eq!(input_arbiter.drain(), [NM, HC]);
-        input_arbiter.take_heard();
+        heard(&mut input_arbiter);
         assert!(input_arbiter.accept(1, later, None));
-        assert!(!input_arbiter.take_heard(), "a sign of life of who watches is none of who drives");
+        assert!(!heard(&mut input_arbiter), "a sign of life of who watches is none of who drives");
     }
 
     #[test]

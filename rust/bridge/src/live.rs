@@ -6,13 +6,19 @@
 //! when `/api/content` has changed; `status` with the fields of [`TrialStatus`](crate::TrialStatus); `pong {id, clock_ms}`;
 //! `ghost {arm}` of a second arm that is only shown, with the fields of [`GhostArm`](crate::GhostArm), or null when it is gone;
 //! `error {message}` when a message of the client was ignored; `driver {name, you, may_drive}` when another client
-//! drives.
+//! drives; `delay {ms}` while the round trip of this client's line is longer than the trial allows, null when it no longer is.
+//!
+//! The server measures the round trip by WebSocket pings, every 50 ms while a client drives. What comes over a line that is delayed
+//! by more than `profile.dead_man.delay_ms` does not move the arm. A client whose library answers no ping is not judged.
+//!
+//! 64 clients may watch, 64 may drive and 16 conduct; further ones that may drive or conduct take the place of the one of their kind
+//! that came first and does not drive, whose connection is closed with code 1013.
 //!
 //! One client drives: the first that says `join {name}` or sends anything, until its connection ends or another says
 //! `take_over`. What the others send is ignored, but for a relaxed gesture: a stop is taken from everybody.
 //!
 //! From the client, if the page is interactive: `gesture {gesture}` at each change, `alive` every 40 ms while
-//! one is held, `gaze {origin, direction, measured}`, `trunk {forward, lateral, axial}`, `head {position, quaternion}`,
+//! one is held (nothing else keeps a gesture alive), `gaze {origin, direction, measured}`, `trunk {forward, lateral, axial}`, `head {position, quaternion}`,
 //! `controller {hand, time_ms, position, quaternion, tracked}` of the one on the brace,
 //! `restart {method, again}`, `gaze_check {source, points}`, `join`, `take_over`, `hold {on}`
 //! while a dialog is open; `after {ask}` when a trial that was shown is over; always `drawn`, `ping {id}`, `seen {frames}` with
@@ -33,6 +39,8 @@ use crate::{
     feed::{Feed, ServerMessage},
     input::{self, ClientInput, Parsed},
     input_arbiter::ClientId,
+    line_delay::ECHO_PERIOD,
+    places::Place,
     server::Shared,
 };
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
@@ -56,6 +64,8 @@ use tokio::{sync::mpsc, sync::watch, time};
 pub(crate) const MAX_MESSAGE_BYTES: usize = 64 * 1024;
 /// Malformed messages that a connection survives.
 const MAX_BAD_MESSAGES: usize = 100;
+/// How often a page is told how much its line is delayed, while it is.
+const DELAY_TOLD_EVERY: Duration = Duration::from_millis(500);
 /// A client that takes no byte for so long is gone or hopeless.
 const SEND_TIMEOUT: Duration = Duration::from_secs(10);
 
@@ -119,8 +129,9 @@ fn drives(role: Role, right: Right, interactive: bool) -> Result<(), &'static st
 type Outgoing = SplitSink<WebSocket, Message>;
 
 /// Serves one connection until it ends.
-pub(crate) async fn serve(socket: WebSocket, shared: Arc<Shared>, role: Role, right: Right) {
-    let client = shared.enter();
+pub(crate) async fn serve(socket: WebSocket, shared: Arc<Shared>, role: Role, right: Right, place: Place) {
+    let client = place.client;
+    shared.enter();
     let (outgoing, incoming) = socket.split();
     // Reading and writing are apart: a stop must come in while a slow line is still busy with a frame.
     // Few replies are kept: a client that floods us with errors and does not read gets no more of them.
@@ -128,8 +139,10 @@ pub(crate) async fn serve(socket: WebSocket, shared: Arc<Shared>, role: Role, ri
     let updates = shared.feed.subscribe();
     let pulse = Pulse::new(shared.limits);
     let watches = AtomicBool::new(role != Role::Participant);
-    let reader = Reader { client, role, right, shared: &shared, pulse: &pulse, watches: &watches };
-    let writer = Writer { client, role, right, shared: &shared, pulse: &pulse, watches: &watches };
+    let reader =
+        Reader { client, role, right, shared: &shared, pulse: &pulse, watches: &watches, place: &place };
+    let writer =
+        Writer { client, role, right, shared: &shared, pulse: &pulse, watches: &watches, place: &place };
     tokio::select! {
         () = reader.read(incoming, replies) => {}
         () = writer.write(outgoing, updates, reply_queue) => {}
@@ -146,11 +159,12 @@ struct Reader<'a> {
     pulse: &'a Pulse,
     /// Signals are wanted.
     watches: &'a AtomicBool,
+    place: &'a Place,
 }
 
 impl Reader<'_> {
     async fn read(self, mut incoming: SplitStream<WebSocket>, replies: mpsc::Sender<Reply>) {
-        let Reader { client, role, right, shared, pulse, watches } = self;
+        let Reader { client, role, right, shared, pulse, watches, place } = self;
         let mut bad_messages = 0;
         while let Some(message) = incoming.next().await {
             pulse.beat();
@@ -174,7 +188,11 @@ impl Reader<'_> {
                 Ok(Message::Binary(data)) => {
                     Err(format!("message ignored: got {} binary bytes, expected JSON text", data.len()))
                 }
-                Ok(Message::Ping(_) | Message::Pong(_)) => continue,
+                Ok(Message::Pong(carried)) => {
+                    shared.input_arbiter().line(client).answer(&carried, Instant::now());
+                    continue;
+                }
+                Ok(Message::Ping(_)) => continue,
                 Ok(Message::Close(_)) => return,
                 Err(error) => {
                     // Too long, not UTF-8, or the line is dead; the protocol cannot go on after any of them.
@@ -182,6 +200,9 @@ impl Reader<'_> {
                     return end(replies, close_code::SIZE, reason).await;
                 }
             };
+            if parsed.is_ok() {
+                place.note_speech();
+            }
             match parsed {
                 Ok(Parsed::Drawn) => shared.note_drawn(),
                 Ok(Parsed::Input(
@@ -274,6 +295,7 @@ struct Writer<'a> {
     pulse: &'a Pulse,
     /// Signals are wanted.
     watches: &'a AtomicBool,
+    place: &'a Place,
 }
 
 impl Writer<'_> {
@@ -283,7 +305,7 @@ impl Writer<'_> {
         mut updates: watch::Receiver<Feed>,
         mut replies: mpsc::Receiver<Reply>,
     ) {
-        let Writer { role, shared, pulse, watches, .. } = self;
+        let Writer { role, shared, pulse, watches, place, .. } = self;
         let (page_version, brace_controller) = (&*shared.page_version, shared.brace_controller);
         let mut ping = pulse.pings();
         // A client that comes late is told the whole trial's events: its score and list are then right.
@@ -294,9 +316,18 @@ impl Writer<'_> {
             return;
         }
         updates.mark_changed();
+        let mut echoes = time::interval(ECHO_PERIOD);
+        echoes.set_missed_tick_behavior(time::MissedTickBehavior::Delay);
+        let mut line = Line::default();
         loop {
             let sent = tokio::select! {
                 biased;
+                () = place.lost() => {
+                    let reason = Utf8Bytes::from_static("another page needed the place");
+                    let _ = send(&mut outgoing, Message::Close(Some(CloseFrame { code: close_code::AGAIN, reason }))).await;
+                    return;
+                }
+                _ = echoes.tick() => send_each(&mut outgoing, line.look(&self, Instant::now())).await,
                 reply = replies.recv() => match reply {
                     Some(Reply::Pong { id, clock_ms }) => {
                         send(&mut outgoing, Message::Text(ServerMessage::Pong { id, clock_ms }.to_text())).await
@@ -342,6 +373,42 @@ impl Writer<'_> {
         let you = driver.as_ref().is_some_and(|(client, _)| *client == self.client);
         let name = driver.as_ref().map(|(_, name)| name.as_str());
         ServerMessage::Driver { name, you, may_drive }.to_text()
+    }
+}
+
+/// What a client was told of its line.
+#[derive(Debug, Default)]
+struct Line {
+    asked: bool,
+    /// When it was told a delay last; none while it knows of none.
+    told: Option<Instant>,
+}
+
+impl Line {
+    /// A ping if one is due: once to whoever may drive, to learn whether it answers, then as long as it drives. And the delay, when
+    /// it comes, goes on and ends.
+    fn look(&mut self, writer: &Writer<'_>, now: Instant) -> Vec<Message> {
+        let Writer { client, role, right, shared, .. } = writer;
+        if drives(*role, *right, shared.interactive()).is_err() {
+            return Vec::new();
+        }
+        let mut arbiter = shared.input_arbiter();
+        let mut messages = Vec::new();
+        if !self.asked || arbiter.drives(*client) {
+            self.asked = true;
+            messages.extend(arbiter.line(*client).ask(now).map(|carried| Message::Ping(carried.into())));
+        }
+        let delay = arbiter.delay(*client, now);
+        let due = match (delay, self.told) {
+            (Some(_), Some(told)) => now.duration_since(told) >= DELAY_TOLD_EVERY,
+            (delay, told) => delay.is_some() != told.is_some(),
+        };
+        if due {
+            self.told = delay.map(|_| now);
+            let ms = delay.map(|delay| delay.as_secs_f64() * 1e3);
+            messages.push(Message::Text(ServerMessage::Delay { ms }.to_text()));
+        }
+        messages
     }
 }
 
@@ -394,8 +461,12 @@ impl Seen {
 struct Lost;
 
 async fn send_all(outgoing: &mut Outgoing, messages: Vec<Utf8Bytes>) -> Result<(), Lost> {
-    for text in messages {
-        send(outgoing, Message::Text(text)).await?;
+    send_each(outgoing, messages.into_iter().map(Message::Text)).await
+}
+
+async fn send_each(outgoing: &mut Outgoing, messages: impl IntoIterator<Item = Message>) -> Result<(), Lost> {
+    for message in messages {
+        send(outgoing, message).await?;
     }
     Ok(())
 }

@@ -10,6 +10,7 @@ pub struct RecordedEmg {
     /// Nominal sampling rate, hertz.
     pub rate_hz: f64,
     /// Length of a step of `lowest` and `highest`, milliseconds; the first begins at zero.
+    #[cfg_attr(feature = "ts", ts(type = "number"))]
     pub step_ms: u64,
     /// Lowest value of each channel in each step, `[n_steps][n_channels]`, in the device's unit; a step without samples is empty.
     pub lowest: Vec<Vec<f64>>,

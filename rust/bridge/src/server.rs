@@ -2,10 +2,11 @@ use crate::{
     BridgeError, ClientInput, Signals, StudyScreen, TrackingReport, TrialStatus, assets, camera,
     encoding::{encode, takes_gzip},
     feed::{Feed, GhostArm, ServerMessage, StudyMessages},
-    input_arbiter::{ClientId, InputArbiter},
+    input_arbiter::{ClientId, Heard, InputArbiter},
     live::{self, Role},
     meshes::{self, MeshFile, MeshesById},
     pictures::{PictureAge, Pictures},
+    places::{Place, Places, Seat, Seats},
     trials::{self, StoredTrials, TrialLibrary},
 };
 use axum::{
@@ -33,8 +34,8 @@ use tokio::sync::{Semaphore, watch};
 
 /// How many ports after the first one are tried.
 const PORTS_TRIED: u16 = 20;
-/// Most pages at once; further ones are refused with 503.
-const MAX_CLIENTS: usize = 64;
+/// Most pages at once. Of further ones, those that only watch are refused with 503.
+const SEATS: Seats = Seats { watching: 64, driving: 64, conducting: 16 };
 /// What the system may hold back for one connection, bytes: about 20 frames, a third of a second.
 const SEND_BUFFER_BYTES: u32 = 64 * 1024;
 /// How often it is checked whether the driving client fell silent.
@@ -126,8 +127,7 @@ pub(crate) struct Shared {
     input_arbiter: Mutex<InputArbiter>,
     content: Mutex<StoredContent>,
     pub(crate) limits: Limits,
-    /// One permit for each page that may connect still.
-    places: Arc<Semaphore>,
+    places: Arc<Places>,
     clients: AtomicUsize,
     /// A page has drawn.
     drawn: AtomicBool,
@@ -154,10 +154,20 @@ struct StoredContent {
 }
 
 impl Shared {
+    /// A place for a page of this role and right.
+    fn place(&self, role: Role, right: Right) -> Result<Place, usize> {
+        let seat = match role {
+            Role::Participant if right == Right::Act => Seat::Driving,
+            Role::Experimenter if right == Right::Act => Seat::Conducting,
+            _ => Seat::Watching,
+        };
+        let driver = self.input_arbiter().driver().1.map(|(driver, _)| driver);
+        self.places.enter(self.next_client.fetch_add(1, Ordering::Relaxed), seat, driver)
+    }
+
     /// Counts a connection in.
-    pub(crate) fn enter(&self) -> ClientId {
+    pub(crate) fn enter(&self) {
         self.clients.fetch_add(1, Ordering::Relaxed);
-        self.next_client.fetch_add(1, Ordering::Relaxed)
     }
 
     /// Counts a connection out; if it drove, the arm stops.
@@ -245,7 +255,7 @@ impl PageServer {
             input_arbiter: Mutex::default(),
             content: Mutex::new(store(&page)?),
             limits: options.limits,
-            places: Arc::new(Semaphore::new(MAX_CLIENTS)),
+            places: Places::new(SEATS),
             clients: AtomicUsize::new(0),
             drawn: AtomicBool::new(false),
             gaze_requests: Default::default(),
@@ -346,7 +356,7 @@ impl PageServer {
     /// How the tracking sources stand now, for the page of tracking.
     pub fn set_tracking(&self, reports: &[TrackingReport]) {
         // Numbers that are not finite are written as null: nothing here fails.
-        if let Ok(text) = serde_json::to_vec(reports) {
+        if let Ok(text) = proact_types::to_json(reports) {
             *self.shared.tracking() = text.into();
         }
     }
@@ -356,9 +366,10 @@ impl PageServer {
         self.shared.input_arbiter().drain()
     }
 
-    /// Whether the client in control said anything since the last call, if only that it is there.
-    pub fn take_heard(&self) -> bool {
-        self.shared.input_arbiter().take_heard()
+    /// What the page in control said of its gesture since the last call, if only that it still holds it. Over a line with a longer
+    /// round trip than `delay_limit`, nothing that it says moves the arm, and the page warns.
+    pub fn take_heard(&self, delay_limit: Option<Duration>) -> Option<Heard> {
+        self.shared.input_arbiter().take_heard(Instant::now(), delay_limit)
     }
 
     /// Shows another arm, scene or trial from now on; open pages fetch it by themselves.
@@ -416,7 +427,7 @@ fn store(page: &PageContent) -> Result<StoredContent, BridgeError> {
         return refuse(format!("a target is for object {}, the scene has {objects}", target.object.0));
     }
     let json =
-        serde_json::to_string(page).map_err(|error| BridgeError::Content { what: error.to_string() })?;
+        proact_types::to_json(page).map_err(|error| BridgeError::Content { what: error.to_string() })?;
     let studio = Arc::new(Studio::new(&page.arm, &page.scene));
     let methods = page.methods.iter().map(|method| method.name.clone()).collect();
     let meshes = meshes::by_id(&page.meshes);
@@ -488,17 +499,17 @@ async fn connect(
     upgrade: WebSocketUpgrade,
 ) -> Response {
     // Taken here and not when the page begins to talk: a crowd must not slip in between.
-    let Ok(place) = Arc::clone(&shared.places).try_acquire_owned() else {
-        return (StatusCode::SERVICE_UNAVAILABLE, format!("{MAX_CLIENTS} pages are connected already\n"))
-            .into_response();
+    let place = match shared.place(connection.role, right) {
+        Ok(place) => place,
+        Err(most) => {
+            return (StatusCode::SERVICE_UNAVAILABLE, format!("{most} pages watch already\n"))
+                .into_response();
+        }
     };
     upgrade
         .max_message_size(live::MAX_MESSAGE_BYTES)
         .max_frame_size(live::MAX_MESSAGE_BYTES)
         // Written at once, or the "latest" frame would wait behind older ones.
         .write_buffer_size(0)
-        .on_upgrade(async move |socket| {
-            live::serve(socket, shared, connection.role, right).await;
-            drop(place);
-        })
+        .on_upgrade(async move |socket| live::serve(socket, shared, connection.role, right, place).await)
 }

@@ -20,7 +20,9 @@ pub struct TrialStatus {
     pub offers: Vec<AfterTrial>,
     /// Results of this trial, once it is over, and of those before it, the newest first.
     pub results: Vec<ResultCard>,
-    /// Seed of the trial.
+    /// Seed of the trial, as text: JavaScript has no whole numbers above 2^53.
+    #[serde(serialize_with = "crate::encoding::as_text")]
+    #[cfg_attr(feature = "ts", ts(type = "string"))]
     pub seed: u64,
     /// Where it is recorded; none if it is not.
     pub record: Option<String>,
@@ -198,6 +200,7 @@ pub struct LatencyRow {
     /// Which.
     pub stage: LatencyStage,
     /// How often it was measured.
+    #[cfg_attr(feature = "ts", ts(type = "number"))]
     pub count: u64,
     /// Milliseconds.
     pub median_ms: f64,
@@ -235,6 +238,7 @@ pub struct Signals {
     /// What gaze and task say; none for methods that do not go by the gaze, and while there is nothing to mean.
     pub intent: Option<Intent>,
     /// Milliseconds since the last valid gaze; none if there was none yet.
+    #[cfg_attr(feature = "ts", ts(type = "number | null"))]
     pub gaze_age_ms: Option<u64>,
     /// Gaze samples a second.
     pub gaze_hz: f64,

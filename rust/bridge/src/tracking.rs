@@ -76,6 +76,7 @@ pub struct TrackingReport {
     /// Noise of places, standard deviation of one axis, m; none before there are enough.
     pub noise_m: Option<f64>,
     /// Messages that could not be read.
+    #[cfg_attr(feature = "ts", ts(type = "number"))]
     pub malformed: u64,
     /// The newest pose that can be used: `tracking_from_body`, metres with z up.
     #[cfg_attr(feature = "ts", ts(as = "Option<proact_types::typescript::Pose>"))]

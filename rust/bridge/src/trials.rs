@@ -29,7 +29,9 @@ pub struct RecordedTrial {
     pub method: String,
     /// Set-up.
     pub setup: String,
-    /// Seed; a bag has none.
+    /// Seed, as text: JavaScript has no whole numbers above 2^53. A bag has none.
+    #[serde(serialize_with = "crate::encoding::as_text")]
+    #[cfg_attr(feature = "ts", ts(type = "string | null"))]
     pub seed: Option<u64>,
     /// Length, simulated seconds.
     pub seconds: f64,
@@ -57,7 +59,9 @@ pub struct TrialSummary {
     pub method: String,
     /// Set-up.
     pub setup: String,
-    /// Seed; a bag has none.
+    /// Seed, as text: JavaScript has no whole numbers above 2^53. A bag has none.
+    #[serde(serialize_with = "crate::encoding::as_text")]
+    #[cfg_attr(feature = "ts", ts(type = "string | null"))]
     pub seed: Option<u64>,
     /// Length, simulated seconds.
     pub seconds: f64,
@@ -128,7 +132,7 @@ impl StoredTrials {
     pub(crate) fn new(library: Arc<dyn TrialLibrary>) -> Result<Self, BridgeError> {
         let list = library.list();
         let json =
-            serde_json::to_vec(&list).map_err(|error| BridgeError::Content { what: error.to_string() })?;
+            proact_types::to_json(&list).map_err(|error| BridgeError::Content { what: error.to_string() })?;
         Ok(Self {
             count: list.len(),
             list: json.into(),
@@ -153,8 +157,8 @@ impl StoredTrials {
         // It holds the lock itself: a page that asks and goes away does not let the next one begin beside it.
         let make = move || {
             let trial = library.trial(number)?;
-            let plain = serde_json::to_vec(&trial).map_err(|error| error.to_string())?;
-            let small = gzip(&plain).map_err(|error| error.to_string())?.into();
+            let plain = proact_types::to_json(&trial).map_err(|error| error.to_string())?;
+            let small = gzip(plain.as_bytes()).map_err(|error| error.to_string())?.into();
             let written = Written { plain: plain.into(), small };
             let own = meshes::by_id(&trial.content.meshes);
             meshes.lock().unwrap_or_else(PoisonError::into_inner).extend(own);

@@ -412,7 +412,7 @@ fn recorded(name: &str) -> RecordedTrial {
         name: name.into(),
         method: "D".into(),
         setup: "still".into(),
-        seed: Some(1),
+        seed: Some(u64::MAX),
         seconds: 2.0,
         score: 1,
         content: content(false),
@@ -428,10 +428,11 @@ async fn recorded_trials_are_listed_and_served_by_number() {
     let server = start(false);
     assert!(get(&server, "/api/trials").await.ends_with("[]"));
     server.set_trials(Arc::new(vec![recorded("D-still-seed1")])).unwrap();
-    assert!(get(&server, "/api/trials").await.contains(r#""name":"D-still-seed1""#));
+    let list = get(&server, "/api/trials").await;
+    assert!(list.contains(r#""name":"D-still-seed1""#) && list.contains(r#""seed":"18446744073709551615""#), "{list}");
     let answer = get(&server, "/api/trials/0").await;
     let json: Value = serde_json::from_str(answer.split("\r\n\r\n").nth(1).unwrap()).unwrap();
-    assert_eq!(json["frames"][1]["time"], 50);
+    assert_eq!((&json["frames"][1]["time"], &json["seed"]), (&50.into(), &u64::MAX.to_string().into()));
     let missing = get(&server, "/api/trials/1").await;
     assert!(missing.starts_with("HTTP/1.1 404") && missing.contains("below 1"), "{missing}");
     assert!(get(&server, "/report").await.starts_with("HTTP/1.1 404"));

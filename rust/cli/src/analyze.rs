@@ -8,7 +8,7 @@ use crate::{
 use clap::Args;
 use proact_app::{
     analysis::{self, ReportLibrary, ReportOptions},
-    answer, intent_scores, tell,
+    answer, answer_json, intent_scores, tell,
 };
 use proact_bridge::{PageOptions, PageServer, TrialLibrary};
 use proact_control::MethodRegistry;
@@ -95,7 +95,7 @@ fn report(methods: &MethodRegistry, args: &AnalyzeArgs) -> Result<(), Box<dyn Er
         let object = json!({
             "tables": written.tables, "figures": written.figures, "report": written.page, "notes": written.notes,
         });
-        return Ok(answer(object.to_string())?);
+        return Ok(answer_json(&object)?);
     }
     written.notes.iter().for_each(tell);
     answer(format_args!(
@@ -140,7 +140,7 @@ fn intent(methods: &MethodRegistry, args: &AnalyzeArgs) -> Result<bool, Box<dyn 
     })?;
     bar.finish_and_clear();
     if args.json {
-        answer(serde_json::to_string(&report)?)?;
+        answer_json(&report)?;
     } else {
         answer(report.to_string().trim_end())?;
     }

@@ -8,7 +8,7 @@ use clap::{
     builder::{PossibleValue, PossibleValuesParser},
 };
 use proact_app::query::{self, QueryOptions};
-use proact_app::{Registry, answer, libraries::library_versions, tell};
+use proact_app::{Registry, answer, answer_json, libraries::library_versions, tell};
 use proact_bench::PlanningBench;
 use proact_types::MethodInfo;
 use std::{
@@ -284,7 +284,7 @@ fn act(registry: &Registry, command: Command) -> Result<bool, Box<dyn Error>> {
                 std::fs::write(folder.join(&chart.name).with_extension("svg"), &chart.svg)?;
             }
             if args.json {
-                answer(serde_json::to_string(&report)?)?;
+                answer_json(&report)?;
             } else {
                 answer(report.to_string().trim_end())?;
             }

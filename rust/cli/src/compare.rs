@@ -9,10 +9,11 @@ use clap::Args;
 use proact_app::{
     Registry,
     analysis::{self, ReportOptions, leader_board},
-    answer,
+    answer, answer_json,
     batch::{Batch, ConditionSummary, MethodsBatch, NO_EVIDENCE, Sweep},
     tell,
 };
+use proact_types::Number;
 use serde_json::{Value, json};
 use std::error::Error;
 
@@ -73,14 +74,22 @@ pub(crate) fn command(registry: &Registry, args: CompareArgs) -> Result<bool, Bo
                 dir.display()
             );
             let object = json!({ "shard": shard.to_string(), "trials": trials, "out": dir, "merged": false, "note": NO_EVIDENCE });
-            answer(if args.json { object.to_string() } else { text })?;
+            if args.json {
+                answer_json(&object)?;
+            } else {
+                answer(text)?;
+            }
             return Ok(true);
         }
         BatchOutcome::Submitted(script, number) => {
             let object = json!({ "script": script, "job": number, "note": NO_EVIDENCE });
             let text =
                 format!("job {number} of Slurm, by {}; its last task writes the report", script.display());
-            answer(if args.json { object.to_string() } else { text })?;
+            if args.json {
+                answer_json(&object)?;
+            } else {
+                answer(text)?;
+            }
             return Ok(true);
         }
         // With a folder nothing is only summed up.
@@ -109,12 +118,14 @@ pub(crate) fn command(registry: &Registry, args: CompareArgs) -> Result<bool, Bo
             .collect();
         let object = json!({ "leaders": leaders, "failed": failed, "out": dir, "report": written.page, "tables": written.tables,
             "figures": written.figures, "notes": written.notes, "lines": merged.lines, "note": NO_EVIDENCE });
-        answer(object.to_string())?;
+        answer_json(&object)?;
         return Ok(all_counted);
     }
     answer("     method      mean  [95 % interval]    sd   all   none  better than the next")?;
     for leader in &leaders {
-        let interval = leader.interval.map_or_else(String::new, |i| format!("[{:.2}, {:.2}]", i.low, i.high));
+        let interval = leader
+            .interval
+            .map_or_else(String::new, |i| format!("[{:.2}, {:.2}]", Number(i.low), Number(i.high)));
         let sd = leader.scores.sd.map_or_else(|| "-".to_owned(), |sd| format!("{sd:.2}"));
         let next = leader.over_next.as_ref().map_or_else(String::new, |next| next.to_string());
         answer(format_args!(

@@ -10,7 +10,7 @@ use crate::{
 };
 use clap::Args;
 use proact_app::{
-    Arm, Audience, CardTally, Recorder, Registry, ResultCards, Rosbridge, TrackedShoulder, answer,
+    Arm, Audience, CardTally, Recorder, Registry, ResultCards, Rosbridge, TrackedShoulder, answer_json,
     default_dir, page_content, run_to_end, tell, tell_faults,
     trial::{self, Assembly},
 };
@@ -312,7 +312,7 @@ impl Shown {
         }
         tell_faults(&result);
         if how.json {
-            answer(serde_json::to_string(&result)?)?;
+            answer_json(&result)?;
         } else {
             print_result(&result)?;
         }

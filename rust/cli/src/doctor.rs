@@ -83,8 +83,7 @@ fn write_json(out: &mut impl Write, checks: &[Check], healthy: bool) -> io::Resu
         checks: &'a [Check],
     }
     let report = Report { version: env!("CARGO_PKG_VERSION"), ok: healthy, checks };
-    serde_json::to_writer(&mut *out, &report)?;
-    writeln!(out)
+    writeln!(out, "{}", proact_types::to_json(&report)?)
 }
 
 #[cfg(test)]

@@ -23,7 +23,7 @@ use proact_devices::{
     DeviceError, Recording, Recordings, SampleFile, SourceRegistry, evaluate, read_samples,
 };
 use proact_emg::{DriveScore, EmgConfig, FeatureVector};
-use proact_types::GestureName;
+use proact_types::{GestureName, Number};
 use std::{
     error::Error,
     io::{self, Write},
@@ -154,7 +154,7 @@ fn evaluation(args: &EvaluateArgs, json: bool) -> Result<String, Box<dyn Error>>
     let config = args.window.config(recordings.rate_hz, recordings.channels, &recordings.imu)?;
     let result = evaluate(&recordings, &args.train_reps, &args.test_reps, &config)?;
     if json {
-        return Ok(serde_json::to_string(&result)? + "\n");
+        return Ok(proact_types::to_json(&result)? + "\n");
     }
     let mut text = format!(
         "accuracy {:.2} % ({} of {} windows)\nactive error {:.2} %, instability {:.3}, precision {:.3}, recall {:.3}, F1 {:.3}\n\
@@ -169,7 +169,7 @@ fn evaluation(args: &EvaluateArgs, json: bool) -> Result<String, Box<dyn Error>>
         result.metrics.f1,
     );
     for DriveScore { drive, r2, mean_absolute_error } in &result.drives {
-        text += &format!("{drive:<32} R2 {r2:.3}, mean absolute error {mean_absolute_error:.3}\n");
+        text += &format!("{drive:<32} R2 {:.3}, mean absolute error {mean_absolute_error:.3}\n", Number(*r2));
     }
     for (gesture, row) in result.classes.iter().zip(&result.confusion) {
         let counts: String = row.iter().map(|count| format!("{count:>6}")).collect();
@@ -213,7 +213,7 @@ fn features(args: &FeaturesArgs, json: bool) -> Result<String, Box<dyn Error>> {
         text += &(names.join(",") + "\n");
     }
     for window in &windows {
-        text += &(window.iter().map(f64::to_string).collect::<Vec<_>>().join(",") + "\n");
+        text += &(window.iter().map(|value| Number(*value).to_string()).collect::<Vec<_>>().join(",") + "\n");
     }
     Ok(text)
 }

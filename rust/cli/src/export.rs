@@ -1,5 +1,5 @@
 use clap::Args;
-use proact_app::{answer, export_xdf};
+use proact_app::{answer, answer_json, export_xdf};
 use proact_control::MethodRegistry;
 use std::{error::Error, path::PathBuf};
 
@@ -24,7 +24,7 @@ pub(crate) struct ExportArgs {
 pub(crate) fn command(methods: &MethodRegistry, args: &ExportArgs) -> Result<bool, Box<dyn Error>> {
     let exported = export_xdf(methods, &args.trial, &args.xdf)?;
     if args.json {
-        answer(serde_json::to_string(&exported)?)?;
+        answer_json(&exported)?;
         return Ok(true);
     }
     for stream in &exported.streams {

@@ -4,7 +4,7 @@ use crate::{interrupt::interrupt_flag, trial_args::TrialArgs};
 use clap::{Args, Subcommand};
 use proact_app::{
     CALIBRATIONS_DIR, Calibrated, Calibrations, HEAD_BODY, MarkedHeadset, MocapAxes, PoseLog, ReachMap,
-    RecordedBodies, Registry, SavedCalibration, answer, recorded_poses, tell,
+    RecordedBodies, Registry, SavedCalibration, answer, answer_json, recorded_poses, tell,
 };
 use proact_devices::{
     SourceName,
@@ -13,6 +13,7 @@ use proact_devices::{
 use proact_localization::{
     CalibrationOptions, PlacementProfile, ShoulderCalibration, ShoulderOptions, calibrate, calibrate_shoulder,
 };
+use proact_types::Number;
 use serde_json::{Value, json};
 use std::{
     error::Error,
@@ -268,9 +269,9 @@ fn shoulder(args: &ShoulderArgs, json: bool) -> Result<bool, Box<dyn Error>> {
         "{} samples, moved by {:.1} mm; the shoulder is at {:.3}, {:.3}, {:.3} m in world, the box {:.2} m ahead of it{}",
         found.samples,
         1e3 * found.moved_m,
-        place.x,
-        place.y,
-        place.z,
+        Number(place.x),
+        Number(place.y),
+        Number(place.z),
         found.placement.box_ahead_m,
         found.center.map_or(String::new(), |fit| format!(
             "; centre of the circles {:.0} mm from the brace's origin, residual {:.1} mm",
@@ -339,7 +340,7 @@ fn correct(args: &FolderArgs, json: bool) -> Result<bool, Box<dyn Error>> {
         );
     };
     let words = |correction: &[f64; 3]| {
-        let [ahead, left, up] = correction.map(|metres| 1e3 * metres);
+        let [ahead, left, up] = correction.map(|metres| Number(1e3 * metres));
         format!("the box is moved by {ahead:.0} mm ahead, {left:.0} mm left, {up:.0} mm up in all")
     };
     'lines: for line in std::io::stdin().lines() {
@@ -388,7 +389,7 @@ fn reach(registry: &Registry, args: &ReachArgs, json: bool) -> Result<bool, Box<
 
 fn tell_or_answer(json: bool, object: &Value, text: &str) -> Result<(), Box<dyn Error>> {
     if json {
-        answer(object.to_string())?
+        answer_json(object)?
     } else {
         answer(text)?
     }

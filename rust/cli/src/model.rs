@@ -2,12 +2,13 @@
 
 use crate::model_size::{self, SizeArgs};
 use clap::{Args, Subcommand};
-use proact_app::{answer, compare::compare};
+use proact_app::{answer, answer_json, compare::compare};
 use proact_arm::{Grasp, Pinch, PinchError, find_pinch};
 use proact_description::{
     ArmFolder, DescriptionError, Imported, Report, check, collect_meshes, import, parse, parse_urdf,
     read_text, settings_text, to_urdf, with_pinch,
 };
+use proact_types::Number;
 use serde_json::json;
 use std::{
     error::Error,
@@ -144,7 +145,7 @@ fn run_check(args: &CheckArgs, json: bool) -> Result<bool, Box<dyn Error>> {
         if let Some(compared) = &compared {
             object["comparison"] = serde_json::to_value(compared)?;
         }
-        answer(&object)?;
+        answer_json(&object)?;
     } else {
         answer(&report)?;
         if let Some(compared) = &compared {
@@ -169,7 +170,7 @@ fn run_import(args: &ImportArgs, json: bool) -> Result<bool, Box<dyn Error>> {
                 object["srdf"] = json!(files[1]);
                 object["settings"] = json!(files[2]);
                 object["missing_meshes"] = json!(missing);
-                answer(&object)?;
+                answer_json(&object)?;
             } else {
                 answer(format_args!("{}", imported.report))?;
                 for address in missing {
@@ -212,7 +213,7 @@ fn run_grasps(args: &GraspsArgs, json: bool) -> Result<bool, Box<dyn Error>> {
         Ok(pinch) => pinch,
         Err(error @ PinchError::NotFound { .. }) => {
             if json {
-                answer(json!({ "found": false, "reason": error.to_string() }))?
+                answer_json(&json!({ "found": false, "reason": error.to_string() }))?
             } else {
                 answer(&error)?
             }
@@ -230,7 +231,7 @@ fn run_grasps(args: &GraspsArgs, json: bool) -> Result<bool, Box<dyn Error>> {
             .map_err(|error| format!("cannot write {}: {error}", path.display()))?;
     }
     if json {
-        answer(json!({
+        answer_json(&json!({
             "found": true, "width_m": args.width / 1e3, "friction": args.friction, "digits": pinch.digits,
             "angle_rad": pinch.angle, "cone_rad": pinch.cone, "gap_closed_m": pinch.gaps[0],
             "gap_open_m": pinch.gaps[1], "table_air_m": pinch.table_air, "reach_m": pinch.reach,
@@ -239,12 +240,12 @@ fn run_grasps(args: &GraspsArgs, json: bool) -> Result<bool, Box<dyn Error>> {
     } else {
         answer(note(&pinch, args))?;
         let Grasp { centre, roll, roll_range, lean, .. } = &pinch.grasp;
-        let degrees = f64::to_degrees;
+        let degrees = |rad: f64| Number(rad.to_degrees());
         answer(format_args!(
             "centre {:.1} {:.1} {:.1} mm in the tip's frame; roll {:.0} degrees ({:.0} to {:.0}), lean up to {:.0}",
-            1e3 * centre.x,
-            1e3 * centre.y,
-            1e3 * centre.z,
+            Number(1e3 * centre.x),
+            Number(1e3 * centre.y),
+            Number(1e3 * centre.z),
             degrees(*roll),
             degrees(roll_range[0]),
             degrees(roll_range[1]),
@@ -279,7 +280,7 @@ fn note(pinch: &Pinch, args: &GraspsArgs) -> String {
 }
 
 fn print_json(report: &Report) -> Result<(), Box<dyn Error>> {
-    Ok(answer(serde_json::to_string(report)?)?)
+    Ok(answer_json(report)?)
 }
 
 /// Writes the arm's folder: descriptions, settings and meshes; what was written, and the meshes that were not found. The

@@ -108,7 +108,7 @@ pub(crate) fn command(registry: &Registry, args: &NodeArgs) -> Result<bool, Box<
         NodeName::Sim => nodes::sim(&arm, config)?,
         NodeName::Testbed => {
             let result = nodes::testbed(&registry.methods, &arm, config, args.live)?;
-            proact_app::answer(serde_json::to_string(&result)?)?;
+            proact_app::answer_json(&result)?;
         }
         NodeName::Emg => nodes::emg(config, trained.as_ref(), armband)?,
         NodeName::Intent => nodes::intent(&registry.methods, &arm, &config)?,
@@ -116,7 +116,7 @@ pub(crate) fn command(registry: &Registry, args: &NodeArgs) -> Result<bool, Box<
         NodeName::Task => nodes::task(&arm, config)?,
         NodeName::Participant => nodes::participant(&registry.methods, &arm, &config)?,
         NodeName::Rosbridge => args.rosbridge.relay()?,
-        NodeName::Meter => proact_app::answer(serde_json::to_string(&nodes::meter()?)?)?,
+        NodeName::Meter => proact_app::answer_json(&nodes::meter()?)?,
     }
     Ok(true)
 }

@@ -3,7 +3,7 @@
 use crate::{batch_args::processors, interrupt::interrupt_flag, progress::bar, study::worker_command};
 use clap::{Args, Subcommand};
 use proact_app::{
-    Registry, answer,
+    Registry, answer, answer_json,
     batch::NO_EVIDENCE,
     fit::{
         FITTED, FitOptions, FitTarget, MethodPrediction, PARAMETERS, StudyPrediction, StudyScores, fit,
@@ -13,6 +13,7 @@ use proact_app::{
     tell, write_whole,
 };
 use proact_participants::Population;
+use proact_types::Number;
 use serde_json::json;
 use std::{error::Error, fs, path::PathBuf};
 
@@ -115,7 +116,7 @@ fn fit_people(registry: &Registry, args: &FitArgs) -> Result<bool, Box<dyn Error
             values.map(|(own, value)| (own.name.to_owned(), json!(value))).collect();
         let object = json!({ "values": values, "counts": fitted.counts, "distance": fitted.distance,
             "evaluations": fitted.evaluations, "population": path, "note": NO_EVIDENCE });
-        answer(object.to_string())?;
+        answer_json(&object)?;
         return Ok(true);
     }
     for (own, value) in values {
@@ -183,7 +184,7 @@ fn predict_paper(registry: &Registry, args: &PredictArgs) -> Result<bool, Box<dy
             .iter()
             .map(|(chain, seeds, prediction)| json!({ "chain": chain, "seeds": seeds, "prediction": prediction }))
             .collect();
-        answer(json!({ "participants": people, "predictions": tables, "note": NO_EVIDENCE }).to_string())?;
+        answer_json(&json!({ "participants": people, "predictions": tables, "note": NO_EVIDENCE }))?;
         return Ok(true);
     }
     for (chain, seeds, prediction) in &predicted {
@@ -205,7 +206,7 @@ fn table(prediction: &StudyPrediction) -> String {
             "| {method} | {role} | {trials} | {:.2} ({:.2}) | {:+.2} | {:.2} ({:.2}) | {} to {} ({} to {}) | {} | {} | {:.2} to {:.2} |\n",
             mean[0],
             mean[1],
-            mean[0] - mean[1],
+            Number(mean[0] - mean[1]),
             sd[0],
             sd[1],
             min[0],

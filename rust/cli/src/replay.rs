@@ -1,6 +1,6 @@
 use crate::replay_page;
 use clap::Args;
-use proact_app::{Replanned, ReplayOptions, answer, counterfactual, replay_trial, tell};
+use proact_app::{Replanned, ReplayOptions, answer, answer_json, counterfactual, replay_trial, tell};
 use proact_control::MethodRegistry;
 use proact_testbed::Divergence;
 use std::{
@@ -70,7 +70,7 @@ pub(crate) fn command(methods: &MethodRegistry, args: &ReplayArgs) -> Result<boo
         if !replayed.finished {
             tell(interrupted);
         }
-        answer(serde_json::to_string(&replayed)?)?;
+        answer_json(&replayed)?;
         return Ok(replayed.agrees);
     }
     match &replayed.divergence {
@@ -103,7 +103,7 @@ pub(crate) fn command(methods: &MethodRegistry, args: &ReplayArgs) -> Result<boo
 fn other_values(methods: &MethodRegistry, dir: &Path, args: &ReplayArgs) -> Result<(), Box<dyn Error>> {
     let found = counterfactual(methods, dir, &args.other, args.other_versions)?;
     if args.json {
-        return Ok(answer(serde_json::to_string(&found)?)?);
+        return Ok(answer_json(&found)?);
     }
     match found.seen_from_s {
         None => answer(format_args!("the person would have seen the same in all {:.3} s", found.seconds))?,

@@ -8,10 +8,11 @@ use clap::Args;
 use proact_app::{
     Registry,
     analysis::{SweepReport, sweep_report},
-    answer,
+    answer, answer_json,
     batch::{Batch, BatchFolder, ConditionSummary, Merged, MethodsBatch, NO_EVIDENCE, Sweep, merge},
     study::Study,
 };
+use proact_types::Number;
 use serde_json::{Map, Value, json};
 use std::{
     error::Error,
@@ -97,7 +98,11 @@ pub(crate) fn command(registry: &Registry, args: &SimulateArgs) -> Result<bool, 
                 dir.display()
             );
             let object = json!({ "shard": shard.to_string(), "trials": trials, "out": dir, "merged": false, "note": NO_EVIDENCE });
-            answer(if args.json { object.to_string() } else { text })?;
+            if args.json {
+                answer_json(&object)?;
+            } else {
+                answer(text)?;
+            }
             Ok(true)
         }
         BatchOutcome::Submitted(script, number) => {
@@ -106,7 +111,11 @@ pub(crate) fn command(registry: &Registry, args: &SimulateArgs) -> Result<bool, 
                 "job {number} of Slurm, by {}; squeue --job {number} tells how far it is",
                 script.display()
             );
-            answer(if args.json { object.to_string() } else { text })?;
+            if args.json {
+                answer_json(&object)?;
+            } else {
+                answer(text)?;
+            }
             Ok(true)
         }
         BatchOutcome::Interrupted(dir) => {
@@ -179,7 +188,7 @@ fn told(
         if let (Some(object), Value::Object(more)) = (object.as_object_mut(), more) {
             object.extend(more);
         }
-        answer(object.to_string())?;
+        answer_json(&object)?;
         return Ok(all_counted);
     }
     answer("         mean    sd   min median   max  trials")?;
@@ -192,10 +201,10 @@ fn told(
         let sd = scores.sd.map_or("    -".to_owned(), |sd| format!("{sd:5.2}"));
         answer(format_args!(
             "{condition:6} {:6.2} {sd} {:5.1} {:6.1} {:5.1} {:7}  {score_name}{}",
-            scores.mean,
-            scores.min,
-            scores.median,
-            scores.max,
+            Number(scores.mean),
+            Number(scores.min),
+            Number(scores.median),
+            Number(scores.max),
             scores.trials,
             if *failed > 0 { format!("; {failed} more trials failed") } else { String::new() }
         ))?;

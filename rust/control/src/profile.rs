@@ -261,6 +261,9 @@ pub struct DeadManProfile {
     /// Of the last word of the page or topic that commands gestures.
     #[serde(default = "DeadManProfile::default_link_ms")]
     pub link_ms: u64,
+    /// Of what a page says when it arrives: the round trip of its line.
+    #[serde(default = "DeadManProfile::default_delay_ms")]
+    pub delay_ms: u64,
     /// Of the last gaze that differed from the one before; methods C and D only.
     pub gaze_ms: u64,
     /// Of the last pose of a shoulder, or posture of a limb, that differed from the one before.
@@ -271,6 +274,11 @@ impl DeadManProfile {
     /// With the last sign of life 50 ms before the first that is missing, and the arm's own stop, within 250 ms.
     fn default_link_ms() -> u64 {
         200
+    }
+
+    /// As long as the arm may go on after a source falls silent. A local network takes less than 50 ms.
+    fn default_delay_ms() -> u64 {
+        250
     }
 }
 
@@ -365,6 +373,7 @@ impl Profile {
             for (key, got) in [
                 ("dead_man.emg_ms", ages.emg_ms),
                 ("dead_man.link_ms", ages.link_ms),
+                ("dead_man.delay_ms", ages.delay_ms),
                 ("dead_man.gaze_ms", ages.gaze_ms),
                 ("dead_man.tracking_ms", ages.tracking_ms),
             ] {

@@ -14,8 +14,8 @@ const MOVING: u32 = 2;
 /// what is certain stops the arm: a link that was closed, and an armband of which the EMG stage says that it died.
 ///
 /// - An armband is dead when the EMG stage says so, or when no decision came for `emg_ms`.
-/// - The source that commands gestures, a page or a topic, is dead after `link_ms` without a word. A page may be
-///   silent while no gesture is held; a topic may not.
+/// - The source that commands gestures, a page or a topic, is dead after `link_ms` without a word, and while what it says is older
+///   than `delay_ms`. A page may be silent while no gesture is held; a topic may not. Gaze is no word.
 /// - An eye tracker is dead when no new gaze came for `gaze_ms`, for methods that use gaze; its gaze is of no use, and stops the
 ///   arm of such a method at once, while an intent model in another process gives nothing.
 /// - A tracked shoulder or limb that has moved is dead when it has not moved for `tracking_ms`.
@@ -68,6 +68,8 @@ struct Heard {
     /// Values that differed from those before, the first included.
     moves: u32,
     closed: bool,
+    /// What it said last was too old.
+    delayed: bool,
 }
 
 impl SourceWatch {
@@ -101,10 +103,13 @@ impl SourceWatch {
                 }
                 heard.commanded = Some(now);
             }
-            SignKind::Alive | SignKind::Points => {
+            SignKind::Alive | SignKind::Delayed => {
                 heard.alive = Some(now);
                 heard.closed = false;
+                heard.delayed = kind == SignKind::Delayed;
             }
+            // Gaze keeps no gesture alive.
+            SignKind::Points => {}
             SignKind::Fresh => {
                 // An armband that decides takes over from whoever commanded before.
                 if source == InputSource::Armband {
@@ -208,8 +213,15 @@ impl SourceWatch {
                 InputSource::Armband => self.dead_armband(now),
                 InputSource::GestureTopic | InputSource::Page => {
                     let cause = self.dead_link(now, source, gesture)?;
-                    let how = if cause == StopCause::Closed { "was closed" } else { "is silent" };
-                    Some((cause, format!("the {source} {how}")))
+                    let delay = self.limits.map_or(0, |limits| limits.delay_ms);
+                    Some(match cause {
+                        StopCause::Closed => (cause, format!("the {source} was closed")),
+                        StopCause::Delayed => (
+                            cause,
+                            format!("the connection of the {source} is delayed by more than {delay} ms"),
+                        ),
+                        _ => (cause, format!("the {source} is silent")),
+                    })
                 }
                 InputSource::EyeTracker => self.dead_eye_tracker(now),
                 InputSource::ShoulderTracker | InputSource::LimbTracker => {
@@ -252,6 +264,9 @@ impl SourceWatch {
         // Once silent it is dead until it says something, whatever became of the gesture.
         let stopped = self.stop.as_ref().is_some_and(|stop| stop.source == source && !self.returned);
         let speaks = source == InputSource::GestureTopic || gesture != Gesture::NoMotion || stopped;
+        if speaks && heard.delayed {
+            return Some(StopCause::Delayed);
+        }
         (speaks && now.millis_since(alive) > limit).then_some(StopCause::Silent)
     }
 
@@ -293,10 +308,10 @@ mod tests {
     use super::*;
     use Gesture::{NoMotion, WristExtension};
     use InputSource::{Armband, EyeTracker, GestureTopic, LimbTracker, Page, ShoulderTracker, Stage};
-    use SignKind::{Alive, Closed, Commands, Fresh, Repeated};
+    use SignKind::{Alive, Closed, Commands, Delayed, Fresh, Points, Repeated};
 
     const LIMITS: DeadManProfile =
-        DeadManProfile { emg_ms: 300, link_ms: 200, gaze_ms: 1000, tracking_ms: 200 };
+        DeadManProfile { emg_ms: 300, link_ms: 200, delay_ms: 250, gaze_ms: 1000, tracking_ms: 200 };
 
     const ALL: UsedSources = UsedSources { gaze: true, limb: true };
     const NONE: UsedSources = UsedSources { gaze: false, limb: false };
@@ -339,6 +354,48 @@ mod tests {
         }
         assert_eq!(run(&mut watch, 1510, 1511, NoMotion), [(1511, EventKind::Rearmed)]);
         assert_eq!(watch.stop(), None);
+    }
+
+    /// A mouse that moved kept a gesture in force whose key nobody vouched for.
+    #[test]
+    fn gaze_keeps_no_gesture_alive() {
+        let mut watch = watch();
+        for kind in [Commands, Alive] {
+            watch.hear(SimTime(10), Page, kind);
+        }
+        let gazes = (11..=1000).flat_map(|t| {
+            watch.hear(SimTime(t), Page, Points);
+            Some((t, watch.step(SimTime(t), WristExtension)?))
+        });
+        assert_eq!(stopped(&gazes.collect::<Vec<_>>()), [(211, Page, StopCause::Silent)]);
+    }
+
+    /// Over a line with a constant delay the arm moved as if there were none.
+    #[test]
+    fn a_page_whose_line_is_delayed_moves_nothing_until_it_is_not_and_the_hand_relaxed() {
+        let mut watch = watch();
+        for kind in [Commands, Delayed] {
+            watch.hear(SimTime(10), Page, kind);
+        }
+        assert_eq!(stopped(&run(&mut watch, 9, 12, WristExtension)), [(10, Page, StopCause::Delayed)]);
+        let reason = watch.stop().map(|stop| stop.reason.clone());
+        assert_eq!(reason.as_deref(), Some("the connection of the page is delayed by more than 250 ms"));
+        for kind in [Commands, Delayed] {
+            watch.hear(SimTime(20), Page, kind);
+        }
+        assert_eq!(run(&mut watch, 12, 900, NoMotion), [], "the key is up, and the line as slow");
+        watch.hear(SimTime(901), Page, Alive);
+        assert_eq!(run(&mut watch, 900, 901, NoMotion), [(901, EventKind::Rearmed)]);
+        // In the middle of a movement.
+        for kind in [Commands, Alive] {
+            watch.hear(SimTime(1000), Page, kind);
+        }
+        assert_eq!(run(&mut watch, 999, 1010, WristExtension), []);
+        watch.hear(SimTime(1011), Page, Delayed);
+        let events = run(&mut watch, 1010, 1020, WristExtension);
+        assert_eq!(stopped(&events), [(1011, Page, StopCause::Delayed)]);
+        watch.hear(SimTime(1021), Page, Alive);
+        assert_eq!(run(&mut watch, 1020, 1100, WristExtension), [], "the key is still down");
     }
 
     #[test]

@@ -33,6 +33,7 @@ fn unknown_names_keys_and_numbers_out_of_range_are_refused_by_name() {
         ("acceleration_rad_per_s2 = 4.0", "acceleration_rad_per_s2 = nan", "acceleration_rad_per_s2 = NaN"),
         ("damping = 0.05", "damping = -1.0", "inverse.damping = -1"),
         ("link_ms = 200", "link_ms = 0", "dead_man.link_ms = 0"),
+        ("delay_ms = 250", "delay_ms = 60001", "dead_man.delay_ms = 60001"),
     ] {
         assert!(text.contains(from), "{from} is in the profile");
         let error = Profile::from_toml(&text.replacen(from, to, 1)).err();

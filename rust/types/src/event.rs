@@ -46,10 +46,13 @@ pub enum EventKind {
     /// Samples of the armband were lost or unusable; the windows that they belong to are left out.
     EmgGap {
         /// Gaps in the samples.
+        #[cfg_attr(feature = "ts", ts(type = "number"))]
         gaps: u64,
         /// Samples that could not be used.
+        #[cfg_attr(feature = "ts", ts(type = "number"))]
         unusable_samples: u64,
         /// Windows left out.
+        #[cfg_attr(feature = "ts", ts(type = "number"))]
         rejected_windows: u64,
     },
     /// A source died: arm and method stand still until it is back and a relaxed gesture was made.
@@ -121,11 +124,13 @@ pub enum EventKind {
     /// A plan was asked for.
     PlanRequested {
         /// Number of the request in this trial.
+        #[cfg_attr(feature = "ts", ts(type = "number"))]
         request: u64,
     },
     /// A plan took effect or failed.
     PlanFinished {
         /// Number of the request in this trial.
+        #[cfg_attr(feature = "ts", ts(type = "number"))]
         request: u64,
         /// How it ended.
         status: PlanStatus,

@@ -93,17 +93,20 @@ pub enum SignKind {
     Repeated,
     /// It ended the connection. A tracker is forgotten then, as if it had never measured.
     Closed,
+    /// It said something, over a line that is delayed by more than the limit.
+    Delayed,
 }
 
 impl SignKind {
     /// All of them, in the order of their numbers.
-    pub const ALL: [SignKind; 6] = [
+    pub const ALL: [SignKind; 7] = [
         SignKind::Commands,
         SignKind::Alive,
         SignKind::Points,
         SignKind::Fresh,
         SignKind::Repeated,
         SignKind::Closed,
+        SignKind::Delayed,
     ];
 }
 
@@ -132,11 +135,13 @@ pub enum StopCause {
     Lost,
     /// The program that decodes its samples, says what is meant, or acts, gives nothing usable.
     Undecided,
+    /// What comes is older than the limit when it arrives.
+    Delayed,
 }
 
 impl StopCause {
     /// All of them, in the order of their numbers.
-    pub const ALL: [StopCause; 10] = [
+    pub const ALL: [StopCause; 11] = [
         StopCause::Silent,
         StopCause::Closed,
         StopCause::Frozen,
@@ -147,6 +152,7 @@ impl StopCause {
         StopCause::WrongRate,
         StopCause::Lost,
         StopCause::Undecided,
+        StopCause::Delayed,
     ];
 }
 

@@ -7,7 +7,7 @@ pub const TICK_SECS: f64 = 1e-3;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(transparent)]
-pub struct SimTime(pub u64);
+pub struct SimTime(#[cfg_attr(feature = "ts", ts(type = "number"))] pub u64);
 
 impl SimTime {
     /// The tick nearest to `secs`; negative and non-finite seconds give zero.

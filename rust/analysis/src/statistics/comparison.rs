@@ -1,6 +1,7 @@
 use super::{
     Friedman, Interval, PairedEffect, PermutationTest, Repeated, StatisticsError, Wilcoxon, bootstrap,
-    friedman, friedman::concordance, holm, paired_permutation, skewness_test, wilcoxon,
+    friedman, friedman::concordance, holm_of_pairs, paired_permutation, skewness_test,
+    wilcoxon::PairedDifferences,
 };
 use serde::Serialize;
 
@@ -35,7 +36,7 @@ pub struct Pair {
     pub left_out: usize,
     /// The test of the ranks; none if nothing differs.
     pub wilcoxon: Option<Wilcoxon>,
-    /// Its chance corrected for all pairs of this measure, by Holm.
+    /// Its chance corrected by Holm for all pairs of this measure, those in which nothing differs too.
     pub p_holm: Option<f64>,
     /// The test of the mean; none without people.
     pub permutation: Option<PermutationTest>,
@@ -74,19 +75,18 @@ pub fn compare(values: &Repeated, seed: u64) -> ConditionComparison {
             pairs.push(pair(values, a, b, seed, &mut notes));
         }
     }
-    let tested: Vec<f64> = pairs.iter().filter_map(|pair| Some(pair.wilcoxon.as_ref()?.p)).collect();
-    let mut corrected = holm(&tested).into_iter();
-    for pair in &mut pairs {
-        pair.p_holm = pair.wilcoxon.as_ref().and_then(|_| corrected.next());
+    let chances: Vec<_> = pairs.iter().map(|pair| Some(pair.wilcoxon.as_ref()?.p)).collect();
+    for (pair, corrected) in pairs.iter_mut().zip(holm_of_pairs(&chances)) {
+        pair.p_holm = corrected;
     }
+    let count = pairs.len() as f64;
     if let Some(least) =
         pairs.iter().filter_map(|pair| Some(pair.wilcoxon.as_ref()?.least_p)).reduce(f64::min)
-        && least * tested.len() as f64 > 0.05
+        && least * count > 0.05
     {
         notes.push(format!(
-            "So few people cannot show a difference: the smallest chance after the correction for {} pairs is {:.3}.",
-            tested.len(),
-            (least * tested.len() as f64).min(1.0)
+            "So few people cannot show a difference: the smallest chance after the correction for {count} pairs is {:.3}.",
+            (least * count).min(1.0)
         ));
     }
     if (1..FEW_PEOPLE).contains(&values.people()) {
@@ -98,8 +98,9 @@ pub fn compare(values: &Repeated, seed: u64) -> ConditionComparison {
 fn pair(values: &Repeated, a: usize, b: usize, seed: u64, notes: &mut Vec<String>) -> Pair {
     let names = values.conditions();
     let (name_a, name_b) = (names[a].clone(), names[b].clone());
-    let differences: Vec<f64> = values.pairs(a, b).into_iter().map(|[of_a, of_b]| of_b - of_a).collect();
-    let ranked = match wilcoxon(&differences) {
+    let paired = PairedDifferences::of(&values.pairs(a, b));
+    let differences = &paired.values;
+    let ranked = match paired.wilcoxon() {
         Ok(test) => Some(test),
         Err(StatisticsError::AllEqual { .. }) => {
             notes.push(format!("{name_a} and {name_b}: nobody differs."));
@@ -119,7 +120,10 @@ fn pair(values: &Repeated, a: usize, b: usize, seed: u64, notes: &mut Vec<String
             test.zeros
         ));
     }
-    if let Some([skewness, p]) = skewness_test(&differences)
+    let effect = PairedEffect::of_differences(&paired, seed);
+    // Without a g the differences spread by rounding alone.
+    if effect.is_some_and(|effect| effect.g.is_some())
+        && let Some([skewness, p]) = skewness_test(differences)
         && p < SKEWED
     {
         notes.push(format!(
@@ -132,8 +136,8 @@ fn pair(values: &Repeated, a: usize, b: usize, seed: u64, notes: &mut Vec<String
         left_out: values.people() - differences.len(),
         wilcoxon: ranked,
         p_holm: None,
-        permutation: paired_permutation(&differences, seed).ok(),
-        effect: PairedEffect::of(&differences, seed),
+        permutation: paired_permutation(differences, seed).ok(),
+        effect,
         a: name_a,
         b: name_b,
     }
@@ -165,6 +169,15 @@ mod tests {
             "{:?}",
             found.notes
         );
+    }
+
+    /// A pair without a difference fell out of the correction, and the others were corrected for too few: 0.125 x 2 for x 3.
+    #[test]
+    fn a_pair_without_a_difference_counts_in_the_correction_as_it_does_for_power() {
+        let rows = [[0.1 + 0.2, 0.3, 3.0], [2.0, 2.0, 5.0], [1.0, 1.0, 4.0], [0.0, 0.0, 5.0]];
+        let found = compare(&repeated(&rows), 1);
+        let corrected: Vec<_> = found.pairs.iter().map(|p| p.p_holm).collect();
+        assert_eq!(corrected, [None, Some(0.375), Some(0.375)]);
     }
 
     #[test]

@@ -1,4 +1,8 @@
-use super::{Interval, bootstrap, mean, wilcoxon::rank_biserial};
+use super::{
+    Interval, bootstrap, mean,
+    ranks::{TIED, largest},
+    wilcoxon::{PairedDifferences, rank_biserial},
+};
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, Normal};
 
@@ -25,31 +29,41 @@ impl PairedEffect {
     ///
     /// g presumes that differences are near normal; the rank-biserial correlation does not.
     pub fn of(differences: &[f64], seed: u64) -> Option<Self> {
+        let tolerance = TIED * largest(differences.iter().copied());
+        Self::of_differences(&PairedDifferences { values: differences.to_vec(), tolerance }, seed)
+    }
+
+    pub(super) fn of_differences(differences: &PairedDifferences, seed: u64) -> Option<Self> {
+        let PairedDifferences { values: differences, tolerance } = differences;
         if differences.is_empty() || differences.iter().any(|d| !d.is_finite()) {
             return None;
         }
         let drawn = |places: &[usize]| places.iter().map(|place| differences[*place]).collect::<Vec<f64>>();
-        let interval =
-            |of: fn(&[f64]) -> Option<f64>| bootstrap(differences.len(), seed, |places| of(&drawn(places)));
+        let interval = |of: &dyn Fn(&[f64]) -> Option<f64>| {
+            bootstrap(differences.len(), seed, |places| of(&drawn(places)))
+        };
+        let ranked = |d: &[f64]| rank_biserial(d, *tolerance);
+        let standardized = |d: &[f64]| hedges_g(d, *tolerance);
         Some(Self {
             mean: mean(differences),
-            mean_interval: interval(|d| Some(mean(d))),
-            rank_biserial: rank_biserial(differences),
-            rank_biserial_interval: interval(rank_biserial),
-            g: hedges_g(differences),
-            g_interval: interval(hedges_g),
+            mean_interval: interval(&|d| Some(mean(d))),
+            rank_biserial: ranked(differences),
+            rank_biserial_interval: interval(&ranked),
+            g: standardized(differences),
+            g_interval: interval(&standardized),
         })
     }
 }
 
-fn hedges_g(differences: &[f64]) -> Option<f64> {
+/// None if differences spread by no more than `tolerance`, which is rounding.
+fn hedges_g(differences: &[f64], tolerance: f64) -> Option<f64> {
     let n = differences.len() as f64;
     let middle = mean(differences);
     let squares: f64 = differences.iter().map(|d| (d - middle).powi(2)).sum();
     let sd = (squares / (n - 1.0)).sqrt();
     // Hedges 1981, with n - 1 degrees of freedom.
     let correction = 1.0 - 3.0 / (4.0 * (n - 1.0) - 1.0);
-    (n > 1.0 && sd > 1e-12 * middle.abs().max(1e-300)).then(|| correction * middle / sd)
+    (n > 1.0 && sd > tolerance).then(|| correction * middle / sd)
 }
 
 /// Skewness of `values` and the chance of one as far from zero in a normal sample (D'Agostino 1970); none of fewer than eight
@@ -96,6 +110,9 @@ mod tests {
         assert_eq!(PairedEffect::of(&[0.0; 4], 1).unwrap().rank_biserial, None);
         assert_eq!(PairedEffect::of(&[], 1), None);
         assert_eq!(PairedEffect::of(&[2.0], 1).unwrap().g, None);
+        // Large values that all gain the same; rounding was taken for a spread, and g was 1e10.
+        let gain = PairedDifferences::of(&[[1e6, 1e6 + 0.1], [2e6, 2e6 + 0.1], [3e6, 3e6 + 0.1]]);
+        assert_eq!(PairedEffect::of_differences(&gain, 1).unwrap().g, None);
     }
 
     #[test]

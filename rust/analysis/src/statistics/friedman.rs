@@ -1,4 +1,7 @@
-use super::{Chance, StatisticsError, check_finite, ranks::Ranks};
+use super::{
+    Chance, StatisticsError, check_finite,
+    ranks::{Ranks, TIED, largest},
+};
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::collections::BTreeMap;
@@ -30,7 +33,7 @@ pub struct Friedman {
 
 /// Friedman's test of `rows`: `[people][conditions]`.
 ///
-/// Presumes that people are independent of each other. Exact given the ties (each order of a person's values is as likely as
+/// Presumes that people are independent of each other. Values of a person that differ by rounding alone are tied. Exact given the ties (each order of a person's values is as likely as
 /// any other) as long as the distinct sets of rank sums stay below 20,000 (some 20 people under 4 conditions); else by the
 /// chi square distribution. Source: Friedman 1937, J Am Stat Assoc 32:675; ties as in Conover, Practical Nonparametric
 /// Statistics, 3rd ed., 5.8. W = chi square / (n (k - 1)), Kendall and Babington Smith 1939.
@@ -90,7 +93,8 @@ impl RankSums {
             }
             check_finite(row, values)?;
         }
-        let ranks: Vec<Ranks> = rows.iter().map(|row| Ranks::of(row)).collect();
+        let of = |row: &Vec<f64>| Ranks::of(row, TIED * largest(row.iter().copied()));
+        let ranks: Vec<Ranks> = rows.iter().map(of).collect();
         let (n, k) = (rows.len() as f64, conditions as f64);
         let ties: f64 = ranks.iter().map(|row| row.ties).sum();
         let spread = 1.0 - ties / (n * k * (k * k - 1.0));
@@ -176,6 +180,14 @@ mod tests {
         assert!((test.statistic - 3.0).abs() < 1e-12, "{test:?}");
         // Of nine pairs of orders, the odd one up meets the odd one down elsewhere in six.
         assert!((test.p - 6.0 / 9.0).abs() < 1e-12, "{test:?}");
+    }
+
+    /// Rounding was ranked: a person with equal values was counted as one who prefers.
+    #[test]
+    fn values_that_are_equal_but_for_rounding_are_tied() {
+        let rounded = friedman(&[vec![0.1 + 0.2, 0.3, 1.0], vec![0.0, 1.0, 1.0]]).unwrap();
+        assert_eq!(rounded, friedman(&[vec![0.3, 0.3, 1.0], vec![0.0, 1.0, 1.0]]).unwrap());
+        assert!(friedman(&[vec![0.1 + 0.2, 0.3, 0.3], vec![1.0; 3]]).is_err());
     }
 
     #[test]

@@ -1,6 +1,6 @@
 /// Chances of several tests of one question, corrected together so that the chance of any false alarm keeps the level.
 ///
-/// Source: Holm 1979, Scand J Stat 6:65. Presumes nothing on how the tests hang together.
+/// Source: Holm 1979, Scand J Stat 6:65. Presumes nothing on how the tests depend on each other.
 pub fn holm(chances: &[f64]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..chances.len()).collect();
     order.sort_by(|a, b| chances[*a].total_cmp(&chances[*b]));
@@ -11,6 +11,13 @@ pub fn holm(chances: &[f64]) -> Vec<f64> {
         corrected[index] = largest;
     }
     corrected
+}
+
+/// [`holm`] over all pairs of conditions that a study compares. A pair without a test (nobody differs, or nobody has both values) counts
+/// as one with p = 1: whether a pair is compared is decided before the data are seen, so it cannot fall out of the correction.
+pub fn holm_of_pairs(chances: &[Option<f64>]) -> Vec<Option<f64>> {
+    let all: Vec<f64> = chances.iter().map(|chance| chance.unwrap_or(1.0)).collect();
+    holm(&all).into_iter().zip(chances).map(|(corrected, tested)| tested.map(|_| corrected)).collect()
 }
 
 #[cfg(test)]

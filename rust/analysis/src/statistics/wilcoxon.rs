@@ -1,4 +1,7 @@
-use super::{Chance, StatisticsError, check_finite, ranks::Ranks};
+use super::{
+    Chance, StatisticsError, check_finite,
+    ranks::{Ranks, TIED, largest},
+};
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, Normal};
 
@@ -35,18 +38,34 @@ impl Wilcoxon {
 /// The test of `differences`.
 ///
 /// Presumes that the people are independent and, as a statement on the median, that differences are symmetric. Differences of zero
-/// are left out (Wilcoxon 1945). Up to 50 differences the chance is exact given the ties: each sign is as likely as the other.
+/// are left out (Wilcoxon 1945). Sizes that differ by rounding alone (1e-12 of the largest) are tied, and what is as small is zero.
+/// Up to 50 differences the chance is exact given the ties: each sign is as likely as the other.
 /// Above, it is that of the normal distribution, corrected for ties, not for continuity.
 ///
 /// # Errors
 /// No difference that is not zero; a value that is not finite.
 pub fn wilcoxon(differences: &[f64]) -> Result<Wilcoxon, StatisticsError> {
+    test(differences, TIED * largest(differences.iter().copied()))
+}
+
+/// The test of the second value of each pair less the first.
+///
+/// As [`wilcoxon`], but rounding is measured by the values themselves: where they are large and differ by little, it is large beside
+/// the differences.
+///
+/// # Errors
+/// No pair that differs; a value that is not finite.
+pub fn wilcoxon_of_pairs(pairs: &[[f64; 2]]) -> Result<Wilcoxon, StatisticsError> {
+    PairedDifferences::of(pairs).wilcoxon()
+}
+
+fn test(differences: &[f64], tolerance: f64) -> Result<Wilcoxon, StatisticsError> {
     check_finite(0, differences)?;
     if differences.is_empty() {
         return Err(StatisticsError::TooFew { test: TEST, what: "differences", least: 1, got: 0 });
     }
     let SignedRanks { ranks, plus, minus } =
-        SignedRanks::of(differences).ok_or(StatisticsError::AllEqual { test: TEST })?;
+        SignedRanks::of(differences, tolerance).ok_or(StatisticsError::AllEqual { test: TEST })?;
     let n = ranks.doubled.len();
     let exact = n <= MOST_EXACT;
     let p =
@@ -63,9 +82,29 @@ pub fn wilcoxon(differences: &[f64]) -> Result<Wilcoxon, StatisticsError> {
 }
 
 /// Matched-pairs rank-biserial correlation of `differences` alone, without the count of all signs; none if nothing differs.
-pub(super) fn rank_biserial(differences: &[f64]) -> Option<f64> {
-    let SignedRanks { plus, minus, .. } = SignedRanks::of(differences)?;
+pub(super) fn rank_biserial(differences: &[f64], tolerance: f64) -> Option<f64> {
+    let SignedRanks { plus, minus, .. } = SignedRanks::of(differences, tolerance)?;
     Some((plus as f64 - minus as f64) / (plus + minus) as f64)
+}
+
+/// What the second values of pairs have more than the first.
+pub(super) struct PairedDifferences {
+    /// In the order of the pairs; what rounding alone can make is zero.
+    pub(super) values: Vec<f64>,
+    /// What rounding alone can make of equal values.
+    pub(super) tolerance: f64,
+}
+
+impl PairedDifferences {
+    pub(super) fn of(pairs: &[[f64; 2]]) -> Self {
+        let tolerance = TIED * largest(pairs.iter().flatten().copied());
+        let difference = |[a, b]: &[f64; 2]| if (b - a).abs() <= tolerance { 0.0 } else { b - a };
+        Self { values: pairs.iter().map(difference).collect(), tolerance }
+    }
+
+    pub(super) fn wilcoxon(&self) -> Result<Wilcoxon, StatisticsError> {
+        test(&self.values, self.tolerance)
+    }
 }
 
 /// Ranks of what differs.
@@ -79,9 +118,9 @@ struct SignedRanks {
 }
 
 impl SignedRanks {
-    fn of(differences: &[f64]) -> Option<Self> {
-        let signed: Vec<f64> = differences.iter().copied().filter(|d| *d != 0.0).collect();
-        let ranks = Ranks::of(&signed.iter().map(|d| d.abs()).collect::<Vec<_>>());
+    fn of(differences: &[f64], tolerance: f64) -> Option<Self> {
+        let signed: Vec<f64> = differences.iter().copied().filter(|d| d.abs() > tolerance).collect();
+        let ranks = Ranks::of(&signed.iter().map(|d| d.abs()).collect::<Vec<_>>(), tolerance);
         let sum = |positive: bool| -> u64 {
             let own = signed.iter().zip(&ranks.doubled).filter(|(d, _)| (**d > 0.0) == positive);
             own.map(|(_, rank)| rank).sum()
@@ -139,6 +178,19 @@ mod tests {
         assert!(matches!(wilcoxon(&[]), Err(StatisticsError::TooFew { got: 0, .. })));
         assert_eq!(wilcoxon(&[0.0, 0.0]).unwrap_err(), StatisticsError::AllEqual { test: TEST });
         assert!(wilcoxon(&[1.0, f64::INFINITY]).is_err());
+    }
+
+    /// The same difference, from values that are stored with rounding, was ranked as two: p was 0.922 for 0.945.
+    #[test]
+    fn differences_that_are_equal_but_for_rounding_are_tied_and_zero() {
+        let test = wilcoxon(&[0.760_999_999_999_999_2, -0.761_000_000_000_001, 0.5]).unwrap();
+        assert_eq!((test.w_plus, test.w_minus), (3.5, 2.5));
+        // 0.1 + 0.2 is not 0.3, and 1e6 + 0.1 less 1e6 is off by 1e-11.
+        let pairs = [[0.1 + 0.2, 0.3], [1e6, 1e6 + 0.1], [0.1, 0.0], [0.0, 5.0]];
+        let test = wilcoxon_of_pairs(&pairs).unwrap();
+        assert_eq!((test.n, test.zeros, test.w_plus, test.w_minus), (3, 1, 4.5, 1.5));
+        let equal = wilcoxon_of_pairs(&[[0.1 + 0.2, 0.3], [7.0, 7.0]]);
+        assert_eq!(equal.unwrap_err(), StatisticsError::AllEqual { test: TEST });
     }
 
     #[test]

@@ -79,7 +79,7 @@ impl Charts {
 
     /// The SVG of a figure for a page, whose words and lines have the colour of the words around it.
     pub(super) fn draw(&self, spec: &Spec) -> Result<String, ChartError> {
-        let spec = serde_json::to_string(spec).map_err(|error| ChartError::Script(error.to_string()))?;
+        let spec = proact_types::to_json(spec).map_err(|error| ChartError::Script(error.to_string()))?;
         self.context.with(|ctx| {
             let draw: Function<'_> =
                 ctx.globals().get("figure").map_err(|error| ChartError::Script(error.to_string()))?;

@@ -6,7 +6,7 @@ use super::{
     summaries::{ReportTable, chance, conditions, printed, values},
 };
 use proact_analysis::{
-    statistics::{Interval, bootstrap, compare},
+    statistics::{Interval, bootstrap, compare, tied},
     summary::SampleSummary,
 };
 use serde::Serialize;
@@ -73,8 +73,9 @@ pub fn leader_board(collected: &Collected, seed: u64) -> Vec<Leader> {
             let mean = |places: &[usize]| {
                 Some(places.iter().map(|place| means[*place]).sum::<f64>() / places.len() as f64)
             };
-            let share =
-                |score: f64| scores.iter().filter(|own| **own == score).count() as f64 / scores.len() as f64;
+            let share = |score: f64| {
+                scores.iter().filter(|own| tied(**own, score)).count() as f64 / scores.len() as f64
+            };
             Some(Leader {
                 place: 0,
                 method: method.clone(),
@@ -88,8 +89,8 @@ pub fn leader_board(collected: &Collected, seed: u64) -> Vec<Leader> {
         .collect();
     leaders.sort_by(|a, b| b.scores.mean.total_cmp(&a.scores.mean).then(a.method.cmp(&b.method)));
     for k in 0..leaders.len() {
-        let tied = k > 0 && leaders[k - 1].scores.mean == leaders[k].scores.mean;
-        leaders[k].place = if tied { leaders[k - 1].place } else { k + 1 };
+        let shares = k > 0 && tied(leaders[k - 1].scores.mean, leaders[k].scores.mean);
+        leaders[k].place = if shares { leaders[k - 1].place } else { k + 1 };
         let Some(next) = leaders.get(k + 1).map(|next| next.method.clone()) else { continue };
         let own = leaders[k].method.clone();
         // A pair's difference is its second less its first.

@@ -119,7 +119,7 @@ pub fn report(
         write_whole(&path.with_extension("tex"), &html::latex(table))?;
         report.tables.insert(format!("report_{}", table.name), path);
     }
-    write_whole(&out.join("statistics.json"), &serde_json::to_string_pretty(&compared)?)?;
+    write_whole(&out.join("statistics.json"), &proact_types::to_json_pretty(&compared)?)?;
 
     let charts = Charts::new()?;
     let planned = figures(collected, options.seed);

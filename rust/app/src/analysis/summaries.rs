@@ -9,6 +9,7 @@ use proact_analysis::{
     table::{Cell, Table, word},
 };
 use proact_testbed::TrialEnd;
+use proact_types::Number;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// A table of the report: words, as they are printed.
@@ -90,12 +91,7 @@ pub(super) fn failed_notes(trials: &Table) -> Vec<String> {
 pub(super) fn printed(value: f64, digits: usize) -> String {
     // Half away from zero, as people round: 2.125 is stored exactly and printed by Rust as 2.12.
     let scale = 10_f64.powi(digits as i32);
-    let text = format!("{:.digits$}", (value * scale).round() / scale);
-    if text.trim_start_matches('-').chars().all(|c| c == '0' || c == '.') {
-        text.replace('-', "")
-    } else {
-        text
-    }
+    format!("{:.digits$}", Number((value * scale).round() / scale))
 }
 
 /// A chance as papers print it.

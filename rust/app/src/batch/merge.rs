@@ -213,8 +213,7 @@ impl Output {
             "ended": result.ended, "failure": result.failure(), "gesture_source": result.gesture_source, "unsolved_ticks": result.unsolved_ticks,
             "result": result.result, "outcomes": result.beside.get("outcomes"), "digest": result.digest, "simulated": true,
         });
-        serde_json::to_writer(&mut self.lines, &line)?;
-        self.lines.write_all(b"\n")?;
+        writeln!(self.lines, "{}", proact_types::to_json(&line)?)?;
         self.merged.tally.take(&label, trial.index, &result);
         self.merged.scores.push(result.score);
         self.merged.digests.push(result.digest.clone());

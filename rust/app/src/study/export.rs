@@ -80,7 +80,7 @@ pub fn export(study: &Study, options: &ExportOptions) -> Result<Exported, Box<dy
         armsym_files(study, &look, methods, |files| {
             let own = folder.join(ARMSYM_FOLDER).join(&files.subject).join(format!("trial_{}", files.trial));
             fs::create_dir_all(&own).map_err(|error| format!("{}: {error}", own.display()))?;
-            write_whole(&own.join("trialdata.json"), &serde_json::to_string(&files.events)?)?;
+            write_whole(&own.join("trialdata.json"), &proact_types::to_json(&files.events)?)?;
             Ok(write_whole(&own.join("Joint_Data.csv"), &files.joints)?)
         })?;
     }

@@ -122,11 +122,15 @@ pub async fn connect_as(server: &PageServer, role: &str) -> Client {
     client
 }
 
-/// The next text message.
+/// The next text message. Pings are answered by the library.
 pub async fn next(client: &mut Client) -> Value {
-    let message =
-        tokio::time::timeout(LIMIT, client.next()).await.expect("no answer in time").unwrap().unwrap();
-    serde_json::from_str(message.to_text().unwrap()).unwrap()
+    loop {
+        let message =
+            tokio::time::timeout(LIMIT, client.next()).await.expect("no answer in time").unwrap().unwrap();
+        if !message.is_ping() {
+            return serde_json::from_str(message.to_text().unwrap()).unwrap();
+        }
+    }
 }
 
 /// The next message of this type; others are skipped.

@@ -8,6 +8,7 @@ import { gestureText, handPicture } from "./hand";
 import { Flash, MotionView, TacView } from "./limb";
 import { limbResults } from "./limbresults";
 import { strings } from "./strings";
+import { fixed } from "./numbers";
 
 const words = strings.calibration;
 
@@ -127,7 +128,7 @@ function showCalibration(message: Screen<"calibration">): void {
   }
   const wanted = message.channels.map(({ light, fault }, k) => ({ light, text: `${k + 1} ${fault ?? ""}`.trim() }));
   const { stream } = message;
-  const rate = stream.rate_hz === null ? "" : ` ${stream.rate_hz.toFixed(0)} Hz`;
+  const rate = stream.rate_hz === null ? "" : ` ${fixed(stream.rate_hz)} Hz`;
   wanted.push({ light: stream.light, text: words.stream(rate, stream.lost_share > 0) });
   while (lightList.children.length < wanted.length) lightList.append(element("span", "light"));
   wanted.forEach(({ light, text }, k) => {
@@ -145,7 +146,7 @@ function showCalibration(message: Screen<"calibration">): void {
 function driveTable(drives: DriveScore[]): HTMLElement {
   const head = element("tr", "", ...[words.drive, words.r2, words.meanError].map((text) => element("th", "", text)));
   const rows = drives.map(({ drive, r2, mean_absolute_error: off }) =>
-    element("tr", "", element("th", "", drive), element("td", "", r2.toFixed(3)), element("td", "", off.toFixed(3))),
+    element("tr", "", element("th", "", drive), element("td", "", fixed(r2, 3)), element("td", "", fixed(off, 3))),
   );
   return element("div", "scroll", element("table", "drives", head, ...rows));
 }
@@ -155,7 +156,7 @@ function showReport(report: CalibrationReport | null, target: number, targetR2: 
   const key = JSON.stringify(report);
   if (report === null || key === shownReport) return;
   shownReport = key;
-  const percent = (share: number) => `${(100 * share).toFixed(1)} %`;
+  const percent = (share: number) => `${fixed(100 * share, 1)} %`;
   const head = element("tr", "", element("th", "", words.asked), ...report.classes.map((g) => element("th", "", gestureText(g))));
   head.append(element("th", "", words.recognised));
   const rows = report.classes.map((gesture, row) => {
@@ -163,7 +164,7 @@ function showReport(report: CalibrationReport | null, target: number, targetR2: 
     return element("tr", "", element("th", "", gestureText(gesture)), ...cells, element("td", "", percent(report.recall[row] ?? 0)));
   });
   const drives = report.drives ?? [];
-  const aim = drives.length > 0 ? words.aimR2(targetR2.toFixed(2)) : words.aim(percent(target));
+  const aim = drives.length > 0 ? words.aimR2(fixed(targetR2, 2)) : words.aim(percent(target));
   const verdict = report.good_enough ? words.goodEnough : aim;
   const warnings = report.repetitions
     .filter((r) => r.outlier)
@@ -253,7 +254,7 @@ function showTest(message: Screen<"test">): void {
   const progress =
     message.test === "sequence"
       ? words.inARow(message.report.in_a_row)
-      : words.prompts(message.report.prompts, `${(100 * message.report.accuracy).toFixed(0)} %`);
+      : words.prompts(message.report.prompts, `${fixed(100 * message.report.accuracy)} %`);
   showPrompt(message.prompt ?? "no_motion", words.inForce(gestureText(message.in_force), progress), 0, false);
 }
 
@@ -283,10 +284,10 @@ function showCursor(message: Screen<"cursor">): void {
     words.cursorFigures(
       report.movements.length,
       report.asked,
-      report.throughput_bits_per_s.toFixed(2),
-      (100 * report.path_efficiency).toFixed(0),
-      report.overshoots.toFixed(2),
-      (100 * report.completion_rate).toFixed(0),
+      fixed(report.throughput_bits_per_s, 2),
+      fixed(100 * report.path_efficiency),
+      fixed(report.overshoots, 2),
+      fixed(100 * report.completion_rate),
       gestureText(message.in_force),
     ),
   );

@@ -9,6 +9,7 @@ import { strings } from "./strings";
 import { medianFrequency, powerSpectrum, type Spectrum } from "./spectrum";
 import { capitalised, gestureTitle } from "./protocol";
 import type { Recognition, Signals } from "./generated/types";
+import { fixed } from "./numbers";
 
 /** Streams of more channels are a raster. */
 const MOST_TRACES = 16;
@@ -205,8 +206,8 @@ export class EmgView {
       setClass(item as HTMLElement, "selected", channel === this.selected);
       item.setAttribute("aria-selected", String(channel === this.selected));
     });
-    const lost = emg_lost_share > 0 ? words.lost((100 * emg_lost_share).toFixed(1)) : "";
-    const stream = words.stream(columns.channels, emg_rate_hz.toFixed(0), lost);
+    const lost = emg_lost_share > 0 ? words.lost(fixed(100 * emg_lost_share, 1)) : "";
+    const stream = words.stream(columns.channels, fixed(emg_rate_hz), lost);
     const dead = recognition?.fault ?? null;
     const waits = recognition && !recognition.armed ? words.waits : "";
     setText(this.verdict, dead ? words.stopped(dead, waits) : `${stream}. ${faultText(lights, faults)}${waits}`);
@@ -216,7 +217,7 @@ export class EmgView {
 
   /** Newest values of an inertial measurement unit, by name. */
   private showInertial({ inertial }: Signals): void {
-    const said = inertial.map(({ name, unit, value }) => `${name.replaceAll("_", " ")} ${value === null ? words.nothing : value.toFixed(2)}${value === null || unit === "1" ? "" : ` ${unit}`}`);
+    const said = inertial.map(({ name, unit, value }) => `${name.replaceAll("_", " ")} ${value === null ? words.nothing : fixed(value, 2)}${value === null || unit === "1" ? "" : ` ${unit}`}`);
     this.inertial.hidden = said.length === 0;
     setText(this.inertial, words.inertial(said.join(", ")));
   }
@@ -256,7 +257,7 @@ export class EmgView {
     const spectrum = whole ? powerSpectrum(this.recent.map((row) => row[selected] ?? 0), signals.emg_rate_hz) : (this.spectra.get(selected) ?? null);
     drawSpectrum(this.spectrum, spectrum, inksOf(this.root));
     const median = spectrum && medianFrequency(spectrum);
-    const figures = median ? words.median(median.toFixed(0), spectrum.stepHz.toFixed(1)) : words.noSignal;
+    const figures = median ? words.median(fixed(median), fixed(spectrum.stepHz, 1)) : words.noSignal;
     setText(this.spectrumText, (whole || spectrum ? figures : words.spectrumComes) + finding);
   }
 }

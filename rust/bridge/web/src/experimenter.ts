@@ -23,6 +23,7 @@ import { Stage, whyNotDrawn } from "./stage";
 import { StopBanner } from "./stopbanner";
 import { strings } from "./strings";
 import { Traces } from "./traces";
+import { fixed } from "./numbers";
 
 const texts = strings.experimenter;
 
@@ -158,7 +159,7 @@ function start(): void {
         setClass(link, "off", !connected);
         setClass(link, "live", connected);
       },
-      roundTrip: (ms) => rates.set(texts.roundTrip, `${ms.toFixed(1)} ms`, ms > 50),
+      roundTrip: (ms) => rates.set(texts.roundTrip, `${fixed(ms, 1)} ms`, ms > 50),
       refused(message) {
         console.warn(`ProACT: ${message}`);
         conduct.tell(message);
@@ -236,7 +237,7 @@ function start(): void {
 
   function showStop(now: Stop | null): void {
     stop.show(now);
-    const words = now && `${now.source.replaceAll("_", " ")}, ${now.cause.replaceAll("_", " ")} at ${(now.since / 1000).toFixed(1)} s`;
+    const words = now && `${now.source.replaceAll("_", " ")}, ${now.cause.replaceAll("_", " ")} at ${fixed(now.since / 1000, 1)} s`;
     trial.set(texts.stop, words ?? "–", now !== null);
   }
 
@@ -263,12 +264,12 @@ function start(): void {
     drawer.take(next);
     noArmband.hidden = next.emg_rate_hz > 0;
     const age = next.gaze_age_ms;
-    rates.set(texts.tick, `${next.tick_mean_us.toFixed(0)} / ${next.tick_max_us.toFixed(0)} µs`, next.tick_mean_us > SLOW_TICK_US);
-    rates.set(texts.pace, next.pace.toFixed(2), next.pace < 0.9);
+    rates.set(texts.tick, `${fixed(next.tick_mean_us)} / ${fixed(next.tick_max_us)} µs`, next.tick_mean_us > SLOW_TICK_US);
+    rates.set(texts.pace, fixed(next.pace, 2), next.pace < 0.9);
     rates.set(texts.gaze, age === null ? texts.noGaze : texts.gazeRate(next.gaze_hz, age), (age ?? 0) > STALE_GAZE_MS);
-    rates.set(texts.tracking, `${next.tracking_hz.toFixed(0)} Hz`);
+    rates.set(texts.tracking, `${fixed(next.tracking_hz)} Hz`);
     if (next.emg_rate_hz > 0) {
-      rates.set("EMG", `${next.emg_rate_hz.toFixed(0)} Hz, ${(100 * next.emg_lost_share).toFixed(1)} % lost`, next.emg_lost_share > 0.01);
+      rates.set("EMG", `${fixed(next.emg_rate_hz)} Hz, ${fixed(100 * next.emg_lost_share, 1)} % lost`, next.emg_lost_share > 0.01);
     }
     rates.set(texts.pages, String(next.pages));
     latencies.show(next.latency);
@@ -278,7 +279,7 @@ function start(): void {
     for (const event of more) {
       events.push(event);
       const text = event.event === "gesture_changed" ? strings.gestures.changed(GESTURE_NAMES[event.gesture].name) : eventText(event);
-      log.prepend(element("li", event.event, element("time", "", (event.time / 1000).toFixed(2)), element("span", "", text)));
+      log.prepend(element("li", event.event, element("time", "", fixed(event.time / 1000, 2)), element("span", "", text)));
     }
     while (log.children.length > LOG_LINES) log.lastElementChild?.remove();
   }

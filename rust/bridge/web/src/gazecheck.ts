@@ -2,6 +2,7 @@
 
 import type { DisplayFrame, GazeCheck } from "./generated/types";
 import type { Triple } from "./protocol";
+import { fixed } from "./numbers";
 
 /** Gaps of this length are blinks, ms. */
 const BLINK_MS = [70, 500] as const;
@@ -59,9 +60,9 @@ export function correction(points: PointResult[]): [number, number] | string {
   const known = points.flatMap((point) => (point.offset_deg ? [point.offset_deg] : []));
   if (known.length < MIN_POINTS) return `only ${known.length} of ${points.length} points were seen`;
   const error = meanPair(known);
-  if (Math.hypot(...error) > MAX_OFFSET_DEG) return `the gaze is off by ${Math.hypot(...error).toFixed(1)}°, more than ${MAX_OFFSET_DEG}°`;
+  if (Math.hypot(...error) > MAX_OFFSET_DEG) return `the gaze is off by ${fixed(Math.hypot(...error), 1)}°, more than ${MAX_OFFSET_DEG}°`;
   const left = Math.max(...known.map((pair) => Math.hypot(pair[0] - error[0], pair[1] - error[1])));
-  if (left > MAX_LEFT_DEG) return `the points differ by ${left.toFixed(1)}° from one another, more than ${MAX_LEFT_DEG}°`;
+  if (left > MAX_LEFT_DEG) return `the points differ by ${fixed(left, 1)}° from one another, more than ${MAX_LEFT_DEG}°`;
   return error;
 }
 

@@ -7,6 +7,7 @@ import type { DisplayFrame, GazeCheck } from "./generated/types";
 import type { Room } from "./room";
 import { drawnTexture } from "./shapes";
 import { strings } from "./strings";
+import { fixed } from "./numbers";
 
 const words = strings.gazeCheck;
 
@@ -141,7 +142,7 @@ export class GazeCheckView {
     const check: GazeCheck = { source: this.source, points: this.done, correction_deg: Array.isArray(found) ? found : null };
     this.finished(check);
     const { accuracy, precision, lost, blinks } = total(this.done);
-    const degrees = (value: number | null) => (value === null ? "–" : `${value.toFixed(2)}°`);
+    const degrees = (value: number | null) => (value === null ? "–" : `${fixed(value, 2)}°`);
     const row = (name: string, ...cells: string[]) =>
       element("tr", "", element("th", "", name), ...cells.map((cell) => element("td", "", cell)));
     const rows = this.done.map((point, k) =>
@@ -191,5 +192,5 @@ export class GazeCheckView {
 
 /** An offset in words. */
 function said([left, up]: [number, number]): string {
-  return words.offset(Math.abs(left).toFixed(2), left >= 0, Math.abs(up).toFixed(2), up < 0);
+  return words.offset(fixed(Math.abs(left), 2), left >= 0, fixed(Math.abs(up), 2), up < 0);
 }

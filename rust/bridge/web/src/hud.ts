@@ -9,6 +9,7 @@ import type { Aim } from "./aim";
 import { distances, recognisedText } from "./hints";
 import { capitalised } from "./protocol";
 import { strings } from "./strings";
+import { fixed } from "./numbers";
 
 const words = strings.hud;
 const MARKING_NAMES: Record<Marking, string> = words.markings;
@@ -87,6 +88,7 @@ export class Hud {
   private readonly heard = element("div", "only-heard");
   private readonly sceneTitle = element("h2", "scenetitle card");
   private readonly stop = new StopBanner();
+  private readonly delay = element("div", "delay-banner");
   /** Why there is nothing new to see; over everything else. */
   readonly banner = element("div", "banner");
   private readonly toast = element("div", "toast");
@@ -120,7 +122,8 @@ export class Hud {
     this.toast.setAttribute("role", "status");
     this.link.setAttribute("role", "status");
     this.banner.setAttribute("role", "alert");
-    this.banner.hidden = this.toast.hidden = this.over.hidden = this.sceneTitle.hidden = true;
+    this.delay.setAttribute("role", "alert");
+    this.delay.hidden = this.banner.hidden = this.toast.hidden = this.over.hidden = this.sceneTitle.hidden = true;
     const brand = this.fold("brand", element("div", "logo", element("strong", "", "ProACT"), this.title), element("div", "methodline", this.method, this.methodName), this.chooser, element("div", "chips", this.setup, this.source));
     const status = this.fold(
       "status",
@@ -138,7 +141,7 @@ export class Hud {
     const log = this.fold("log", words.events, this.events);
     this.left.append(brand, log);
     this.right.append(element("div", "card connection", this.link, wheel, this.corner), status);
-    this.view.append(this.sceneTitle, this.stop.root, this.over, this.pause, this.toast);
+    this.view.append(this.sceneTitle, this.stop.root, this.delay, this.over, this.pause, this.toast);
     this.root.append(
       element(
         "header",
@@ -207,6 +210,12 @@ export class Hud {
     );
   }
 
+  /** The line's round trip, ms, while it is longer than the trial allows. */
+  setDelay(ms: number | null): void {
+    if (ms !== null) setText(this.delay, words.delayed(fixed(ms)));
+    this.delay.hidden = ms === null;
+  }
+
   setRate(framesPerSecond: number, drawnPerSecond: number, dropped: number): void {
     this.link.title = words.rates(Math.round(framesPerSecond), Math.round(drawnPerSecond), dropped);
   }
@@ -252,7 +261,7 @@ export class Hud {
       const line = element(
         "li",
         event.event,
-        element("time", "", (event.time / 1000).toFixed(1)),
+        element("time", "", fixed(event.time / 1000, 1)),
         element("span", "", eventText(event)),
       );
       this.events.prepend(line);
@@ -304,7 +313,7 @@ export class Hud {
     if (frame.mode) {
       const { name, directions, next_in_secs } = frame.mode;
       setText(this.mode, name);
-      const next = next_in_secs === null ? "" : words.backIn(next_in_secs.toFixed(1));
+      const next = next_in_secs === null ? "" : words.backIn(fixed(next_in_secs, 1));
       setText(this.modeNote, words.directions(directions[0], directions[1]) + next);
       setClass(this.nextBar, "idle", next_in_secs === null);
       setWidth(this.nextFill, 1 - (next_in_secs ?? 0));
@@ -420,7 +429,7 @@ export function eventText(event: TrialEvent): string {
     case "motion_finished":
       return happened.motionFinished;
     case "object_on_target":
-      return happened.onTarget(block, (100 * event.distance).toFixed(1));
+      return happened.onTarget(block, fixed(100 * event.distance, 1));
     case "object_off_target":
       return happened.offTarget(block);
     case "object_crossed":
@@ -438,7 +447,7 @@ export function eventText(event: TrialEvent): string {
     case "rearmed":
       return happened.rearmed;
     case "base_held":
-      return happened.baseHeld((100 * event.distance).toFixed(0));
+      return happened.baseHeld(fixed(100 * event.distance));
     case "base_follows":
       return happened.baseFollows;
     case "contacts_unsolved":

@@ -3,12 +3,13 @@
 import { element, setText } from "./dom";
 import type { LatencyRow, LatencyStage } from "./generated/types";
 import { strings } from "./strings";
+import { fixed } from "./numbers";
 
 const texts = strings.latency;
 
 /** Two digits that count. */
 function shortly(ms: number): string {
-  return ms.toFixed(ms < 0.1 ? 4 : ms < 10 ? 2 : 0);
+  return fixed(ms, ms < 0.1 ? 4 : ms < 10 ? 2 : 0);
 }
 
 export class LatencyTable {

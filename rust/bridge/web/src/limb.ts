@@ -4,6 +4,7 @@ import { element, setClass, setText, setWidth } from "./dom";
 import type { CalibrationScreen, GestureName, TacAxisState } from "./generated/types";
 import { gestureText, handDrawing, handPicture, type HandPose, svg } from "./hand";
 import { strings } from "./strings";
+import { fixed } from "./numbers";
 
 const words = strings.limb;
 
@@ -14,12 +15,12 @@ type Tac = Extract<CalibrationScreen, { type: "tac" }>;
 const FLASH_MS = 1500;
 
 function meanText(seconds: number | null): string {
-  return seconds === null ? "" : words.mean(seconds.toFixed(1));
+  return seconds === null ? "" : words.mean(fixed(seconds, 1));
 }
 
 /** A place on an axis, with its unit. */
 export function withUnit(axis: string, value: number): string {
-  return axis === "grasp" ? `${value.toFixed(0)} %` : `${value.toFixed(0)}°`;
+  return axis === "grasp" ? `${fixed(value)} %` : `${fixed(value)}°`;
 }
 
 /** How a motion or target ended, for a moment, over whatever follows. */
@@ -60,7 +61,7 @@ class Course {
   readonly foot = element("div", "", this.bar, this.recognised);
 
   show(left: number, limit: number, runs: boolean, gesture: GestureName, mark: string): void {
-    setText(this.left, runs ? words.left(left < 10 ? left.toFixed(1) : left.toFixed(0)) : words.each(limit));
+    setText(this.left, runs ? words.left(left < 10 ? fixed(left, 1) : fixed(left)) : words.each(limit));
     setWidth(this.fill, runs ? left / limit : 1);
     setClass(this.bar, "late", runs && left < 0.25 * limit);
     setText(this.recognised, words.recognised(gestureText(gesture), mark));
@@ -101,7 +102,7 @@ export class MotionView {
     this.course.show(test.left_secs, test.limit_secs, !relaxing, test.in_force, mark);
     const last = attempts.at(-1);
     const secs = last?.completion_secs ?? null;
-    const outcome = secs === null ? words.timeIsUp : words.completeIn(secs.toFixed(1));
+    const outcome = secs === null ? words.timeIsUp : words.completeIn(fixed(secs, 1));
     this.flash.after(attempts.length, secs !== null, words.ended(gestureText(last?.prompt ?? ""), outcome));
   }
 }
@@ -138,7 +139,7 @@ class Gauge {
       ["aria-label", axis.name],
       ["aria-valuemin", String(low)],
       ["aria-valuemax", String(high)],
-      ["aria-valuenow", position.toFixed(0)],
+      ["aria-valuenow", fixed(position)],
       ["aria-valuetext", value],
     ] as const) {
       if (this.track.getAttribute(attribute) !== said) this.track.setAttribute(attribute, said);
@@ -177,7 +178,7 @@ export class TacView {
     this.gauges.replaceChildren(...this.known.map(({ root }) => root));
     this.course.show(test.left_secs, test.limit_secs, test.phase === "moving", test.in_force, "");
     const secs = trials.at(-1)?.secs ?? null;
-    this.flash.after(trials.length, secs !== null, secs === null ? words.notReached : words.reachedIn(secs.toFixed(1)));
+    this.flash.after(trials.length, secs !== null, secs === null ? words.notReached : words.reachedIn(fixed(secs, 1)));
   }
 }
 

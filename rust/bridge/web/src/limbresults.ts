@@ -5,6 +5,7 @@ import type { MotionReport, TacReport } from "./generated/types";
 import { gestureText } from "./hand";
 import { withUnit } from "./limb";
 import { strings } from "./strings";
+import { fixed } from "./numbers";
 
 const words = strings.limb;
 
@@ -63,7 +64,7 @@ function table({ title, what, done, heads }: (typeof words.tables)["motion"], fo
     setWidth(fill, all > 0 ? count / all : 0);
     const rowHead = element("th", "", name);
     rowHead.scope = "row";
-    const cells = means.map((value) => element("td", "", value === null ? "–" : value.toFixed(value < 10 ? 2 : 0)));
+    const cells = means.map((value) => element("td", "", value === null ? "–" : fixed(value, value < 10 ? 2 : 0)));
     return element("tr", name === words.all ? "all" : "", rowHead, element("td", "share", element("div", "bar", fill), words.share(count, all)), ...cells);
   });
   const scroll = element("div", "scroll", element("table", "results", element("thead", "", head), element("tbody", "", ...body)));

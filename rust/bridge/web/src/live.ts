@@ -47,6 +47,8 @@ export interface LiveHandlers {
   study?(screen: ExperimenterScreen): void;
   /** What a study shows to whoever takes part. */
   participant?(screen: ParticipantScreen): void;
+  /** The round trip is longer than the trial allows, ms; null: no longer. */
+  delay?(ms: number | null): void;
   /** Time from a message to its answer, ms. */
   roundTrip?(ms: number): void;
 }
@@ -151,6 +153,9 @@ export class Live {
         break;
       case "participant":
         this.handlers.participant?.(message);
+        break;
+      case "delay":
+        this.handlers.delay?.(message.ms);
         break;
       case "pong":
         if (message.id === this.asked.id) {

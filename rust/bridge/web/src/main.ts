@@ -231,6 +231,7 @@ function start(): void {
       debug.ghost = arm;
     },
     signals: (next) => signals.drawer?.take(next),
+    delay: (ms) => hud.setDelay(ms),
     participant: (screen) => study.show(screen),
     driver(next) {
       const before = driver;
@@ -254,6 +255,7 @@ function start(): void {
       everConnected ||= connected;
       debug.connected = connected;
       hud.setConnected(connected, everConnected);
+      hud.setDelay(null);
       study.connected(connected);
       if (connected && signals.open) live.send({ type: "watch", signals: true });
       if (!connected) controls.releaseAll();

@@ -7,12 +7,13 @@ import { GESTURE_NAMES } from "./protocol";
 import { COMMANDS, DEFAULT_KEYS, DWELLS_MS, keyName, MOST_NAME, SCANS_MS, remap, type Command, type Settings } from "./settings";
 import { strings } from "./strings";
 import { ownName } from "./wheel";
+import { fixed } from "./numbers";
 
 const words = strings.settings;
 const NAMES: Record<string, string> = words.commands;
 
 function timeText(ms: number): string {
-  return ms === 0 ? words.off : `${(ms / 1000).toFixed(1)} s`;
+  return ms === 0 ? words.off : `${fixed(ms / 1000, 1)} s`;
 }
 
 function timesOf(times: number[]): Record<string, string> {

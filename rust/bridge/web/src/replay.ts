@@ -14,6 +14,7 @@ import { CanvasPen, SvgPen, drawPicture, sizeOf } from "./replaypicture";
 import { ReplayView } from "./replayview";
 import { whyNotDrawn } from "./stage";
 import { strings } from "./strings";
+import { fixed } from "./numbers";
 
 const words = strings.replay;
 
@@ -307,7 +308,7 @@ class Replay {
     this.recorder.draw(this.views, state.time);
     this.events.moveTo(state.time);
     if (document.activeElement !== this.range || state.playing) this.range.value = String(state.time);
-    setText(this.now, `${(state.time / 1000).toFixed(2).replace("-", "−")} / ${((begin + state.length) / 1000).toFixed(1)} s`);
+    setText(this.now, `${fixed(state.time / 1000, 2).replace("-", "−")} / ${fixed((begin + state.length) / 1000, 1)} s`);
     if (!state.playing && this.views.every(({ timeline }) => timeline)) this.keepLink();
   }
 
@@ -338,7 +339,7 @@ class Replay {
   }
 
   private fileName(ending: string): string {
-    return `replay-${(this.state.time / 1000).toFixed(2)}s.${ending}`;
+    return `replay-${fixed(this.state.time / 1000, 2)}s.${ending}`;
   }
 
   private async savePng(): Promise<void> {

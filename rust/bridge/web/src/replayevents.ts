@@ -6,6 +6,7 @@ import { eventText } from "./hud";
 import { capitalised } from "./protocol";
 import { gestureText } from "./replaysignals";
 import { strings } from "./strings";
+import { fixed } from "./numbers";
 
 export const EVENT_GROUPS = ["gesture", "gaze", "plan", "grasp", "task", "stop"] as const;
 export type EventGroup = (typeof EVENT_GROUPS)[number];
@@ -111,7 +112,7 @@ export class EventList {
         "button",
         groupOf(event),
         element("i", "dot"),
-        element("time", "", (time / 1000).toFixed(2).replace("-", "−")),
+        element("time", "", fixed(time / 1000, 2).replace("-", "−")),
         views > 1 ? element("span", "chip", String(view + 1)) : null,
         element("span", "", replayEventText(event)),
       );

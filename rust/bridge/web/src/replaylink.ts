@@ -5,6 +5,7 @@ import { EVENT_GROUPS, type EventGroup } from "./replayevents";
 import { LANES, type LaneName } from "./replaysignals";
 import { strings } from "./strings";
 import type { TrialEvent } from "./generated/types";
+import { fixed } from "./numbers";
 
 /** Trials are laid over each other at this event: its kind, and which of them, from 1. */
 export interface Alignment {
@@ -54,18 +55,18 @@ export function queryOf(moment: ReplayMoment, other: URLSearchParams): URLSearch
   const query = new URLSearchParams(other);
   for (const name of ["trial", "t", "camera", "eye", "at", "speed", "hide", "fold", "align", "window", "below"]) query.delete(name);
   for (const trial of moment.trials) query.append("trial", String(trial));
-  query.set("t", (moment.time / 1000).toFixed(3));
+  query.set("t", fixed(moment.time / 1000, 3));
   const put = (name: string, value: string) => value && query.set(name, value);
   put("camera", moment.camera === "shoulder" ? "" : moment.camera);
   if (moment.camera === "free") {
-    put("eye", (moment.eye ?? []).map((value) => value.toFixed(3)).join(","));
-    put("at", (moment.at ?? []).map((value) => value.toFixed(3)).join(","));
+    put("eye", (moment.eye ?? []).map((value) => fixed(value, 3)).join(","));
+    put("at", (moment.at ?? []).map((value) => fixed(value, 3)).join(","));
   }
   put("speed", moment.speed === 1 ? "" : String(moment.speed));
   put("hide", moment.hidden.join(","));
   put("fold", moment.folded.join(","));
   put("align", moment.align ? `${moment.align.event},${moment.align.number}` : "");
-  put("window", moment.window ? moment.window.map((time) => (time / 1000).toFixed(3)).join(",") : "");
+  put("window", moment.window ? moment.window.map((time) => fixed(time / 1000, 3)).join(",") : "");
   put("below", moment.below ? "1" : "");
   return query;
 }

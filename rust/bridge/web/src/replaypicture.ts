@@ -1,6 +1,7 @@
 // Scene and plots of a replay as one labelled picture: pixels or vectors, drawn by the same code.
 
 import { MARGIN, SPAN_ALPHA, levelsOf, numberText, placed, spanKinds, valueAt, type SignalData, type SignalLine } from "./signaldata";
+import { fixed } from "./numbers";
 
 interface TextStyle {
   size: number;
@@ -98,7 +99,7 @@ function legendOf({ data, shows }: PicturedPlot, time: number): Entry[] {
   const lines = data.lines.flatMap((line, k): Omit<Entry, "x" | "row">[] => {
     if (line.beside || !shows(k)) return [];
     const value = valueAt(data.times, line.values, time);
-    const text = value === null ? "" : ` ${value.toFixed(line.digits).replace("-", "−")}${line.unit}`;
+    const text = value === null ? "" : ` ${fixed(value, line.digits).replace("-", "−")}${line.unit}`;
     return [{ text: line.label + text, colour: line.colour, line }];
   });
   const spans = data.lines.length > 0 ? [] : spanKinds(data).map(({ label, colour }) => ({ text: label, colour, line: null }));

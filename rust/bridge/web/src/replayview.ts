@@ -12,6 +12,7 @@ import { SignalPlot } from "./signalplot";
 import { Stage } from "./stage";
 import { strings } from "./strings";
 import { Timeline } from "./timeline";
+import { fixed } from "./numbers";
 
 const words = strings.replay;
 
@@ -138,7 +139,7 @@ export class ReplayView {
       ...events.map((event) => {
         const mark = element("i", groupOf(event));
         mark.style.left = `${(100 * (event.time - this.zero - begin)) / length}%`;
-        mark.title = `${(event.time / 1000).toFixed(1)} s: ${replayEventText(event)}`;
+        mark.title = `${fixed(event.time / 1000, 1)} s: ${replayEventText(event)}`;
         mark.addEventListener("click", () => this.ports.jump(event.time - this.zero));
         return mark;
       }),
@@ -172,7 +173,7 @@ export class ReplayView {
   /** What stands under its scene in a video, and above it in a picture. */
   caption(time: number): string {
     const record = this.timeline?.record;
-    return record ? words.caption(record.name, record.method, ((time + this.zero) / 1000).toFixed(2)) : "";
+    return record ? words.caption(record.name, record.method, fixed((time + this.zero) / 1000, 2)) : "";
   }
 
   /** It as part of a picture: the scene, and the plots that are unfolded. */

@@ -4,6 +4,7 @@ import { Dialog } from "./dialog";
 import { button, element, setText } from "./dom";
 import { strings } from "./strings";
 import type { AfterTrial, ResultCard, TrialStatus } from "./generated/types";
+import { fixed } from "./numbers";
 
 /** What became of an object, in words. */
 const words = strings.result;
@@ -12,8 +13,8 @@ const OFFERS: Record<AfterTrial, string> = words.offers;
 /** Trials that are compared, this one included. */
 const MOST_COMPARED = 4;
 
-const seconds = (value: number | null) => (value === null ? "–" : `${value.toFixed(1)} s`);
-const centimetres = (value: number | null) => (value === null ? "–" : `${(100 * value).toFixed(1)} cm`);
+const seconds = (value: number | null) => (value === null ? "–" : `${fixed(value, 1)} s`);
+const centimetres = (value: number | null) => (value === null ? "–" : `${fixed(100 * value, 1)} cm`);
 
 /** Score, time, mean error of what was put down, and path of a trial, as a person reads them. */
 export function summary(card: ResultCard): { who: string; score: string; time: string; error: string; path: string } {
@@ -24,7 +25,7 @@ export function summary(card: ResultCard): { who: string; score: string; time: s
     score: card.most === null ? `${card.score}` : words.scoreOf(card.score, card.most),
     time: seconds(card.seconds),
     error: centimetres(placed.length > 0 ? error : null),
-    path: `${card.path_m.toFixed(1)} m`,
+    path: `${fixed(card.path_m, 1)} m`,
   };
 }
 
@@ -33,7 +34,7 @@ export function comparison([now, before]: ResultCard[]): string {
   if (!now || !before || now.score_name !== before.score_name) return "";
   const who = words.compared(before.who === now.who ? words.trialBefore : before.who.toLowerCase(), before.method);
   const [more, faster] = [now.score - before.score, before.seconds - now.seconds];
-  const time = Math.abs(faster) < 0.05 ? words.sameTime : (faster > 0 ? words.lessTime : words.moreTime)(Math.abs(faster).toFixed(1));
+  const time = Math.abs(faster) < 0.05 ? words.sameTime : (faster > 0 ? words.lessTime : words.moreTime)(fixed(Math.abs(faster), 1));
   return words.comparison(more, now.score_name, who, time);
 }
 

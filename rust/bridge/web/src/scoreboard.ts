@@ -7,6 +7,7 @@ import type { PageContent, ResultCard } from "./generated/types";
 import type { Interval } from "./interval";
 import { csv, MEASURES, methodsOf, predicted, summed, visited, type Measure, type Trial } from "./scores";
 import { strings } from "./strings";
+import { fixed } from "./numbers";
 
 const words = strings.scores;
 /** Of a picture of one measure, in its own units. */
@@ -127,7 +128,7 @@ function cellText(interval: Interval | null): string {
 }
 
 function shortText(value: number): string {
-  return value >= 20 || Number.isInteger(value) ? value.toFixed(0) : value.toFixed(1);
+  return value >= 20 || Number.isInteger(value) ? fixed(value) : fixed(value, 1);
 }
 
 /** A round number that is not smaller. */

@@ -6,6 +6,7 @@ import "./signalplot.css";
 import uPlot from "uplot";
 import { element, setClass, setText } from "./dom";
 import { MARGIN, SPAN_ALPHA, levelsOf, numberText, placed, spanKinds, valueAt, type SignalData, type SignalLine } from "./signaldata";
+import { fixed } from "./numbers";
 
 /** Room for what stands at the left, CSS pixels: the same for all plots, so that they lie on one time axis. */
 const LEFT = 48;
@@ -68,7 +69,7 @@ export class SignalPlot {
     this.data.lines.forEach((line, k) => {
       const value = valueAt(this.data.times, line.values, time);
       const figure = this.figures[k];
-      if (figure) setText(figure, value === null ? "–" : `${value.toFixed(line.digits).replace("-", "−")}${line.unit}`);
+      if (figure) setText(figure, value === null ? "–" : `${fixed(value, line.digits).replace("-", "−")}${line.unit}`);
     });
   }
 

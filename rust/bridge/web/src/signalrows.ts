@@ -13,6 +13,7 @@ import { shownName } from "./jointnames";
 import { SignalHistory } from "./signalhistory";
 import { strings } from "./strings";
 import { BACK_SECS, WINDOW_SECS } from "./timewindow";
+import { fixed } from "./numbers";
 
 const words = strings.signals;
 /** Frames, and messages of signals, a second; a little more than come. */
@@ -236,7 +237,7 @@ function shareOf(angle: number, limits: [number, number] | null): number {
 
 function angleText(share: number, limits: [number, number] | null): string {
   const [low, high] = limits ?? [-Math.PI, Math.PI];
-  const degrees = (value: number) => (value * DEGREES).toFixed(0);
+  const degrees = (value: number) => fixed(value * DEGREES);
   const range = limits ? ` (${degrees(low)} to ${degrees(high)})` : "";
   return `${degrees(low + share * (high - low))}°${range}`;
 }

@@ -7,6 +7,7 @@ import { IntentView } from "./intentview";
 import type { SignalRows } from "./signalrows";
 import { strings } from "./strings";
 import { BACK_SECS, TimeWindow, WINDOW_SECS } from "./timewindow";
+import { fixed } from "./numbers";
 
 const words = strings.signals;
 /** Of the slider, seconds. */
@@ -154,10 +155,10 @@ export class SignalsDrawer {
   private tell(): void {
     const { time, slider } = this;
     const back = Math.round(time.back / STEP_SECS) * STEP_SECS;
-    setText(this.state, time.live ? words.isLive : words.isBack(back.toFixed(1)));
+    setText(this.state, time.live ? words.isLive : words.isBack(fixed(back, 1)));
     const value = String(-back);
     if (slider.value !== value) slider.value = value;
-    const said = time.live ? words.isLive : words.isBack(back.toFixed(1));
+    const said = time.live ? words.isLive : words.isBack(fixed(back, 1));
     if (slider.getAttribute("aria-valuetext") !== said) slider.setAttribute("aria-valuetext", said);
     this.pauseButton.disabled = !time.live;
     this.liveButton.disabled = time.live;

@@ -2,6 +2,7 @@
 // language"). A text with values in it is a function of them.
 
 import type { TrialEvent } from "./generated/types";
+import { fixed } from "./numbers";
 
 // --- The participant's page -------------------------------------------------------------------------------------------------------
 
@@ -26,6 +27,7 @@ const hud = {
   offline: "Offline",
   lost: "The connection to ProACT is lost. This page comes back by itself as soon as the program runs again.",
   connecting: "Connecting to ProACT …",
+  delayed: (ms: string) => `Connection delayed by ${ms} ms. What you do arrives too late.`,
   setup: (name: string) => `Set-up: ${name}`,
   newTrial: (method: string, title: string) => `New trial with method ${method}: ${title}`,
   rates: (received: number, drawn: number, lost: number) => `${received} frames a second received, ${drawn} drawn, ${lost} lost`,
@@ -405,9 +407,9 @@ export const strings = {
     differs: "Digest DIFFERS: not the recorded trial",
     bag: "From a bag",
     trial: "Trial",
-    seed: (seed: number) => `, seed ${seed}`,
+    seed: (seed: string) => `, seed ${seed}`,
     facts: { method: "Method", score: "Score", length: "Length" },
-    length: (seconds: number, finished: boolean) => `${seconds.toFixed(1)} s${finished ? "" : ", unfinished"}`,
+    length: (seconds: number, finished: boolean) => `${fixed(seconds, 1)} s${finished ? "" : ", unfinished"}`,
     moves: (what: string) => `moves ${what}`,
     selects: (what: string, locked: boolean) => `selects ${what}${locked ? ", locked" : ""}`,
     nothing: "nothing",
@@ -555,14 +557,14 @@ export const strings = {
     stop: "Stop",
     locked: (name: string, locked: boolean) => `${name}${locked ? ", locked" : ""}`,
     holds: (name: string) => `holds ${name}`,
-    seed: (seed: number) => `Seed ${seed}`,
+    seed: (seed: string) => `Seed ${seed}`,
     record: (folder: string) => `Record: ${folder}`,
     notRecorded: "Not recorded",
     tick: "Tick, mean / longest",
     pace: "Simulated / real time",
     gaze: "Gaze",
     noGaze: "none yet",
-    gazeRate: (hertz: number, age: number) => `${hertz.toFixed(0)} Hz, ${age} ms old`,
+    gazeRate: (hertz: number, age: number) => `${fixed(hertz)} Hz, ${age} ms old`,
     tracking: "Tracking",
     pages: "Pages",
     frames: "Frames",
@@ -601,7 +603,7 @@ export const strings = {
     unreadable: "Unreadable",
     bodies: "Bodies seen",
     noDropouts: "none in 10 s",
-    dropouts: (count: number, longest: string, percent: number) => `${count} in 10 s, the longest ${longest}, ${percent.toFixed(1)} % of the time`,
+    dropouts: (count: number, longest: string, percent: number) => `${count} in 10 s, the longest ${longest}, ${fixed(percent, 1)} % of the time`,
     noPicture: "This browser draws no 3D; the figures say the same.",
     none: "No motion capture in this trial. Start the program with --mocap, such as: proact serve --mocap vrpn:192.168.1.5/Shoulderpad",
   },
@@ -786,7 +788,7 @@ export const strings = {
     check: "Check",
     fivePoints: "The participant's page shows five points to look at.",
     notChecked: "The gaze was not checked yet.",
-    gazeError: (degrees: number) => `Mean error of the last check: ${degrees.toFixed(1)}°`,
+    gazeError: (degrees: number) => `Mean error of the last check: ${fixed(degrees, 1)}°`,
     demonstration: "A simulated participant shows the method.",
     trialNumber: (number: number, of: number) => `Number ${number} of the ${of} trials of this session`,
     trialBefore: (result: string) => `Trial before: ${result}`,

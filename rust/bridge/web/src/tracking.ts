@@ -23,6 +23,7 @@ import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { element, setClass, setText } from "./dom";
 import type { Pose, ReachPicture, StreamFigures, TrackingReport } from "./generated/types";
 import { strings } from "./strings";
+import { fixed } from "./numbers";
 
 const words = strings.tracking;
 
@@ -60,13 +61,13 @@ class Card {
     setText(this.verdict, report.fault === null ? words.good : report.fault);
     setClass(this.verdict, "bad", report.fault !== null);
     this.set(words.body, report.body);
-    this.set(words.rate, `${report.rate_hz.toFixed(0)} Hz`);
-    this.set(words.age, report.age_secs === null ? words.noPose : `${(1000 * report.age_secs).toFixed(0)} ms`);
+    this.set(words.rate, `${fixed(report.rate_hz)} Hz`);
+    this.set(words.age, report.age_secs === null ? words.noPose : `${fixed(1000 * report.age_secs)} ms`);
     const { stream, noise_m, noise_rad } = report;
     this.set(words.lag, stream ? words.behind(ms(stream.lag_secs)) : words.unknown);
     this.set(words.jitter, stream ? ms(stream.jitter_secs) : words.unknown);
     this.set(words.dropoutsTitle, stream ? dropouts(stream) : words.unknown);
-    this.set(words.noise, noise_m === null || noise_rad === null ? words.unknown : `${(1000 * noise_m).toFixed(2)} mm, ${((180 * noise_rad) / Math.PI).toFixed(2)} degrees`);
+    this.set(words.noise, noise_m === null || noise_rad === null ? words.unknown : `${fixed(1000 * noise_m, 2)} mm, ${fixed((180 * noise_rad) / Math.PI, 2)} degrees`);
     this.set(words.inTracking, place(report.tracking_from_body));
     this.set(words.inWorld, place(report.world_from_shoulder));
     for (const { kind, line, usable } of report.calibrations) this.set(words.calibrated(kind), usable ? line : words.notUsed(line));
@@ -91,11 +92,11 @@ class Card {
 }
 
 function place(pose: Pose | null): string {
-  return pose ? `${pose.translation.map((value) => value.toFixed(3)).join(", ")} m` : words.unknown;
+  return pose ? `${pose.translation.map((value) => fixed(value, 3)).join(", ")} m` : words.unknown;
 }
 
 function ms(secs: number): string {
-  return `${(1000 * secs).toFixed(0)} ms`;
+  return `${fixed(1000 * secs)} ms`;
 }
 
 /** Of the last ten seconds. */

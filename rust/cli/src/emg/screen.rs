@@ -7,7 +7,7 @@ use proact_app::{lines_of, stream_view::fault_text, tell};
 use proact_emg::{
     Calibration, CalibrationConfig, CalibrationReport, DriveScore, EmgModel, Light, Phase, Refusal, Site,
 };
-use proact_types::GestureName;
+use proact_types::{GestureName, Number};
 use serde_json::Value;
 use std::{
     error::Error,
@@ -165,7 +165,8 @@ pub(super) fn report_text(report: &CalibrationReport) -> String {
         text += &format!("  {:.1} % without the inertial measurement unit\n", 100.0 * without);
     }
     for DriveScore { drive, r2, mean_absolute_error } in &report.drives {
-        text += &format!("  {drive:<32} R2 {r2:.3}, mean absolute error {mean_absolute_error:.3}\n");
+        text +=
+            &format!("  {drive:<32} R2 {:.3}, mean absolute error {mean_absolute_error:.3}\n", Number(*r2));
     }
     for outlier in report.outliers() {
         text += &format!(

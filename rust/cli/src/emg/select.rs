@@ -2,6 +2,7 @@ use super::WindowArgs;
 use clap::Args;
 use proact_devices::DeviceError;
 use proact_emg::{SelectionCriterion, SelectionData, select_features};
+use proact_types::Number;
 use std::{error::Error, path::PathBuf};
 
 /// Options of `proact emg select`.
@@ -58,7 +59,7 @@ pub(super) fn text(args: &SelectArgs, json: bool) -> Result<String, Box<dyn Erro
         if args.criterion == SelectionCriterion::FeatureEfficiency { "alone" } else { "with those above" };
     let mut text = format!("{} windows; {} of each feature {with}\n", windows.len(), args.criterion);
     for (place, one) in chosen.iter().enumerate() {
-        text += &format!("{:>3}  {:<10} {:>9.3}\n", place + 1, one.feature, one.value);
+        text += &format!("{:>3}  {:<10} {:>9.3}\n", place + 1, one.feature, Number(one.value));
     }
     let names: Vec<&str> = chosen.iter().map(|one| one.feature.as_str()).collect();
     Ok(text + &format!("--features {}\n", names.join(",")))

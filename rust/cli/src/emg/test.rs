@@ -7,7 +7,7 @@ use crate::{interrupt::interrupt_flag, progress::bar};
 use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
 use proact_app::{
-    CentredStream, answer,
+    CentredStream, answer, answer_json,
     source::{read_model, takes_imu},
     write_whole,
 };
@@ -192,7 +192,7 @@ pub(super) fn run(sources: &SourceRegistry, args: &TestArgs, json: bool) -> Resu
         page.end(&result);
     }
     if json {
-        answer(&result)?;
+        answer_json(&result)?;
     } else {
         answer(text(&result).trim_end())?;
     }

@@ -2,11 +2,11 @@
 
 use proact_app::{
     analysis::{TrainingFigure, training_figures},
-    answer, tell, write_whole,
+    answer, answer_json, tell, write_whole,
 };
 use proact_devices::{DeviceError, Evaluation, Recording, Recordings, leave_one_out, train_process};
 use proact_emg::{CalibrationReport, DriveScore, EmgConfig, EmgModel, Repetition, feature_space};
-use proact_types::{EmgSample, GestureName};
+use proact_types::{EmgSample, GestureName, Number};
 use serde_json::{Value, json};
 use std::{
     collections::BTreeMap,
@@ -118,14 +118,14 @@ pub(super) fn process_text(judged: Option<&Evaluation>) -> String {
         judged.windows
     );
     for DriveScore { drive, r2, mean_absolute_error } in &judged.drives {
-        text += &format!("  {drive}: R2 {r2:.3}, mean absolute error {mean_absolute_error:.3}\n");
+        text += &format!("  {drive}: R2 {:.3}, mean absolute error {mean_absolute_error:.3}\n", Number(*r2));
     }
     text + "what is said above of the recordings is by lda or ridge on the same features"
 }
 
 pub(super) fn print(object: &Value, json: bool) -> Result<(), Box<dyn Error>> {
     if json {
-        answer(object)?;
+        answer_json(object)?;
     } else if let Some(text) = object["verdict"].as_str() {
         answer(format_args!("{text}; it is in {}", object["model"].as_str().unwrap_or_default()))?;
     } else {

@@ -26,7 +26,7 @@ pub(super) fn text(args: &UseArgs, json: bool) -> Result<String, Box<dyn Error>>
     let report =
         read_use_log(&args.log).map_err(|error| format!("cannot read {}: {error}", args.log.display()))?;
     if json {
-        return Ok(serde_json::to_string(&report)? + "\n");
+        return Ok(proact_types::to_json(&report)? + "\n");
     }
     for (number, reason) in &report.unreadable {
         proact_app::tell(format_args!("{}, line {number} left out: {reason}", args.log.display()));

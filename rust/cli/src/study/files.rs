@@ -3,7 +3,7 @@
 use crate::progress::bar;
 use clap::Args;
 use proact_app::{
-    answer,
+    answer, answer_json,
     study::{self, ExportOptions, Study},
 };
 use proact_control::MethodRegistry;
@@ -55,7 +55,7 @@ pub(super) fn export(methods: &MethodRegistry, args: &ExportArgs, json: bool) ->
     bar.finish_and_clear();
     if json {
         let object = json!({ "folder": exported.folder, "rows": exported.rows, "in_study_file": exported.in_study_file });
-        return Ok(answer(object.to_string())?);
+        return Ok(answer_json(&object)?);
     }
     for (name, rows) in &exported.rows {
         answer(format_args!("{rows:>8} rows  {name}.csv"))?;
@@ -85,7 +85,7 @@ pub(super) fn archive(
     })?;
     bar.finish_and_clear();
     if json {
-        return Ok(answer(json!({ "archive": out, "files": files }).to_string())?);
+        return Ok(answer_json(&json!({ "archive": out, "files": files }))?);
     }
     Ok(answer(format_args!("{}: {files} files, read again and compared", out.display()))?)
 }

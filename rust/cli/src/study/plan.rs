@@ -2,7 +2,7 @@
 
 use clap::Args;
 use proact_app::{
-    answer,
+    answer, answer_json,
     study::{Study, new_study, new_study_from_armsym},
     tell,
 };
@@ -46,7 +46,7 @@ pub(super) fn new(args: &NewArgs, json: bool) -> Result<(), Box<dyn Error>> {
         files => new_study_from_armsym(&args.folder, files)?,
     };
     if json {
-        return Ok(answer(json!({ "plan": file, "left_out": left_out }).to_string())?);
+        return Ok(answer_json(&json!({ "plan": file, "left_out": left_out }))?);
     }
     left_out.iter().for_each(tell);
     Ok(answer(format!(
@@ -73,7 +73,7 @@ pub(super) fn check(methods: &MethodRegistry, args: &CheckArgs, json: bool) -> R
 /// All trials, as CSV or as JSON.
 fn schedule(study: &Study, json: bool) -> Result<String, Box<dyn Error>> {
     if json {
-        return Ok(serde_json::to_string(&study.schedule)?);
+        return Ok(proact_types::to_json(&study.schedule)?);
     }
     let mut table = csv::Writer::from_writer(Vec::new());
     for trial in study.schedule.trials() {

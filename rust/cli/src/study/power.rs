@@ -4,11 +4,12 @@ use crate::progress::bar;
 use clap::Args;
 use proact_app::{
     analysis::collect,
-    answer,
+    answer, answer_json,
     study::{self, PowerOfSize, PowerOptions, Study},
     write_whole,
 };
 use proact_control::MethodRegistry;
+use proact_types::Number;
 use serde_json::json;
 use std::{error::Error, fs, path::PathBuf};
 
@@ -73,7 +74,7 @@ pub(super) fn command(methods: &MethodRegistry, args: &PowerArgs, json: bool) ->
         fs::write(&file, png).map_err(|error| format!("{}: {error}", file.display()))?;
     }
     if json {
-        return Ok(answer(json!({ "conditions": study.conditions(), "power": found }).to_string())?);
+        return Ok(answer_json(&json!({ "conditions": study.conditions(), "power": found }))?);
     }
     table(&study, &found, &options)
 }
@@ -92,7 +93,7 @@ fn table(study: &Study, found: &[PowerOfSize], options: &PowerOptions) -> Result
         answer(format_args!("{people:>6}{cells}"))?;
     }
     let means = study.conditions().into_iter().zip(&first.power.means);
-    let means: Vec<String> = means.map(|(name, mean)| format!("{name} {mean:.2}")).collect();
+    let means: Vec<String> = means.map(|(name, mean)| format!("{name} {:.2}", Number(*mean))).collect();
     answer(format_args!(
         "Chance to find a difference at p <= {} in {} simulated studies each (Friedman; Wilcoxon, Holm over pairs). Means of their \
          scores: {}.",

@@ -4,7 +4,7 @@ use super::console;
 use crate::{interrupt::interrupt_flag, person_args::PersonArgs, progress::bar, served_page::ServedPageArgs};
 use clap::Args;
 use proact_app::{
-    LiveArmband, Registry, answer,
+    LiveArmband, Registry, answer, answer_json,
     study::{
         Conductor, ExportOptions, LiveStudy, People, RehearsalOptions, Rehearsed, Study, StudyEquipment,
         export, opening, rehearse, work as work_on,
@@ -84,7 +84,7 @@ pub(super) fn command(registry: &Registry, args: &RunArgs, json: bool) -> Result
     if json {
         let object = json!({ "finished": finished, "trials": [over, all], "rows": tables.as_ref().map(|t| &t.rows),
             "tables": tables.as_ref().map(|t| &t.folder) });
-        answer(object.to_string())?;
+        answer_json(&object)?;
     } else {
         answer(format_args!(
             "{over} of {all} trials are over{}",

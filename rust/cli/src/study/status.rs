@@ -2,7 +2,7 @@
 
 use clap::Args;
 use proact_app::{
-    answer,
+    answer, answer_json,
     study::{self, Look, Study},
 };
 use proact_control::MethodRegistry;
@@ -62,7 +62,7 @@ pub(super) fn status(methods: &MethodRegistry, args: &StatusArgs, json: bool) ->
     if json {
         let object = json!({ "name": study.plan.name, "simulated": look.simulated, "trials": [over, all],
             "finished": look.progress.finished(), "sessions": sessions });
-        return Ok(answer(object.to_string())?);
+        return Ok(answer_json(&object)?);
     }
     answer(format_args!(
         "{}{}: {over} of {all} trials are over",
@@ -91,7 +91,7 @@ pub(super) fn next(methods: &MethodRegistry, args: &StatusArgs, json: bool) -> R
     let id = look.progress.people().get(&participant);
     if json {
         let object = json!({ "participant": participant, "id": id, "session": session, "step": spot.step, "label": label });
-        return Ok(answer(object.to_string())?);
+        return Ok(answer_json(&object)?);
     }
     let who = id.map_or_else(|| format!("participant {participant}, who is not enrolled yet"), Clone::clone);
     Ok(answer(format_args!("{who}: session {session}, step {}: {label}", spot.step))?)

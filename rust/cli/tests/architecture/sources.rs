@@ -163,3 +163,29 @@ fn one_name_is_one_public_type_in_all_crates() {
         .collect();
     assert!(twice.is_empty(), "one name, one thing; rename all but one of each:\n{}", twice.join("\n"));
 }
+
+/// Whether a line prints JSON on its own, and not through `answer_json`, which writes no negative zero.
+fn prints_json(line: &str) -> bool {
+    let code = code_of(line);
+    let json = ["serde_json::to_string", "object.to_string()", "json!(", "&object"];
+    code.contains("answer(") && json.iter().any(|form| code.contains(form))
+}
+
+#[test]
+fn json_answers_are_told_from_texts() {
+    assert!(prints_json("answer(serde_json::to_string(&report)?)?;"));
+    assert!(prints_json("answer(json!({"));
+    for other in ["answer_json(&object)?;", "answer(text)?;", "answer(&error)?"] {
+        assert!(!prints_json(other), "{other}");
+    }
+}
+
+#[test]
+fn every_answer_in_json_is_written_by_one_function() {
+    let files = files();
+    let sources = files.iter().filter(|(path, _)| path.starts_with("rust/cli/src/") && path.ends_with(".rs"));
+    let offences: Vec<String> = sources
+        .flat_map(|(path, text)| text.lines().filter(|line| prints_json(line)).map(move |line| format!("{path}: {line}")))
+        .collect();
+    assert!(offences.is_empty(), "use answer_json:\n{}", offences.join("\n"));
+}

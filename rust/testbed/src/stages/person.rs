@@ -106,6 +106,11 @@ impl PersonStage {
         self.sign(source, SignKind::Alive);
     }
 
+    /// `source` said something over a line whose delay is over the limit: what it holds moves nothing.
+    pub fn hear_delayed(&mut self, source: InputSource) {
+        self.sign(source, SignKind::Delayed);
+    }
+
     /// `source` ended its connection: a gesture that it held is released, and if one is in force the arm stops.
     pub fn close(&mut self, source: InputSource) {
         self.act(Gesture::NoMotion);

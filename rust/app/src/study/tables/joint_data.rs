@@ -3,7 +3,7 @@
 use crate::{replay::ReplayOptions, retrace};
 use proact_control::MethodRegistry;
 use proact_testbed::Testbed;
-use proact_types::{Gesture, Point, Pose};
+use proact_types::{Gesture, Number, Point, Pose};
 use std::{error::Error, fmt::Write, path::Path};
 
 /// Rows a second.
@@ -62,7 +62,7 @@ fn write_row(text: &mut String, row: u64, testbed: &Testbed) {
     let state = testbed.plant().state();
     told(text, format_args!("{row}\t{:.3}", testbed.now().as_secs()));
     for angle in &state.position[..model.arm_count()] {
-        told(text, format_args!("\t{:.4}", angle.to_degrees().rem_euclid(360.0)));
+        told(text, format_args!("\t{:.4}", Number(angle.to_degrees().rem_euclid(360.0))));
     }
     let base: Pose = state.world_from_base;
     let hand = base * model.link_poses(&state.position)[model.tip];
@@ -80,7 +80,7 @@ fn write_row(text: &mut String, row: u64, testbed: &Testbed) {
 /// A place in ArmSym's axes.
 fn place(text: &mut String, pose: &Pose) {
     let at = Point::from(pose.translation.vector);
-    told(text, format_args!("\t{:.5}\t{:.5}\t{:.5}", -at.y, at.z, at.x));
+    told(text, format_args!("\t{:.5}\t{:.5}\t{:.5}", Number(-at.y), Number(at.z), Number(at.x)));
 }
 
 fn told(text: &mut String, words: std::fmt::Arguments<'_>) {

@@ -1100,8 +1100,8 @@ name: string,
 method: string,
 /** Set-up. */
 setup: string,
-/** Seed; a bag has none. */
-seed: number | null,
+/** Seed, as text: JavaScript has no whole numbers above 2^53. A bag has none. */
+seed: string | null,
 /** Length, simulated seconds. */
 seconds: number,
 /** What the task counted in the end. */
@@ -1280,7 +1280,7 @@ mean_delay_secs: number, };
 /** Messages from the server to the page. */
 export type ServerMessage = { "type": "hello", page_version: string, revision: number,
 /** The controller that is strapped to the brace: it is neither gaze nor buttons. */
-brace_controller: Side | null, } | { "type": "content", revision: number, } | { "type": "frame" } & DisplayFrame | { "type": "status" } & TrialStatus | { "type": "driver", name: string | null, you: boolean, may_drive: boolean, } | { "type": "ghost", arm: GhostArm | null, } | { "type": "signals" } & Signals | { "type": "study" } & ExperimenterScreen | { "type": "participant" } & ParticipantScreen | { "type": "pong", id: number, clock_ms: number, } | { "type": "events", events: Array<TrialEvent>, } | { "type": "error", message: string, };
+brace_controller: Side | null, } | { "type": "content", revision: number, } | { "type": "frame" } & DisplayFrame | { "type": "status" } & TrialStatus | { "type": "driver", name: string | null, you: boolean, may_drive: boolean, } | { "type": "ghost", arm: GhostArm | null, } | { "type": "signals" } & Signals | { "type": "study" } & ExperimenterScreen | { "type": "participant" } & ParticipantScreen | { "type": "delay", ms: number | null, } | { "type": "pong", id: number, clock_ms: number, } | { "type": "events", events: Array<TrialEvent>, } | { "type": "error", message: string, };
 
 /** A session under way. */
 export type SessionScreen = {
@@ -1396,7 +1396,7 @@ since: SimTime,
 reason: string, };
 
 /** How a source died. */
-export type StopCause = "silent" | "closed" | "frozen" | "flat" | "railed" | "noiseless" | "lossy" | "wrong_rate" | "lost" | "undecided";
+export type StopCause = "silent" | "closed" | "frozen" | "flat" | "railed" | "noiseless" | "lossy" | "wrong_rate" | "lost" | "undecided" | "delayed";
 
 /** How steady a stream of poses was in the last ten seconds. */
 export type StreamFigures = {
@@ -1669,8 +1669,8 @@ held: boolean,
 offers: Array<AfterTrial>,
 /** Results of this trial, once it is over, and of those before it, the newest first. */
 results: Array<ResultCard>,
-/** Seed of the trial. */
-seed: number,
+/** Seed of the trial, as text: JavaScript has no whole numbers above 2^53. */
+seed: string,
 /** Where it is recorded; none if it is not. */
 record: string | null,
 /** What gives gaze instead of the page's mouse and headset, such as an eye tracker; none if nothing does. */
@@ -1690,8 +1690,8 @@ name: string,
 method: string,
 /** Set-up. */
 setup: string,
-/** Seed; a bag has none. */
-seed: number | null,
+/** Seed, as text: JavaScript has no whole numbers above 2^53. A bag has none. */
+seed: string | null,
 /** Length, simulated seconds. */
 seconds: number,
 /** What the task counted in the end. */

@@ -1,0 +1,107 @@
+//! Numbers as people and programs read them: no output shows a negative zero.
+//!
+//! Records do not go through here: they keep every bit.
+
+use serde::Serialize;
+use serde_json::ser::{CompactFormatter, Formatter, PrettyFormatter};
+use std::{fmt, io};
+
+/// A number for a text or a table. `{:.2}` of -0.001 is `0.00`, and width and sign are those of the format.
+#[derive(Clone, Copy, Debug)]
+pub struct Number(pub f64);
+
+impl fmt::Display for Number {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let text = match f.precision() {
+            Some(digits) => format!("{:.digits$}", self.0),
+            None => self.0.to_string(),
+        };
+        let size = text.trim_start_matches('-');
+        let zero = size.chars().all(|c| c == '0' || c == '.');
+        f.pad_integral(zero || size.len() == text.len(), "", size)
+    }
+}
+
+/// `value` as JSON in one line.
+///
+/// # Errors
+/// A map with keys that are no text.
+pub fn to_json<T: Serialize + ?Sized>(value: &T) -> serde_json::Result<String> {
+    write(value, CompactFormatter)
+}
+
+/// `value` as JSON in lines, two spaces a level.
+///
+/// # Errors
+/// As [`to_json`].
+pub fn to_json_pretty<T: Serialize + ?Sized>(value: &T) -> serde_json::Result<String> {
+    write(value, PrettyFormatter::new())
+}
+
+fn write<T: Serialize + ?Sized>(value: &T, formatter: impl Formatter) -> serde_json::Result<String> {
+    let mut text = Vec::new();
+    value.serialize(&mut serde_json::Serializer::with_formatter(&mut text, NoNegativeZero(formatter)))?;
+    Ok(String::from_utf8(text).expect("serde_json writes UTF-8"))
+}
+
+/// Adding zero makes a negative zero positive, and changes no other number.
+struct NoNegativeZero<F>(F);
+
+/// What `F` overrides passes on.
+macro_rules! passed_on {
+    ($($name:ident($($argument:ident: $kind:ty),*);)*) => {$(
+        fn $name<W: ?Sized + io::Write>(&mut self, to: &mut W $(, $argument: $kind)*) -> io::Result<()> {
+            self.0.$name(to $(, $argument)*)
+        }
+    )*};
+}
+
+impl<F: Formatter> Formatter for NoNegativeZero<F> {
+    fn write_f32<W: ?Sized + io::Write>(&mut self, to: &mut W, value: f32) -> io::Result<()> {
+        self.0.write_f32(to, value + 0.0)
+    }
+
+    fn write_f64<W: ?Sized + io::Write>(&mut self, to: &mut W, value: f64) -> io::Result<()> {
+        self.0.write_f64(to, value + 0.0)
+    }
+
+    passed_on! {
+        begin_array();
+        end_array();
+        begin_array_value(first: bool);
+        end_array_value();
+        begin_object();
+        end_object();
+        begin_object_key(first: bool);
+        end_object_key();
+        begin_object_value();
+        end_object_value();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_that_rounds_to_zero_has_no_sign() {
+        let of = |value| {
+            format!("{:.2}|{:6.1}|{:+.0}|{}", Number(value), Number(value), Number(value), Number(value))
+        };
+        assert_eq!(of(-0.001), "0.00|   0.0|+0|-0.001");
+        assert_eq!(of(-0.0), "0.00|   0.0|+0|0");
+        assert_eq!(of(-1.25), "-1.25|  -1.2|-1|-1.25");
+        assert_eq!(of(1.25), "1.25|   1.2|+1|1.25");
+        assert_eq!(format!("{:.1} {}", Number(f64::NAN), Number(f64::NEG_INFINITY)), "NaN -inf");
+    }
+
+    #[test]
+    fn json_has_no_negative_zero_and_is_else_that_of_serde() {
+        let value = serde_json::json!({"a": [-0.0, -0.5, 1e300], "b": {"c": null, "d": "-0.0"}, "e": u64::MAX, "f": []});
+        let plain = serde_json::to_string(&value).expect("plain");
+        assert!(plain.contains("[-0.0,"), "{plain}");
+        assert_eq!(to_json(&value).expect("plain"), plain.replace("[-0.0,", "[0.0,"));
+        let pretty = serde_json::to_string_pretty(&value).expect("plain");
+        assert_eq!(to_json_pretty(&value).expect("plain"), pretty.replacen("-0.0,", "0.0,", 1));
+    }
+}
