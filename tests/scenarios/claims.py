@@ -114,7 +114,7 @@ def as_printed(value, page):
     if isinstance(value, str):
         return value
     if page.lower() in WORDS or page.lower() == "none":
-        word = WORDS[value] if value in range(1, len(WORDS)) else "none" if value == 0 else str(value)
+        word = WORDS[int(value)] if value in range(1, len(WORDS)) else "none" if value == 0 else str(value)
         if value == 0 and page.lower() in ("no", "none"):
             return page
         return word.capitalize() if page[0].isupper() else word
