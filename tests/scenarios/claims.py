@@ -25,7 +25,7 @@ DEFINITION = re.compile(r"^(\w+)(?:\((\w+(?:, \w+)*)\))? = (.+)$")
 PLACEHOLDER = re.compile(r"\{(~?[^{}]+)\}")
 ANYTHING = r"(?:(?!\n\n).)*?"
 WORDS = ["no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"]
-NUMBER = r"(-?\d+(?:,\d{3})*(?:\.\d+)?(?:e-?\d+)?|(?i:" + "|".join(rf"\b{word}\b" for word in [*WORDS, "none"]) + "))"
+NUMBER = r"([-+]?\d+(?:,\d{3})*(?:\.\d+)?(?:e-?\d+)?|(?i:" + "|".join(rf"\b{word}\b" for word in [*WORDS, "none"]) + "))"
 # A script that takes longer hangs, s.
 SCRIPT_LIMIT = 3600
 
@@ -77,7 +77,7 @@ class Names(dict):
     """What expressions of a page may use: functions, the claim's definitions, and NAME for what NAME.json of the page's folder holds."""
 
     def __init__(self, place):
-        functions = {function.__name__: function for function in (len, min, max, sum, abs, round, sorted)}
+        functions = {function.__name__: function for function in (len, min, max, sum, abs, range, round, sorted)}
         super().__init__(functions, __builtins__={}, table=self.table, lines=self.lines, mean=statistics.mean, median=statistics.median)
         self.place = place
 
@@ -122,7 +122,7 @@ def as_printed(value, page):
     if "e" in page:
         mantissa, exponent = f"{value:.{digits}e}".split("e")
         return f"{mantissa}e{int(exponent)}"
-    text = f"{value:{',' if ',' in page else ''}.{digits}f}"
+    text = f"{value:{'+' if page[0] == '+' else ''}{',' if ',' in page else ''}.{digits}f}"
     return text.lstrip("-") if float(text.replace(",", "")) == 0 else text
 
 

@@ -127,7 +127,7 @@ class Claims(unittest.TestCase):
 
     def test_figures_are_written_as_the_page_writes_them(self):
         for value, page, printed in [(1919, "1,919", "1,919"), (-0.001, "0.00", "0.00"), (2.8e-5, "2.7e-5", "2.8e-5"), (0, "none", "none"),
-                                     (2.0, "Three", "Two"), (13, "twelve", "13"), (0.125, "0.13", "0.12"), (-1.18, "-1.18", "-1.18")]:
+                                     (2.0, "Three", "Two"), (13, "twelve", "13"), (0.125, "0.13", "0.12"), (-1.18, "-1.18", "-1.18"), (0.46, "+0.40", "+0.46"), (-0.2, "+0.46", "-0.20")]:
             self.assertEqual(claims.as_printed(value, page), printed)
 
 
