@@ -1,6 +1,6 @@
 """Steps a second of an environment beside arms of MuJoCo in the same run, and what the border between Python and Rust costs.
 
-    pip install "./python[gym]" mujoco && python python/bench.py [--json]
+    pip install "./python[gym]" mujoco==3.17.0 && python python/bench.py [--json]
 
 Times are processor time of this thread, so that others on the machine count little. Environments of Gymnasium that are not installed
 are left out, and said so.

@@ -6,7 +6,7 @@
 # the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
 
 short_lanes="format shell docker web lint cpp rust launcher docs trial xdf fuzz kill study page rosbridge ros"
-long_lanes="deny fuzz_long seeds planning sanitizers valgrind soak speeds kill_long study_long slurm statistics faults soak_serve docs_long debootstrap trixie jammy noble deb focal image pages ros_long ros_safety lsl emg_people python"
+long_lanes="deny fuzz_long seeds planning sanitizers valgrind soak speeds kill_long study_long slurm statistics faults soak_serve docs_long claims claims_long debootstrap trixie jammy noble deb focal image pages ros_long ros_safety lsl emg_people python"
 
 # A ROS 1 graph with Debian's own clients, the catkin workspace, rviz on a virtual display.
 ros_test_packages="ros-base python3-roslaunch python3-rosbag python3-rostopic python3-rosnode python3-rosservice
@@ -37,7 +37,7 @@ packages_of() {
     slurm) echo slurmctld slurmd slurm-client ;;
     faults) echo python3 faketime ;;
     trial) echo python3 python3-rosbag ;;
-    seeds | planning | emg_people) echo python3 ;;
+    seeds | planning | emg_people | claims | claims_long) echo python3 ;;
     ros | ros_long | ros_safety) echo "$ros_packages $ros_test_packages" ;;
     debootstrap | trixie | jammy | noble) echo debootstrap python3 git ;;
     deb) echo debootstrap dpkg-dev binutils git ;;
@@ -202,15 +202,30 @@ lane_xdf() {
     build && "$python" "$root/tests/scenarios/xdf.py" "$binary"
 }
 
-# Links of every page and what the site is made of; that each command can be typed is a test of the lane rust.
+# Links of every page and what the site is made of, and the checker of claims on made-up pages; that each command can be typed is a
+# test of the lane rust.
 lane_docs() {
-    build && sh "$root/docs/site.sh" "$binary" "$root/build/site" --links
+    /usr/bin/python3 -B "$root/tests/scenarios/claims_test.py" && build && sh "$root/docs/site.sh" "$binary" "$root/build/site" --links
 }
 
 # The site itself, and the blocks of commands that are marked to be run.
 lane_docs_long() {
     build && CARGO=${cargo:-cargo} sh "$root/docs/site.sh" "$binary" "$root/build/site" &&
         /usr/bin/python3 "$root/tests/scenarios/documents.py" "$binary" "$root"/docs/*.md
+}
+
+# Figures of the documents beside what the commands of their claims give; with _long also those whose commands take long.
+lane_claims() {
+    claims
+}
+
+lane_claims_long() {
+    claims --long
+}
+
+claims() {
+    /usr/bin/python3 -B "$root/tests/scenarios/claims_test.py" && build &&
+        /usr/bin/python3 -B "$root/tests/scenarios/claims.py" "$binary" "$@" "$root"/docs/*.md
 }
 
 # The program killed at random moments: what is left replays.

@@ -139,8 +139,8 @@ pub struct ShoulderArgs {
     /// How far the knees reach ahead of the shoulder, m; needed by study_1
     #[arg(long, value_name = "M")]
     legs_ahead: Option<f64>,
-    /// Small corrections of the box: ahead, left, up, m
-    #[arg(long, value_name = "M,M,M", value_delimiter = ',', num_args = 3, allow_negative_numbers = true)]
+    /// Small corrections of the box: ahead, left, up, m, with commas between; the file stands before them
+    #[arg(long, value_name = "M,M,M", value_delimiter = ',', num_args = 1..=3, allow_negative_numbers = true)]
     correct: Option<Vec<f64>>,
     /// How the tracking system's axes lie, as for serve
     #[arg(long, value_name = "KEY=VALUE,..")]

@@ -335,3 +335,14 @@ fn what_comes_within_a_condition_comes_after_its_trials_and_before_a_break() {
         assert!(error.contains(key) && error.contains("1 to 3"), "{error}");
     }
 }
+
+/// The documentation said that the time left is hidden unless `countdown = true`; a session without the key shows it.
+#[test]
+fn a_session_without_countdown_shows_the_time_left_as_documented() {
+    let plan = plan(2, 2, "by = \"listed\"", 1, "");
+    assert!(plan.sessions[0].countdown);
+    let page = include_str!("../../../docs/studies.md");
+    let line = page.lines().find(|line| line.starts_with("countdown = ")).unwrap();
+    assert!(line.ends_with("; true if left out"), "{line}");
+    assert!(!page.contains("`countdown = true`"), "a session has it by default");
+}

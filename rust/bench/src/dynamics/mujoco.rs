@@ -40,7 +40,7 @@ pub(super) struct Cost {
 /// MuJoCo, if it is there.
 pub(super) struct MuJoCo {
     python: PathBuf,
-    /// Such as `MuJoCo 4.0.0`.
+    /// Such as `MuJoCo 3.17.0`.
     pub(super) name: String,
 }
 

@@ -1,6 +1,7 @@
 //! Whether every command that a document shows can be typed: each is parsed as the program itself parses it.
 
 use super::*;
+use clap::error::ErrorKind;
 use std::{fs, path::Path};
 
 /// Words that the launcher answers itself.
@@ -54,6 +55,17 @@ fn commands_in(document: &str) -> Vec<Vec<String>> {
     found
 }
 
+/// Every call of the program in single backticks, outside of code blocks, up to `, then` or dots for the rest.
+fn commands_in_prose(document: &str) -> Vec<Vec<String>> {
+    let prose: String = document.split("```").step_by(2).collect();
+    let in_backticks = prose.split('`').skip(1).step_by(2);
+    let called = in_backticks.filter_map(|code| code.trim_start_matches("./").strip_prefix("proact "));
+    let own =
+        |words: &str| words.split(", then").next().unwrap_or_default().trim_end_matches("...").to_owned();
+    // A line may break within.
+    called.map(|words| words_of(&own(words).replace('\n', " "))).collect()
+}
+
 /// The words of a command as a shell takes them, up to what is no longer the command.
 fn words_of(text: &str) -> Vec<String> {
     let mut words = Vec::new();
@@ -87,6 +99,17 @@ fn words_of(text: &str) -> Vec<String> {
 
 /// What the program says of a command that it does not take.
 fn refusal(words: &[String]) -> Option<String> {
+    typed(words).err().map(|(_, text)| text)
+}
+
+/// Prose leaves out what a command needs, and writes NAME or a choice for a value: its commands and options have to be there.
+fn refusal_in_prose(words: &[String]) -> Option<String> {
+    let wrong = [ErrorKind::UnknownArgument, ErrorKind::InvalidSubcommand, ErrorKind::ArgumentConflict];
+    typed(words).err().filter(|(kind, _)| wrong.contains(kind)).map(|(_, text)| text)
+}
+
+/// Or the kind of what is wrong with it, and the message.
+fn typed(words: &[String]) -> Result<(), (ErrorKind, String)> {
     let mut registry: Registry = proact_control::MethodRegistry::standard().into();
     // Files of methods are read before the command is parsed; documents name them from the repository's folder.
     let place = |word: &String| match word.strip_prefix("docs/") {
@@ -96,14 +119,16 @@ fn refusal(words: &[String]) -> Option<String> {
     let words = ["proact".into()].into_iter().chain(words.iter().map(place)).collect();
     let (methods, words) = match method_files::taken_from(registry.methods, words) {
         Ok(taken) => taken,
-        Err(error) => return Some(error.to_string()),
+        Err(error) => return Err((ErrorKind::ValueValidation, error.to_string())),
     };
     registry.methods = methods;
     let parsed =
         offering(&registry).try_get_matches_from(words).and_then(|found| Cli::from_arg_matches(&found));
-    let error = parsed.err()?;
-    // Help and version are no errors.
-    error.use_stderr().then(|| error.to_string())
+    match parsed {
+        // Help and version are no errors.
+        Err(error) if error.use_stderr() => Err((error.kind(), error.to_string())),
+        _ => Ok(()),
+    }
 }
 
 #[test]
@@ -112,13 +137,17 @@ fn every_command_in_the_documents_can_be_typed() {
     let mut refused = Vec::new();
     for document in documents() {
         let text = fs::read_to_string(root().join(&document)).unwrap();
-        for command in commands_in(&text) {
+        let of_blocks = commands_in(&text).into_iter().map(|command| (refusal(&command), command));
+        // The changelog names what was.
+        let prose = if document == "CHANGELOG.md" { Vec::new() } else { commands_in_prose(&text) };
+        let of_prose = prose.into_iter().map(|command| (refusal_in_prose(&command), command));
+        for (refusal, command) in of_blocks.chain(of_prose) {
             if command.first().is_none_or(|word| LAUNCHER_WORDS.contains(&word.as_str())) {
                 continue;
             }
             checked += 1;
             let shown = command.join(" ");
-            refused.extend(refusal(&command).map(|error| format!("{document}: proact {shown}\n{error}")));
+            refused.extend(refusal.map(|error| format!("{document}: proact {shown}\n{error}")));
         }
     }
     assert!(refused.is_empty(), "{} of {checked} commands:\n\n{}", refused.len(), refused.join("\n"));
@@ -137,6 +166,47 @@ fn what_cannot_be_typed_is_found() {
     ] {
         assert_eq!(refusal(&words(good)), None, "{good}");
         assert!(refusal(&words(bad)).is_some(), "{bad}");
+    }
+    for (good, bad) in
+        [("bench STAGE --json", "bench STAGE --jsn"), ("replay", "replays"), ("study check", "study chek")]
+    {
+        assert_eq!(refusal_in_prose(&words(good)), None, "{good}");
+        assert!(refusal_in_prose(&words(bad)).is_some(), "{bad}");
+    }
+    let prose = "Type `./proact demo, then /emg`, or `proact\nstudy`.\n```\nproact no\n```\nSo `proact serve\n--arm wam`.";
+    assert_eq!(commands_in_prose(prose), [vec!["demo"], vec!["serve", "--arm", "wam"]]);
+}
+
+/// The default of `emg test --tests` was shown as `sequence trial`, which the option does not take; `--steering` and
+/// `localize shoulder --correct` did not take the values with commas that help and documents show.
+#[test]
+fn a_list_is_typed_with_commas_as_its_default_is_shown() {
+    fn check(command: &clap::Command) {
+        for argument in command.get_arguments().filter(|argument| argument.get_value_delimiter().is_some()) {
+            let name = format!("{} --{}", command.get_name(), argument.get_id());
+            assert!(
+                argument.get_default_values().len() <= 1,
+                "{name}: the default is shown with spaces between"
+            );
+            let least = argument.get_num_args().map_or(1, |count| count.min_values());
+            assert!(
+                least <= 1,
+                "{name}: {least} words are needed, so that values with commas between are refused"
+            );
+        }
+        command.get_subcommands().for_each(check);
+    }
+    let mut command = Cli::command();
+    command.build();
+    check(&command);
+    for typed in [
+        "emg test --model me.json --source synthetic --tests motion,tac1",
+        "emg test --model me.json --source synthetic --steering wave_out,wave_in,spread,fist",
+        "emg test --model me.json --source synthetic --steering wave_out wave_in spread fist",
+        "localize shoulder rest.csv --body Shoulderpad --correct 0.02,0,-0.01",
+        "localize shoulder rest.csv --body Shoulderpad --correct 0.02 0 -0.01",
+    ] {
+        assert_eq!(refusal(&words_of(typed)), None, "{typed}");
     }
 }
 

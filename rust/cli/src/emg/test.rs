@@ -40,8 +40,8 @@ pub struct TestArgs {
     /// Samples per second of the source, if it does not say.
     #[arg(long = "emg-rate")]
     rate: Option<f64>,
-    /// Which tests, in this order.
-    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [TestName::Sequence, TestName::Trial])]
+    /// Which tests, in this order, with commas between.
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "TEST,..", default_value = "sequence,trial")]
     tests: Vec<TestName>,
     /// Prompts of the longer trial, each of 3 s.
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u16).range(1..=1000))]
@@ -67,11 +67,11 @@ pub struct TestArgs {
     /// Seconds in a target that complete a movement of the cursor test; they are not counted into its time.
     #[arg(long, default_value_t = 1.0)]
     dwell: f64,
-    /// Gestures that move the cursor right, left, up and down.
+    /// Gestures that move the cursor right, left, up and down, with commas between.
     #[arg(
         long,
         value_delimiter = ',',
-        num_args = 4,
+        num_args = 1..=4,
         value_name = "NAMES",
         default_value = "wrist_extension,wrist_flexion,hand_open,hand_close"
     )]
