@@ -51,6 +51,7 @@ mod gaze_udp;
 pub mod gforce;
 #[cfg(feature = "lsl")]
 mod lab_streaming;
+mod judged;
 mod libemg_udp;
 mod line_process;
 mod live;
@@ -94,6 +95,7 @@ pub use live::{
 pub use metadata::read_class_map;
 pub use random::stream;
 pub use recorder::{EmgRecorder, RecordedStream, read_recorded};
+pub use judged::{FaultPolicy, accepted, findings_json};
 pub use recording::{MYO_RATE_HZ, Recording, Recordings};
 pub use recording_folder::RecordingFolder;
 pub use sample_file::{SampleFile, read_samples};
