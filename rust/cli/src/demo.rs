@@ -329,7 +329,8 @@ impl Shown {
         }
         if how.json {
             let findings = findings_json(&findings);
-            let answered = Answered { result: &result, findings, accepted_faults: &config.emg_accepted_faults };
+            let answered =
+                Answered { result: &result, findings, accepted_faults: &config.emg_accepted_faults };
             answer(serde_json::to_string(&answered)?)?;
         } else {
             print_result(&result)?;

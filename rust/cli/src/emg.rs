@@ -25,12 +25,12 @@ use proact_devices::{
 };
 use proact_emg::{DriveScore, EmgConfig, FeatureVector, RecordedFault};
 use proact_types::GestureName;
+pub(crate) use recorded::FaultArgs;
 use std::{
     error::Error,
     io::{self, Write},
     path::PathBuf,
 };
-pub(crate) use recorded::FaultArgs;
 pub use window_args::WindowArgs;
 
 /// Subcommands of `proact emg`.
@@ -213,8 +213,13 @@ fn features(args: &FeaturesArgs, json: bool) -> Result<String, Box<dyn Error>> {
         (None, Some(dir)) => {
             let recordings = args.window.open(dir)?;
             let config = args.window.config(recordings.rate_hz, recordings.channels, &recordings.imu)?;
-            let findings = args.faults.judge(&recordings, &[&args.train_reps[..], &args.test_reps].concat())?;
-            (config.clone(), windows_of(&recordings, &[&args.train_reps, &args.test_reps], &config)?, findings)
+            let findings =
+                args.faults.judge(&recordings, &[&args.train_reps[..], &args.test_reps].concat())?;
+            (
+                config.clone(),
+                windows_of(&recordings, &[&args.train_reps, &args.test_reps], &config)?,
+                findings,
+            )
         }
         (None, None) => return Err("no recording was named, expected --data DIR or --csv FILE".into()),
     };

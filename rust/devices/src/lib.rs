@@ -49,9 +49,9 @@ mod gaze;
 mod gaze_tracker;
 mod gaze_udp;
 pub mod gforce;
+mod judged;
 #[cfg(feature = "lsl")]
 mod lab_streaming;
-mod judged;
 mod libemg_udp;
 mod line_process;
 mod live;
@@ -84,6 +84,7 @@ pub use feedback::{
 pub use gaze::GazeSource;
 pub use gaze_tracker::{GazeDevice, GazeFrame, SentGaze};
 pub use gaze_udp::{GAZE_UDP_PORT, GazeReceiver};
+pub use judged::{FaultPolicy, accepted, findings_json};
 #[cfg(feature = "lsl")]
 pub use lab_streaming::{LslCapture, LslGaze, LslMarkers, LslOutlet, LslSource};
 pub use libemg_udp::{LIBEMG_PORT, LibEmgOutput, LibEmgReceiver, LibEmgSender};
@@ -95,7 +96,6 @@ pub use live::{
 pub use metadata::read_class_map;
 pub use random::stream;
 pub use recorder::{EmgRecorder, RecordedStream, read_recorded};
-pub use judged::{FaultPolicy, accepted, findings_json};
 pub use recording::{MYO_RATE_HZ, Recording, Recordings};
 pub use recording_folder::RecordingFolder;
 pub use sample_file::{SampleFile, read_samples};

@@ -63,8 +63,10 @@ const RATE_KEYS: [&str; 24] = [
 /// Parts of a name that may be that of a rate.
 const RATE_PARTS: [&str; 6] = ["rate", "freq", "hz", "sampl", "hertz", "emg"];
 /// Rates of amplifiers: a number of these under any other name may be the rate too.
-const USUAL_RATES_HZ: [f64; 14] =
-    [250.0, 256.0, 500.0, 512.0, 1000.0, 1024.0, 1111.0, 1200.0, 2000.0, 2048.0, 2400.0, 4000.0, 4096.0, 5120.0];
+const USUAL_RATES_HZ: [f64; 14] = [
+    250.0, 256.0, 500.0, 512.0, 1000.0, 1024.0, 1111.0, 1200.0, 2000.0, 2048.0, 2400.0, 4000.0, 4096.0,
+    5120.0,
+];
 /// What the rate of a stream of EMG can be, Hz.
 const RATES_HZ: std::ops::RangeInclusive<f64> = 20.0..=50_000.0;
 /// Keys that are read, and those in which LibEMG keeps how it prompted.
@@ -119,10 +121,13 @@ impl Metadata {
         if let Some(((_, key, rate), (_, other, different))) =
             rates.first().zip(rates.iter().find(|(.., rate)| Some(*rate) != rate_hz))
         {
-            return Err(format!("{key} is {rate} and {other} is {different}, expected one rate: remove the wrong key"));
+            return Err(format!(
+                "{key} is {rate} and {other} is {different}, expected one rate: remove the wrong key"
+            ));
         }
         let known = |key: &&String| order(key).is_some() || OTHER_KEYS.contains(&key.as_str());
-        let unknown = object.iter().filter(|(key, _)| !known(key)).map(|(key, value)| (key.clone(), value.clone()));
+        let unknown =
+            object.iter().filter(|(key, _)| !known(key)).map(|(key, value)| (key.clone(), value.clone()));
         let unknown = unknown.collect();
         let named = |(class, name): (Option<u32>, &Value)| match (class, name.as_str()) {
             (Some(class), Some(name)) => Ok((class, gesture_called(name)?)),
@@ -173,7 +178,9 @@ impl Metadata {
 
     /// What is said of keys that are unknown, one sentence each.
     pub(crate) fn notes(&self) -> impl Iterator<Item = String> + '_ {
-        self.unknown.keys().map(|key| format!("the metadata has the key {key:?}, which is unknown and not used"))
+        self.unknown
+            .keys()
+            .map(|key| format!("the metadata has the key {key:?}, which is unknown and not used"))
     }
 
     /// Unknown keys, also within others, that may say the rate by their name or their number.
@@ -281,7 +288,9 @@ pub fn read_class_map(path: &Path) -> Result<Vec<GestureName>, DeviceError> {
 fn collect_rates(path: &str, key: &str, value: &Value, keys: &mut Vec<String>) {
     let number = match value {
         Value::Object(inside) => {
-            return inside.iter().for_each(|(key, value)| collect_rates(&format!("{path}.{key}"), key, value, keys));
+            return inside
+                .iter()
+                .for_each(|(key, value)| collect_rates(&format!("{path}.{key}"), key, value, keys));
         }
         Value::Number(number) => number.as_f64(),
         Value::String(text) => text.trim().trim_end_matches(|c: char| !c.is_ascii_digit()).parse().ok(),

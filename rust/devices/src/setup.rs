@@ -1,7 +1,8 @@
 use crate::feed::can_be_made;
 use crate::{DeviceError, EmgFeed, FaultPolicy, Recording, Recordings, SyntheticEmg, SyntheticModel, stream};
 use proact_emg::{
-    Classifier, EmgConfig, EmgModel, RecordedFault, StreamFormat, WindowInput, extract, extract_inputs, noise_floors,
+    Classifier, EmgConfig, EmgModel, RecordedFault, StreamFormat, WindowInput, extract, extract_inputs,
+    noise_floors,
 };
 use proact_types::{EmgSample, Gesture, GestureName, SimTime};
 use serde::{Deserialize, Serialize};

@@ -1,7 +1,8 @@
 //! Where samples come from: the kinds of sources by their schemes, in one table.
 
 use crate::{
-    DeviceError, EmgOrigin, FaultPolicy, KeyboardSource, Pacing, PersonSource, PlaybackSource, Recordings, SampleSource,
+    DeviceError, EmgOrigin, FaultPolicy, KeyboardSource, Pacing, PersonSource, PlaybackSource, Recordings,
+    SampleSource,
     gforce::{Connect, GForce, GForceOptions, LinkError, TcpConnector},
     myo::{Myo, MyoEmgMode, protocol::RATE_HZ as MYO_HZ},
     raw_keys::RawKeys,

@@ -156,7 +156,17 @@ fn synthetic(rate_hz: f64) -> Result<Recordings, Box<dyn Error>> {
     let items = Gesture::ALL.map(&mut record).into();
     let (expected, rest) = (Gesture::ALL.map(GestureName::from).into(), GestureName::default());
     let (path, imu) = ("synthetic".into(), Vec::new());
-    Ok(Recordings { path, rate_hz, channels, imu, expected, rest, items, notes: Vec::new(), unknown_rate_keys: Vec::new() })
+    Ok(Recordings {
+        path,
+        rate_hz,
+        channels,
+        imu,
+        expected,
+        rest,
+        items,
+        notes: Vec::new(),
+        unknown_rate_keys: Vec::new(),
+    })
 }
 
 fn check_fit(info: &SourceInfo, rate_hz: f64, channels: usize, trained_on: &str) -> Result<(), String> {

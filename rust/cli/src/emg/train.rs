@@ -121,7 +121,8 @@ impl Training {
         json: bool,
         stop: Arc<AtomicBool>,
     ) -> Result<Training, Box<dyn Error>> {
-        let source = args.source.open(sources, args.window.rate, args.window.wants_imu(), args.faults.policy())?;
+        let source =
+            args.source.open(sources, args.window.rate, args.window.wants_imu(), args.faults.policy())?;
         let info = source.info().clone();
         let five = Gesture::ALL.map(GestureName::from);
         let rest = args.rest.unwrap_or_default();

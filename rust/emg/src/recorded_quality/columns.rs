@@ -63,8 +63,7 @@ impl Column {
         let (mean, variance) = moments(values.iter().flatten().copied(), None);
         let sds = values.iter().map(|part| moments(part.iter().copied(), None).1.sqrt()).collect();
         let blocks = values.iter().flat_map(|part| part.chunks_exact(block));
-        let slow =
-            moments(blocks.map(|block| block.iter().sum::<f64>() / block.len() as f64), Some(mean)).1;
+        let slow = moments(blocks.map(|block| block.iter().sum::<f64>() / block.len() as f64), Some(mean)).1;
         let changes = || values.iter().flat_map(|part| part.windows(2).map(|pair| pair[1] - pair[0]));
         Column {
             step: if step.is_finite() { step } else { 0.0 },
@@ -138,7 +137,10 @@ pub(super) fn moments(values: impl Iterator<Item = f64> + Clone, centre: Option<
 }
 
 /// What a column is, if it is no electrode.
-pub(super) fn no_electrodes(session: &RecordedSession<'_>, columns: &[Column]) -> (Vec<bool>, Vec<RecordedFault>) {
+pub(super) fn no_electrodes(
+    session: &RecordedSession<'_>,
+    columns: &[Column],
+) -> (Vec<bool>, Vec<RecordedFault>) {
     let mut found = vec![false; columns.len()];
     let mut faults = Vec::new();
     let files = || session.files(|_| true);

@@ -40,25 +40,26 @@ pub(super) fn copies(
         .collect();
     let steps: Vec<f64> = electrodes.iter().map(|channel| columns[*channel].step).collect();
     let mut shared: BTreeMap<(usize, usize), Vec<bool>> = BTreeMap::new();
-    let mut mark = |(earlier, later, shift): Pair, stretch: usize, least: usize, same: &dyn Fn(usize, usize) -> bool| {
-        let len = |index: usize| recordings[index].first().map_or(0, |values: &&[f64]| values.len());
-        let mut own = vec![false; len(later)];
-        let mut place = 0;
-        while place + stretch <= own.len() {
-            let there = usize::try_from(place as i64 + shift).ok();
-            let there = there.filter(|there| there + stretch <= len(earlier));
-            if there.is_some_and(|there| same(there, place)) {
-                own[place..place + stretch].fill(true);
-                place += stretch;
-            } else {
-                place += 1;
+    let mut mark =
+        |(earlier, later, shift): Pair, stretch: usize, least: usize, same: &dyn Fn(usize, usize) -> bool| {
+            let len = |index: usize| recordings[index].first().map_or(0, |values: &&[f64]| values.len());
+            let mut own = vec![false; len(later)];
+            let mut place = 0;
+            while place + stretch <= own.len() {
+                let there = usize::try_from(place as i64 + shift).ok();
+                let there = there.filter(|there| there + stretch <= len(earlier));
+                if there.is_some_and(|there| same(there, place)) {
+                    own[place..place + stretch].fill(true);
+                    place += stretch;
+                } else {
+                    place += stretch / STRETCH;
+                }
             }
-        }
-        if own.iter().filter(|own| **own).count() >= least {
-            let known = shared.entry((earlier, later)).or_insert_with(|| vec![false; own.len()]);
-            known.iter_mut().zip(&own).for_each(|(known, own)| *known |= own);
-        }
-    };
+            if own.iter().filter(|own| **own).count() >= least {
+                let known = shared.entry((earlier, later)).or_insert_with(|| vec![false; own.len()]);
+                known.iter_mut().zip(&own).for_each(|(known, own)| *known |= own);
+            }
+        };
     for pair in exact(&recordings, &steps) {
         mark(pair, STRETCH, STRETCH, &|there, place| {
             let mut channels = recordings[pair.0].iter().zip(&recordings[pair.1]);

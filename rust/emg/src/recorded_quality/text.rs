@@ -13,8 +13,10 @@ impl fmt::Display for RecordedFault {
         match self {
             RecordedFault::Channel { channel, light, finding, recordings, of, .. } => {
                 let light = if *light == Light::Red { "red" } else { "amber" };
-                let named =
-                    recordings.iter().take(NAMED).map(|(gesture, repetition)| format!("{gesture} {repetition}"));
+                let named = recordings
+                    .iter()
+                    .take(NAMED)
+                    .map(|(gesture, repetition)| format!("{gesture} {repetition}"));
                 let more = if recordings.len() > NAMED { ", ..." } else { "" };
                 write!(
                     f,
@@ -73,7 +75,11 @@ impl fmt::Display for RecordedFault {
                              unless it is an envelope"
                         .to_owned(),
                 };
-                write!(f, "channel {channel} moves slowly, {percent:.0} % of its variance lies below 10 Hz{}: {what}", self.place())
+                write!(
+                    f,
+                    "channel {channel} moves slowly, {percent:.0} % of its variance lies below 10 Hz{}: {what}",
+                    self.place()
+                )
             }
             RecordedFault::Held { share, longest, recordings, of, .. } => write!(
                 f,
