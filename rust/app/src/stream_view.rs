@@ -120,19 +120,8 @@ impl StreamGlance {
 
 /// The light as a word, and what is wrong.
 fn finding(quality: &ChannelQuality) -> String {
-    let fault = quality.fault.map_or("", fault_text);
+    let fault = quality.fault.map_or("", ChannelFault::text);
     format!("{:<5} {fault}", word(quality.light)).trim_end().to_owned()
-}
-
-/// What is wrong with a channel.
-pub fn fault_text(fault: ChannelFault) -> &'static str {
-    match fault {
-        ChannelFault::Flat => "flat: a dead channel",
-        ChannelFault::Railed => "cut off at the ends of the range",
-        ChannelFault::Drift => "far from where it rested",
-        ChannelFault::Mains => "mains hum",
-        ChannelFault::LiftOff => "louder than any gesture: off the skin?",
-    }
 }
 
 fn word(light: Light) -> &'static str {

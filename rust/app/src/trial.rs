@@ -12,7 +12,7 @@ use proact_arm::{ArmModel, Side};
 use proact_control::{JogProfile, JogSteps, JointJog, JointSubset, MethodRegistry, ports::MethodProcess};
 use proact_devices::{EmgFeed, EmgOrigin, EmgSetup, GazeSource, ProcessDecoder};
 use proact_dynamics::{DynamicsOptions, OdePlant};
-use proact_emg::{Classifier, DecoderProcess, EmgError, EmgModel};
+use proact_emg::{Classifier, DecoderProcess, EmgError, EmgModel, RecordedFault};
 use proact_kinematics::Kinematics;
 use proact_participants::{
     ImitatingParticipant, JoggingParticipant, Participant, ParticipantOptions, SelectingParticipant,
@@ -79,6 +79,8 @@ pub struct Assembly {
     pub arm: Arm,
     /// What its plans took.
     pub plans: PlanLog,
+    /// What was found in its EMG recordings, and accepted.
+    pub findings: Vec<RecordedFault>,
 }
 
 /// A trial with a simulated participant whose gestures come through `emg`, with arm and methods that ship with the program.
@@ -100,11 +102,11 @@ pub fn simulated_with(
     emg: &EmgOrigin,
     trained: Option<&EmgModel>,
 ) -> Result<Assembly, AssemblyError> {
-    let person = simulated_person(methods, arm, &mut config, emg, trained)?;
-    let classifier = person.classifier;
+    let SimulatedPerson { parts, classifier, findings } =
+        simulated_person(methods, arm, &mut config, emg, trained)?;
     let (testbed, plans) = testbed(methods, arm, config, Some(classifier.clone()))?;
-    let session = Session::new(testbed, person.parts);
-    Ok(Assembly { session, classifier: Some(classifier), arm: arm.clone(), plans })
+    let session = Session::new(testbed, parts);
+    Ok(Assembly { session, classifier: Some(classifier), arm: arm.clone(), plans, findings })
 }
 
 /// [`simulated_with`] without physics and planner: the arm follows its commands at once, nothing collides, plans are straight
@@ -136,6 +138,7 @@ pub fn kinematic(
 struct SimulatedPerson {
     parts: PersonParts,
     classifier: Classifier,
+    findings: Vec<RecordedFault>,
 }
 
 /// Who drives a simulated trial; `config` then says what was prepared.
@@ -146,12 +149,15 @@ fn simulated_person(
     emg: &EmgOrigin,
     trained: Option<&EmgModel>,
 ) -> Result<SimulatedPerson, AssemblyError> {
-    let EmgSetup { classifier, feed, config: emg_config, centring, label } = match trained {
+    let EmgSetup { classifier, feed, config: emg_config, centring, label, findings } = match trained {
         Some(model) => proact_devices::prepare_model(emg, model, config.emg.as_ref(), config.seed)?,
         None => proact_devices::prepare_with(emg, config.emg.as_ref(), config.seed)?,
     };
     config.emg = Some(emg_config);
     config.centred_by(centring)?;
+    findings.iter().for_each(tell);
+    let of_model = trained.map_or_else(Vec::new, |model| model.accepted_faults.clone());
+    config.accept_faults([proact_devices::accepted(&findings), of_model].concat())?;
     config.gestures_from(&label)?;
     let options = *config.participant.get_or_insert_with(ParticipantOptions::default);
     let feed = feed.with_commands(commands(config, &classifier)?);
@@ -159,7 +165,7 @@ fn simulated_person(
     let gaze = GazeSource::new(options.gaze_error_deg, config.seed)?;
     let parts =
         PersonParts { participant: Some(participant), emg: Some(Box::new(feed)), gaze: Some(Box::new(gaze)) };
-    Ok(SimulatedPerson { parts, classifier })
+    Ok(SimulatedPerson { parts, classifier, findings })
 }
 
 /// What the gestures of `classifier` are to the method of a trial. What has no use is told once.
@@ -250,6 +256,7 @@ pub fn live_with(
         Some(Armband { trained, samples }) => {
             trained.check_settings(config.emg.get_or_insert_with(|| trained.config.clone()))?;
             config.centred_by(trained.centring.clone())?;
+            config.accept_faults(trained.accepted_faults.clone())?;
             config.gestures_from("armband")?;
             commands(&config, &trained.classifier)?;
             (Some(samples), Some(trained.classifier.clone()))
@@ -268,7 +275,7 @@ pub fn live_with(
     };
     let (testbed, plans) = testbed(methods, arm, config, classifier.clone())?;
     let session = Session::new(testbed, PersonParts { emg: samples, ..PersonParts::default() });
-    Ok(Assembly { session, classifier, arm: arm.clone(), plans })
+    Ok(Assembly { session, classifier, arm: arm.clone(), plans, findings: Vec::new() })
 }
 
 /// A live testbed and the synthetic armband that goes with it, without a person; `around` wraps the physics.

@@ -1,6 +1,7 @@
 use crate::{
     announce::{announce, print_result},
     consent,
+    emg::{FaultArgs, recorded::answer_refusal},
     interrupt::interrupt_flag,
     person_args::{FeedbackArgs, MocapArgs, VmplArgs},
     progress::bar,
@@ -15,7 +16,7 @@ use proact_app::{
     trial::{self, Assembly},
 };
 use proact_bridge::{AfterTrial, ClientInput, PageContent, PageOptions, PageServer};
-use proact_devices::{EmgOrigin, FeedbackSinks};
+use proact_devices::{EmgOrigin, FeedbackSinks, findings_json};
 use proact_emg::{EmgConfig, EmgModel};
 use proact_testbed::{ResultFault, ResultFaultKind, Session, TrialConfig, TrialEnd, TrialResult};
 use proact_types::{MOST_TEXT_BYTES, read_text};
@@ -57,6 +58,8 @@ pub(crate) struct DemoArgs {
     #[arg(long, value_name = "WITH", value_parser = ["synthetic"])]
     emg_fill: Option<String>,
     #[command(flatten)]
+    faults: FaultArgs,
+    #[command(flatten)]
     how: RunHow,
 }
 
@@ -74,6 +77,8 @@ pub(crate) struct RunArgs {
     /// Samples per second of --emg, where the folder does not say
     #[arg(long, value_name = "HZ", requires = "emg")]
     emg_rate: Option<f64>,
+    #[command(flatten)]
+    faults: FaultArgs,
     /// Another arm than the configuration's, or its folder where it neither ships with the program nor lies beside the
     /// configuration
     #[arg(long, value_name = "NAME|FOLDER")]
@@ -157,6 +162,7 @@ pub(crate) fn demo(registry: &Registry, args: &DemoArgs) -> Result<bool, Box<dyn
             train_reps: args.emg_train.clone(),
             feed_reps: args.emg_feed.clone(),
             fill: args.emg_fill.is_some(),
+            faults: args.faults.policy(),
         },
     };
     let trained = args.how.trained()?;
@@ -180,7 +186,8 @@ pub(crate) fn run(registry: &Registry, args: &RunArgs) -> Result<bool, Box<dyn E
     let source = args
         .emg
         .as_ref()
-        .map_or(EmgOrigin::Synthetic, |dir| EmgOrigin::recording(dir).at_rate(args.emg_rate));
+        .map_or(EmgOrigin::Synthetic, |dir| EmgOrigin::recording(dir).at_rate(args.emg_rate))
+        .with_faults(args.faults.policy());
     let (arm, config) = match &args.arm {
         Some(name) => {
             let arm = Arm::named(name)?;
@@ -201,6 +208,15 @@ struct Shown {
     config: TrialConfig,
     source: EmgOrigin,
     trained: Option<EmgModel>,
+}
+
+/// The result of a trial with what was found in its recordings.
+#[derive(serde::Serialize)]
+struct Answered<'a> {
+    #[serde(flatten)]
+    result: &'a TrialResult,
+    findings: serde_json::Value,
+    accepted_faults: &'a [String],
 }
 
 /// What outlives one showing.
@@ -261,8 +277,9 @@ impl Shown {
         let Shown { arm, config, source, trained } = self;
         let mut config = config.clone();
         how.mocap.used(registry)?.seat(&mut config.setup);
-        let Assembly { session, classifier, plans, .. } =
-            trial::simulated_with(&registry.methods, arm, config, source, trained.as_ref())?;
+        let Assembly { session, classifier, plans, findings, .. } =
+            trial::simulated_with(&registry.methods, arm, config, source, trained.as_ref())
+                .inspect_err(|error| answer_refusal(error, how.json))?;
         let config = session.testbed().config().clone();
         let dir = (!how.no_record).then(|| how.out.clone().unwrap_or_else(|| default_dir(&config)));
         // The first time a place that is taken is refused.
@@ -312,7 +329,10 @@ impl Shown {
         }
         tell_faults(&result);
         if how.json {
-            answer_json(&result)?;
+            let findings = findings_json(&findings);
+            let answered =
+                Answered { result: &result, findings, accepted_faults: &config.emg_accepted_faults };
+            answer_json(&answered)?;
         } else {
             print_result(&result)?;
         }

@@ -4,7 +4,7 @@ mod band;
 mod decoder_args;
 mod feed;
 mod page;
-mod recorded;
+pub(crate) mod recorded;
 mod screen;
 mod select;
 mod simulate;
@@ -20,10 +20,12 @@ mod window_args;
 use clap::{Args, Subcommand};
 use proact_app::{tell, write_whole};
 use proact_devices::{
-    DeviceError, Recording, Recordings, SampleFile, SourceRegistry, evaluate, read_samples,
+    DeviceError, Recording, Recordings, SampleFile, SourceRegistry, accepted, evaluate, findings_json,
+    read_samples,
 };
-use proact_emg::{DriveScore, EmgConfig, FeatureVector};
+use proact_emg::{DriveScore, EmgConfig, FeatureVector, RecordedFault};
 use proact_types::{GestureName, Number};
+pub(crate) use recorded::FaultArgs;
 use std::{
     error::Error,
     io::{self, Write},
@@ -93,6 +95,8 @@ pub struct EvaluateArgs {
     #[arg(long, value_delimiter = ',', default_value = "2")]
     test_reps: Vec<u32>,
     #[command(flatten)]
+    faults: FaultArgs,
+    #[command(flatten)]
     window: WindowArgs,
 }
 
@@ -118,6 +122,8 @@ pub struct FeaturesArgs {
     #[arg(long)]
     out: Option<PathBuf>,
     #[command(flatten)]
+    faults: FaultArgs,
+    #[command(flatten)]
     window: WindowArgs,
 }
 
@@ -126,6 +132,11 @@ pub struct FeaturesArgs {
 /// # Errors
 /// Recordings that cannot be used, settings that cannot work, or output that cannot be written.
 pub(crate) fn run(sources: &SourceRegistry, command: &EmgCommand, json: bool) -> Result<(), Box<dyn Error>> {
+    let done = run_command(sources, command, json);
+    done.inspect_err(|error| recorded::answer_refusal(error.as_ref(), json))
+}
+
+fn run_command(sources: &SourceRegistry, command: &EmgCommand, json: bool) -> Result<(), Box<dyn Error>> {
     let text = match command {
         EmgCommand::Evaluate(args) => evaluation(args, json)?,
         EmgCommand::Features(args) => {
@@ -152,9 +163,10 @@ pub(crate) fn run(sources: &SourceRegistry, command: &EmgCommand, json: bool) ->
 fn evaluation(args: &EvaluateArgs, json: bool) -> Result<String, Box<dyn Error>> {
     let recordings = args.window.open(&args.data)?;
     let config = args.window.config(recordings.rate_hz, recordings.channels, &recordings.imu)?;
+    let findings = args.faults.judge(&recordings, &[&args.train_reps[..], &args.test_reps].concat())?;
     let result = evaluate(&recordings, &args.train_reps, &args.test_reps, &config)?;
     if json {
-        return Ok(proact_types::to_json(&result)? + "\n");
+        return with_findings(serde_json::to_value(&result)?, &findings);
     }
     let mut text = format!(
         "accuracy {:.2} % ({} of {} windows)\nactive error {:.2} %, instability {:.3}, precision {:.3}, recall {:.3}, F1 {:.3}\n\
@@ -179,7 +191,7 @@ fn evaluation(args: &EvaluateArgs, json: bool) -> Result<String, Box<dyn Error>>
 }
 
 fn features(args: &FeaturesArgs, json: bool) -> Result<String, Box<dyn Error>> {
-    let (config, windows) = match (&args.csv, &args.data) {
+    let (config, windows, findings) = match (&args.csv, &args.data) {
         (Some(path), _) => {
             let SampleFile { samples, notes } = read_samples(path)?;
             notes.iter().for_each(tell);
@@ -194,19 +206,27 @@ fn features(args: &FeaturesArgs, json: bool) -> Result<String, Box<dyn Error>> {
             };
             let rate_hz = args.window.rate_where_it_matters(recording.rate_hz(args.window.rate))?;
             let config = args.window.config(rate_hz, channels, &[])?;
-            (config.clone(), recording.windows(&config)?)
+            let findings = recording.judge(rate_hz, args.faults.policy())?;
+            findings.iter().for_each(tell);
+            (config.clone(), recording.windows(&config)?, findings)
         }
         (None, Some(dir)) => {
             let recordings = args.window.open(dir)?;
             let config = args.window.config(recordings.rate_hz, recordings.channels, &recordings.imu)?;
-            (config.clone(), windows_of(&recordings, &[&args.train_reps, &args.test_reps], &config)?)
+            let findings =
+                args.faults.judge(&recordings, &[&args.train_reps[..], &args.test_reps].concat())?;
+            (
+                config.clone(),
+                windows_of(&recordings, &[&args.train_reps, &args.test_reps], &config)?,
+                findings,
+            )
         }
         (None, None) => return Err("no recording was named, expected --data DIR or --csv FILE".into()),
     };
     let names = config.column_names();
     if json {
         let object = serde_json::json!({ "windows": windows.len(), "columns": names, "features": windows });
-        return Ok(object.to_string() + "\n");
+        return with_findings(object, &findings);
     }
     let mut text = String::new();
     if args.header {
@@ -216,6 +236,16 @@ fn features(args: &FeaturesArgs, json: bool) -> Result<String, Box<dyn Error>> {
         text += &(window.iter().map(|value| Number(*value).to_string()).collect::<Vec<_>>().join(",") + "\n");
     }
     Ok(text)
+}
+
+/// An answer with what was found in its recordings, and what of it was accepted.
+fn with_findings(
+    mut object: serde_json::Value,
+    findings: &[RecordedFault],
+) -> Result<String, Box<dyn Error>> {
+    object["findings"] = findings_json(findings);
+    object["accepted_faults"] = accepted(findings).into();
+    Ok(proact_types::to_json(&object)? + "\n")
 }
 
 /// Windows of the repetitions named, in that order; of all, when none is.

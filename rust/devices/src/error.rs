@@ -1,5 +1,5 @@
 use crate::gforce::GForceError;
-use proact_emg::EmgError;
+use proact_emg::{EmgError, RecordedFault};
 use proact_types::{Gesture, GestureName, GestureTableError};
 use std::path::PathBuf;
 
@@ -199,6 +199,18 @@ pub enum DeviceError {
         /// Which repetitions.
         both: Vec<u32>,
     },
+    /// Recordings with findings that make an accuracy wrong.
+    #[error(
+        "the recordings in {} are not fit to train on or to test with: {}; correct the files, record again or leave repetitions out, \
+         or use them all the same with --accept-faults, which is recorded",
+        path.display(), sentences(findings)
+    )]
+    Faults {
+        /// The folder or file.
+        path: PathBuf,
+        /// All findings, worst first.
+        findings: Vec<RecordedFault>,
+    },
     /// A recording that does not fill one window.
     #[error("{} has {samples} samples, expected at least {window}, one window", path.display())]
     TooShort {
@@ -395,4 +407,9 @@ fn numbers(values: &[u32]) -> String {
         [] => "none".to_owned(),
         _ => values.iter().map(u32::to_string).collect::<Vec<_>>().join(", "),
     }
+}
+
+/// What makes an accuracy wrong, one after the other.
+fn sentences(findings: &[RecordedFault]) -> String {
+    crate::accepted(findings).join("; ")
 }

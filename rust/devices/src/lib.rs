@@ -49,6 +49,7 @@ mod gaze;
 mod gaze_tracker;
 mod gaze_udp;
 pub mod gforce;
+mod judged;
 #[cfg(feature = "lsl")]
 mod lab_streaming;
 mod libemg_udp;
@@ -84,6 +85,7 @@ pub use feedback::{
 pub use gaze::GazeSource;
 pub use gaze_tracker::{GazeDevice, GazeFrame, SentGaze};
 pub use gaze_udp::{GAZE_UDP_PORT, GazeReceiver};
+pub use judged::{FaultPolicy, accepted, findings_json};
 #[cfg(feature = "lsl")]
 pub use lab_streaming::{LslCapture, LslGaze, LslMarkers, LslOutlet, LslSource};
 pub use libemg_udp::{LIBEMG_PORT, LibEmgOutput, LibEmgReceiver, LibEmgSender};

@@ -21,12 +21,57 @@ pub(crate) struct Metadata {
     imu: Vec<ImuChannel>,
     /// Per file first row and number of rows that were lost and bridged.
     bridged: BTreeMap<String, Vec<[usize; 2]>>,
+    /// Keys that say nothing to this program, and what they hold.
+    unknown: BTreeMap<String, Value>,
+}
+
+/// A key without capitals and signs, so that `SamplingFrequency` and `sampling_frequency` are one.
+fn plain(key: &str) -> String {
+    key.chars().filter(|letter| letter.is_alphanumeric()).flat_map(char::to_lowercase).collect()
 }
 
 /// Files that say something: our own and LibEMG 0's, then LibEMG 2's.
 const FILES: [&str; 2] = ["metadata.json", "collection_details.json"];
-/// Names that programs give to the rate.
-const RATE_KEYS: [&str; 4] = ["rate_hz", "sampling_rate", "sampling", "fs"];
+/// Names that programs give to the rate, without capitals, underlines and the like: ours, LibEMG's, BIDS', MNE's, EEGLAB's and others'.
+/// The first that is there counts.
+const RATE_KEYS: [&str; 24] = [
+    "ratehz",
+    "samplingrate",
+    "sampling",
+    "fs",
+    "rate",
+    "samplingratehz",
+    "samplerate",
+    "sampleratehz",
+    "samplingfrequency",
+    "samplingfrequencyhz",
+    "samplefrequency",
+    "samplefrequencyhz",
+    "samplingfreq",
+    "samplefreq",
+    "samplespersecond",
+    "emgrate",
+    "emgratehz",
+    "emgsamplingrate",
+    "emgsamplingfrequency",
+    "emgfs",
+    "fshz",
+    "sfreq",
+    "srate",
+    "hz",
+];
+/// Parts of a name that may be that of a rate.
+const RATE_PARTS: [&str; 6] = ["rate", "freq", "hz", "sampl", "hertz", "emg"];
+/// Rates of amplifiers: a number of these under any other name may be the rate too.
+const USUAL_RATES_HZ: [f64; 14] = [
+    250.0, 256.0, 500.0, 512.0, 1000.0, 1024.0, 1111.0, 1200.0, 2000.0, 2048.0, 2400.0, 4000.0, 4096.0,
+    5120.0,
+];
+/// What the rate of a stream of EMG can be, Hz.
+const RATES_HZ: std::ops::RangeInclusive<f64> = 20.0..=50_000.0;
+/// Keys that are read, and those in which LibEMG keeps how it prompted.
+const OTHER_KEYS: [&str; 9] =
+    ["class_map", "classes", "rest", "bridged", "imu", "num_reps", "num_motions", "rep_time", "rest_time"];
 
 impl Metadata {
     /// Reads whichever of the files is there; empty if none is.
@@ -48,6 +93,7 @@ impl Metadata {
             metadata.rest = metadata.rest.or(read.rest);
             metadata.bridged.extend(read.bridged);
             metadata.imu.extend(read.imu);
+            metadata.unknown.extend(read.unknown);
             let known = metadata.gestures();
             if let Some(rest) = metadata.rest.filter(|rest| !known.contains(rest)) {
                 let known = known.iter().map(GestureName::as_str).collect::<Vec<_>>().join(", ");
@@ -61,14 +107,28 @@ impl Metadata {
     fn parse(text: &str) -> Result<Metadata, String> {
         let object: Value = serde_json::from_str(text).map_err(|e| e.to_string())?;
         let object = object.as_object().ok_or("expected a JSON object")?;
-        let rate = RATE_KEYS.iter().find_map(|key| Some((*key, object.get(*key)?)));
-        let rate_hz = match rate {
-            None => None,
-            Some((key, value)) => {
+        let order = |key: &String| RATE_KEYS.iter().position(|known| *known == plain(key));
+        let mut rates: Vec<(usize, &String, f64)> = Vec::new();
+        for (key, value) in object {
+            if let Some(place) = order(key) {
                 let rate = value.as_f64().filter(|r| r.is_finite() && *r > 0.0);
-                Some(rate.ok_or_else(|| format!("{key} is {value}, expected a number above zero"))?)
+                let rate = rate.ok_or_else(|| format!("{key} is {value}, expected a number above zero"))?;
+                rates.push((place, key, rate));
             }
-        };
+        }
+        rates.sort_by_key(|(place, ..)| *place);
+        let rate_hz = rates.first().map(|(.., rate)| *rate);
+        if let Some(((_, key, rate), (_, other, different))) =
+            rates.first().zip(rates.iter().find(|(.., rate)| Some(*rate) != rate_hz))
+        {
+            return Err(format!(
+                "{key} is {rate} and {other} is {different}, expected one rate: remove the wrong key"
+            ));
+        }
+        let known = |key: &&String| order(key).is_some() || OTHER_KEYS.contains(&key.as_str());
+        let unknown =
+            object.iter().filter(|(key, _)| !known(key)).map(|(key, value)| (key.clone(), value.clone()));
+        let unknown = unknown.collect();
         let named = |(class, name): (Option<u32>, &Value)| match (class, name.as_str()) {
             (Some(class), Some(name)) => Ok((class, gesture_called(name)?)),
             _ => Err(format!("a class is called {name}, expected class numbers with names")),
@@ -113,7 +173,21 @@ impl Metadata {
             Some(channels) => serde_json::from_value(channels.clone())
                 .map_err(|e| format!("imu: {e}; expected a list of channels with name and unit"))?,
         };
-        Ok(Metadata { rate_hz, classes, rest, bridged, imu })
+        Ok(Metadata { rate_hz, classes, rest, bridged, imu, unknown })
+    }
+
+    /// What is said of keys that are unknown, one sentence each.
+    pub(crate) fn notes(&self) -> impl Iterator<Item = String> + '_ {
+        self.unknown
+            .keys()
+            .map(|key| format!("the metadata has the key {key:?}, which is unknown and not used"))
+    }
+
+    /// Unknown keys, also within others, that may say the rate by their name or their number.
+    pub(crate) fn unknown_rate_keys(&self) -> Vec<String> {
+        let mut keys = Vec::new();
+        self.unknown.iter().for_each(|(key, value)| collect_rates(key, key, value, &mut keys));
+        keys
     }
 
     /// The channels of the inertial measurement unit.
@@ -208,6 +282,26 @@ pub fn read_class_map(path: &Path) -> Result<Vec<GestureName>, DeviceError> {
         Metadata::parse(&text).and_then(|metadata| metadata.classes.ok_or("it names no classes".to_owned()));
     let named = named.map_err(|reason| DeviceError::Metadata { path: path.to_owned(), reason })?;
     Ok(named.into_values().collect())
+}
+
+/// Puts `path`, whose last part is `key`, into `keys` if its value may be a rate, or those within it.
+fn collect_rates(path: &str, key: &str, value: &Value, keys: &mut Vec<String>) {
+    let number = match value {
+        Value::Object(inside) => {
+            return inside
+                .iter()
+                .for_each(|(key, value)| collect_rates(&format!("{path}.{key}"), key, value, keys));
+        }
+        Value::Number(number) => number.as_f64(),
+        Value::String(text) => text.trim().trim_end_matches(|c: char| !c.is_ascii_digit()).parse().ok(),
+        _ => None,
+    };
+    let name = plain(key);
+    let named = RATE_PARTS.iter().any(|part| name.contains(part)) || RATE_KEYS.contains(&name.as_str());
+    let may_be = |hz: f64| RATES_HZ.contains(&hz) && named || USUAL_RATES_HZ.contains(&hz);
+    if number.is_some_and(may_be) {
+        keys.push(path.to_owned());
+    }
 }
 
 /// The gesture that a folder calls `name`: the five in any spelling, all others as they stand.

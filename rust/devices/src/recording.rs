@@ -19,8 +19,8 @@ enum Layout {
     /// `R_<repetition>_C_<class>.csv` or `R_<repetition>_C_<class>_EMG.csv`, one column a channel; class numbers
     /// by the folder's metadata, else in the order of [`Gesture::ALL`].
     LibEmg,
-    /// That of the 3DC data set, as LibEMG reads it: `train/EMG_gesture_<repetition>_<class>.txt` of one participant and the same in
-    /// `test`, whose repetitions follow. 1000 Hz.
+    /// That of a participant of the 3DC data set: `train/EMG/3dc_EMG_gesture_<repetition>_<class>.txt` and the same in `test`, whose
+    /// repetitions follow. 1000 Hz.
     ThreeDc,
     /// `0.txt` (rest), `1.txt` (wrist flexion), `2.txt` (wrist extension), `7.txt` (hand close): 8 channels and
     /// the label that was shown. There is no hand-open class.
@@ -105,6 +105,8 @@ pub struct Recordings {
     pub items: Vec<Recording>,
     /// What was odd about the files and was read all the same, one sentence each.
     pub notes: Vec<String>,
+    /// Keys of the metadata that may be the rate but are unknown, where the rate was assumed. Empty where the rate is known.
+    pub unknown_rate_keys: Vec<String>,
 }
 
 impl Recordings {
@@ -195,8 +197,11 @@ impl Recordings {
         let three_dc = items.iter().any(|r: &Recording| three_dc_name(&r.path).is_some());
         let rate_hz = told_hz.or(myo.then_some(MYO_RATE_HZ)).or(three_dc.then_some(THREE_DC_RATE_HZ));
         let rate_hz = rate_hz.ok_or_else(|| DeviceError::UnknownRate { path: dir.to_owned() })?;
+        notes.extend(metadata.notes());
+        let path = dir.to_owned();
+        let unknown_rate_keys = if told_hz.is_none() { metadata.unknown_rate_keys() } else { Vec::new() };
         let mut recordings =
-            Recordings { path: dir.to_owned(), rate_hz, channels: 0, imu, expected, rest, items, notes };
+            Recordings { path, rate_hz, channels: 0, imu, expected, rest, items, notes, unknown_rate_keys };
         recordings.check_items()?;
         Ok(recordings)
     }
@@ -256,7 +261,7 @@ impl Recordings {
 }
 
 /// Folders of a participant of the 3DC data set, in the order in which they were recorded.
-const THREE_DC_SETS: [&str; 2] = ["train", "test"];
+const THREE_DC_SETS: [&str; 2] = ["train/EMG", "test/EMG"];
 /// Rate of the 3DC armband (Cote-Allard et al. 2019).
 const THREE_DC_RATE_HZ: f64 = 1000.0;
 /// The gestures of the 3DC data set by their class numbers, as LibEMG names them; the first is a relaxed hand.
@@ -274,17 +279,16 @@ const THREE_DC_CLASSES: [&str; 11] = [
     "Pinch Grip",
 ];
 
-/// Repetition and class of a file `EMG_gesture_<repetition>_<class>.txt`.
+/// Repetition and class of a file `3dc_EMG_gesture_<repetition>_<class>.txt`.
 fn three_dc_name(path: &Path) -> Option<(u32, u32)> {
     let name = path.file_name()?.to_str()?;
-    let numbers = name.strip_prefix("EMG_gesture_")?.strip_suffix(".txt")?;
+    let numbers = name.strip_prefix("3dc_EMG_gesture_")?.strip_suffix(".txt")?;
     let (repetition, class) = numbers.split_once('_')?;
     Some((repetition.parse().ok()?, class.parse().ok()?))
 }
 
-fn has_three_dc(dir: &Path, names: &[String]) -> bool {
-    let sets = THREE_DC_SETS.iter().filter(|set| names.iter().any(|name| name == *set));
-    let mut inside = sets.flat_map(|set| list(&dir.join(set)).unwrap_or_default());
+fn has_three_dc(dir: &Path) -> bool {
+    let mut inside = THREE_DC_SETS.iter().flat_map(|set| list(&dir.join(set)).unwrap_or_default());
     inside.any(|name| three_dc_name(Path::new(&name)).is_some())
 }
 
@@ -344,7 +348,7 @@ fn list(dir: &Path) -> Result<Vec<String>, DeviceError> {
 fn layout(dir: &Path, names: &[String]) -> Option<Layout> {
     if names.iter().any(|n| parse_name(n).is_some()) {
         Some(Layout::LibEmg)
-    } else if has_three_dc(dir, names) {
+    } else if has_three_dc(dir) {
         Some(Layout::ThreeDc)
     } else if MYO_LABELS.iter().any(|(label, _)| names.contains(&format!("{label}.txt"))) {
         Some(Layout::MyoReadings)

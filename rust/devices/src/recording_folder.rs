@@ -158,6 +158,7 @@ impl RecordingFolder {
                         rest,
                         items,
                         notes: Vec::new(),
+                        unknown_rate_keys: Vec::new(),
                     },
                 ));
             }

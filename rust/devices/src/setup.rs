@@ -1,7 +1,8 @@
 use crate::feed::can_be_made;
-use crate::{DeviceError, EmgFeed, Recording, Recordings, SyntheticEmg, SyntheticModel, stream};
+use crate::{DeviceError, EmgFeed, FaultPolicy, Recording, Recordings, SyntheticEmg, SyntheticModel, stream};
 use proact_emg::{
-    Classifier, EmgConfig, EmgModel, StreamFormat, WindowInput, extract, extract_inputs, noise_floors,
+    Classifier, EmgConfig, EmgModel, RecordedFault, StreamFormat, WindowInput, extract, extract_inputs,
+    noise_floors,
 };
 use proact_types::{EmgSample, Gesture, GestureName, SimTime};
 use serde::{Deserialize, Serialize};
@@ -27,6 +28,9 @@ pub enum EmgOrigin {
         /// Complete lacking gestures with synthetic EMG.
         #[serde(default)]
         fill: bool,
+        /// Whether recordings with findings that make an accuracy wrong are used.
+        #[serde(default)]
+        faults: FaultPolicy,
     },
     /// The generator alone, 8 channels at 1000 Hz.
     #[default]
@@ -42,7 +46,16 @@ impl EmgOrigin {
             train_reps: default_train_reps(),
             feed_reps: default_feed_reps(),
             fill: false,
+            faults: FaultPolicy::default(),
         }
+    }
+
+    /// The same with recordings that have faults, or without.
+    pub fn with_faults(mut self, policy: FaultPolicy) -> EmgOrigin {
+        if let EmgOrigin::Recording { faults, .. } = &mut self {
+            *faults = policy;
+        }
+        self
     }
 
     /// The same for a folder that does not say its rate, Hz.
@@ -75,6 +88,8 @@ pub struct EmgSetup {
     pub centring: Vec<f64>,
     /// For display and results: `recording`, `synthetic` or `recording+synthetic`.
     pub label: String,
+    /// What was found in the recordings and accepted.
+    pub findings: Vec<RecordedFault>,
 }
 
 /// [`prepare_with`] default settings.
@@ -124,17 +139,21 @@ pub fn prepare_with(
                 rest: GestureName::default(),
                 items: Vec::new(),
                 notes: Vec::new(),
+                unknown_rate_keys: Vec::new(),
             };
             finish(recordings, &default_train_reps(), &[], true, "synthetic", config, seed)
         }
-        EmgOrigin::Recording { dir, rate_hz, train_reps, feed_reps, fill } => {
+        EmgOrigin::Recording { dir, rate_hz, train_reps, feed_reps, fill, faults } => {
             let recordings = Recordings::open(dir, *rate_hz)?;
+            let findings = recordings.judge(&[&train_reps[..], feed_reps].concat(), *faults)?;
             let missing = recordings.missing();
             if !missing.is_empty() && !fill {
                 return Err(DeviceError::MissingGestures { path: dir.clone(), missing });
             }
             let label = if missing.is_empty() { "recording" } else { "recording+synthetic" };
-            finish(recordings, train_reps, feed_reps, !missing.is_empty(), label, config, seed)
+            let filled = !missing.is_empty();
+            let setup = finish(recordings, train_reps, feed_reps, filled, label, config, seed)?;
+            Ok(EmgSetup { findings, ..setup })
         }
     }
 }
@@ -176,7 +195,7 @@ pub fn prepare_model(
     };
     model.check_settings(&config)?;
     let feed = setup.feed.co_contracting(&config)?;
-    Ok(EmgSetup { classifier, feed, config, centring, label: setup.label })
+    Ok(EmgSetup { classifier, feed, config, centring, label: setup.label, findings: setup.findings })
 }
 
 /// Length of rest in which the zero level of a feed is measured.
@@ -214,7 +233,8 @@ fn finish(
     if config.liveness.noise_floors.is_empty() {
         config.liveness.noise_floors = floors(&recordings, train_reps, &config);
     }
-    Ok(EmgSetup { classifier, feed, config, centring: Vec::new(), label: label.to_owned() })
+    let label = label.to_owned();
+    Ok(EmgSetup { classifier, feed, config, centring: Vec::new(), label, findings: Vec::new() })
 }
 
 /// A generator for the stream of `recordings`, as strong as they are: the scale is the ratio of amplitudes over

@@ -1,7 +1,8 @@
 //! Where samples come from: the kinds of sources by their schemes, in one table.
 
 use crate::{
-    DeviceError, EmgOrigin, KeyboardSource, Pacing, PersonSource, PlaybackSource, Recordings, SampleSource,
+    DeviceError, EmgOrigin, FaultPolicy, KeyboardSource, Pacing, PersonSource, PlaybackSource, Recordings,
+    SampleSource,
     gforce::{Connect, GForce, GForceOptions, LinkError, TcpConnector},
     myo::{Myo, MyoEmgMode, protocol::RATE_HZ as MYO_HZ},
     raw_keys::RawKeys,
@@ -37,12 +38,15 @@ pub struct SourceOptions {
     pub rate_hz: Option<u16>,
     /// The inertial measurement unit too. A source that has none is refused then.
     pub imu: bool,
+    /// Whether recordings with findings that make an accuracy wrong are played.
+    pub faults: FaultPolicy,
 }
 
 impl Default for SourceOptions {
     fn default() -> Self {
         let GForceOptions { bits, packet_bytes, .. } = GForceOptions::default();
-        Self { rep: 2, flat_out: false, bits, packet_bytes, seed: 0, rate_hz: None, imu: false }
+        let faults = FaultPolicy::default();
+        Self { rep: 2, flat_out: false, bits, packet_bytes, seed: 0, rate_hz: None, imu: false, faults }
     }
 }
 
@@ -344,8 +348,10 @@ fn play(path: &str, options: &SourceOptions) -> Result<Box<dyn SampleSource>, De
     let rate_hz = options.rate_hz.map(f64::from);
     let recordings =
         if options.imu { Recordings::open_with_imu(path, rate_hz) } else { Recordings::open(path, rate_hz) }?;
+    let findings = recordings.judge(&[options.rep], options.faults)?;
     let (gestures, packet) = (recordings.gestures(), packet_of(recordings.rate_hz));
-    Ok(Box::new(PlaybackSource::of_recordings(&recordings, options.rep, &gestures, packet, pacing)?))
+    let source = PlaybackSource::of_recordings(&recordings, options.rep, &gestures, packet, pacing)?;
+    Ok(Box::new(source.with_findings(findings)))
 }
 
 fn person_of_recordings(dir: &str, options: &SourceOptions) -> Result<Box<dyn SampleSource>, DeviceError> {
@@ -356,6 +362,7 @@ fn person_of_recordings(dir: &str, options: &SourceOptions) -> Result<Box<dyn Sa
         train_reps: vec![options.rep],
         feed_reps: vec![options.rep],
         fill: true,
+        faults: options.faults,
     })
 }
 

@@ -60,6 +60,9 @@ pub struct EmgModel {
     pub classifier: Classifier,
     /// For adaptation.
     pub moments: Moments,
+    /// Faults of the recordings that were accepted when it was trained, one sentence each.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub accepted_faults: Vec<String>,
 }
 
 impl EmgModel {
@@ -124,6 +127,7 @@ impl EmgModel {
             channels,
             moments: Moments::of(&windows, &classes, classifier.gestures().len()),
             classifier,
+            accepted_faults: Vec::new(),
         })
     }
 

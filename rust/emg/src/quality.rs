@@ -47,6 +47,19 @@ pub enum ChannelFault {
     LiftOff,
 }
 
+impl ChannelFault {
+    /// In words.
+    pub fn text(self) -> &'static str {
+        match self {
+            ChannelFault::Flat => "flat: a dead channel",
+            ChannelFault::Railed => "cut off at the ends of the range",
+            ChannelFault::Drift => "far from where it rested",
+            ChannelFault::Mains => "mains hum",
+            ChannelFault::LiftOff => "louder than any gesture: off the skin?",
+        }
+    }
+}
+
 /// What the monitor knows about the stream, and its limits: `[amber, red]`, each exceeded by more than the value.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]

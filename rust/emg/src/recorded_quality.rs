@@ -1,10 +1,17 @@
-//! What is wrong with recordings that somebody else made, before a classifier is trained on them: the checks of a live
-//! calibration, and those that only files need.
+//! What is wrong with recordings, before a classifier is trained on them or tested with them: columns that are no electrode,
+//! samples that stand in two recordings, held rows, dead, cut-off, humming and noisy channels. Thresholds do not depend on the
+//! unit of the samples; they were set on recordings of 29 people with two armbands and on planted faults.
 
-use crate::{ChannelFault, Light, QualityConfig, QualityMonitor};
-use proact_types::{EmgSample, GestureName, SimTime};
+mod columns;
+mod copies;
+mod held_rows;
+mod text;
+
+use crate::goertzel::{Goertzel, MAINS_HZ};
+use crate::{ChannelFault, Light};
+use columns::Column;
+use proact_types::{EmgSample, GestureName};
 use serde::Serialize;
-use std::collections::{BTreeMap, BTreeSet};
 
 /// A recording to be checked: one repetition of one gesture, raw codes.
 #[derive(Clone, Copy, Debug)]
@@ -13,26 +20,56 @@ pub struct RecordedRepetition<'a> {
     pub gesture: GestureName,
     /// Its number, from 0.
     pub repetition: u32,
+    /// The name of its file, by which findings name it.
+    pub file: &'a str,
     /// `[n_samples]`, each of all channels.
     pub samples: &'a [EmgSample],
 }
 
-/// What is wrong with recordings. Channels count from 0.
+/// Recordings of one person that are used together.
+#[derive(Clone, Copy, Debug)]
+pub struct RecordedSession<'a> {
+    /// Samples per second.
+    pub rate_hz: f64,
+    /// Columns of each sample that are judged, from the first.
+    pub channels: usize,
+    /// The gesture of a relaxed hand.
+    pub rest: GestureName,
+    /// Keys beside the recordings that seem to say the rate but are unknown. Empty where the rate is known.
+    pub unknown_rate_keys: &'a [String],
+    /// All recordings.
+    pub repetitions: &'a [RecordedRepetition<'a>],
+}
+
+impl RecordedSession<'_> {
+    /// The files of those recordings whose index `which` names.
+    fn files(&self, which: impl Fn(usize) -> bool) -> Vec<String> {
+        let named = self.repetitions.iter().enumerate().filter(|(index, _)| which(*index));
+        let mut files: Vec<String> = named.map(|(_, repetition)| repetition.file.to_owned()).collect();
+        // Some layouts keep several repetitions in one file.
+        files.dedup();
+        files
+    }
+}
+
+/// What is wrong with recordings. Channels count from 0; `files` are those in which it was found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "fault", rename_all = "snake_case")]
 pub enum RecordedFault {
-    /// A traffic light that was not green.
+    /// A channel that is dead, cut off or hums.
     Channel {
         /// Which channel.
         channel: usize,
-        /// The worst light.
+        /// How bad it is where it is found.
         light: Light,
         /// Why.
         finding: ChannelFault,
         /// In which recordings, gesture and repetition.
         recordings: Vec<(GestureName, u32)>,
-        /// Of so many.
+        /// Recordings in all.
         of: usize,
+        /// Their files.
+        files: Vec<String>,
     },
     /// A channel is as loud at rest as in any gesture, and louder at rest than the others: no muscle drives it.
     Noisy {
@@ -40,11 +77,71 @@ pub enum RecordedFault {
         channel: usize,
         /// Standard deviation at rest over the median of all channels.
         times: f64,
+        /// Their files.
+        files: Vec<String>,
     },
-    /// A column only rises: a counter or time stamps, not a muscle.
+    /// A column only rises: time stamps or a counter, not a muscle.
     TimeStamps {
         /// Which channel.
         channel: usize,
+        /// Their files.
+        files: Vec<String>,
+    },
+    /// A column counts, and begins again: a sample or packet number, not a muscle.
+    Counter {
+        /// Which channel.
+        channel: usize,
+        /// Their files.
+        files: Vec<String>,
+    },
+    /// A column holds one value in each recording, and not in all the same: a label, not a muscle.
+    Label {
+        /// Which channel.
+        channel: usize,
+        /// Their files.
+        files: Vec<String>,
+    },
+    /// Four columns keep their length together: an orientation (quaternion), not muscles.
+    Orientation {
+        /// Which channels.
+        channels: Vec<usize>,
+        /// The length.
+        length: f64,
+        /// Their files.
+        files: Vec<String>,
+    },
+    /// Three columns keep their length together: an acceleration or a magnetic field, not muscles.
+    Acceleration {
+        /// Which channels.
+        channels: Vec<usize>,
+        /// The length.
+        length: f64,
+        /// Their files.
+        files: Vec<String>,
+    },
+    /// A column moves slowly, as a limb does: no electrode, or one whose level drifts.
+    Slow {
+        /// Which channel.
+        channel: usize,
+        /// Share of its variance below 10 Hz.
+        share: f64,
+        /// At least half of the channels are slow: envelopes, or a converter without a high pass.
+        most: bool,
+        /// Their files.
+        files: Vec<String>,
+    },
+    /// Rows repeat the one before in all channels: the device sent fewer samples than were written.
+    Held {
+        /// Share of rows that repeat the one before, in the recordings that are named.
+        share: f64,
+        /// Most equal rows one after the other.
+        longest: usize,
+        /// Recordings in which rows are held.
+        recordings: usize,
+        /// Recordings in all.
+        of: usize,
+        /// Their files.
+        files: Vec<String>,
     },
     /// The same samples stand in two recordings: what is tested was trained on.
     Shared {
@@ -56,310 +153,180 @@ pub enum RecordedFault {
         samples: usize,
         /// Samples of the later one.
         of: usize,
+        /// The file of the earlier and that of the later.
+        files: Vec<String>,
+    },
+    /// The rate was assumed although the metadata seems to say it under an unknown key.
+    RateKey {
+        /// Which keys.
+        keys: Vec<String>,
+        /// What was assumed, Hz.
+        assumed_hz: f64,
     },
 }
 
 impl RecordedFault {
-    /// Red: nothing should be trained on it. A channel that is red in no more than half of the recordings is amber: of strong
-    /// people a strong gesture is cut off, and a second may hum; their recordings are recognised all the same.
+    /// Red: nothing should be trained on it or tested with it. Amber is said and used all the same: a channel that is dead or hums in no
+    /// more than half of the recordings, and slow channels that are most of all.
     pub fn light(&self) -> Light {
         match self {
             RecordedFault::Channel { light, recordings, of, .. } if 2 * recordings.len() <= *of => {
                 (*light).min(Light::Amber)
             }
             RecordedFault::Channel { light, .. } => *light,
+            RecordedFault::Slow { most: true, .. } => Light::Amber,
             _ => Light::Red,
         }
     }
 }
 
+/// A channel is dead if it is never louder than this share of the median channel.
+const DEAD: f64 = 0.02;
+/// And in one recording if it is this much quieter there than usual with this gesture.
+const DEAD_HERE: f64 = 0.05;
+/// Recordings of a gesture of which one can be told to be unusual.
+const FEWEST_TAKES: usize = 3;
+/// Share of samples at the ends of a channel's range above which it is cut off.
+const CUT_OFF: f64 = 0.3;
 /// Distinct values that a channel needs before its ends tell anything: one that rounds to a handful of counts is at its
 /// ends all the time.
 const FEWEST_LEVELS: usize = 16;
+/// Share of a channel's power at the mains frequency and its harmonics: amber, red. A relaxed hand may be above in some recordings.
+const HUM: [f64; 2] = [0.35, 0.6];
+/// Blocks of a second over which hum is measured: whole periods of 50 and of 60 Hz, and wide enough for a mains that is off by 1 Hz.
+const HUM_BLOCKS: f64 = 5.0;
 /// A noisy channel is so many times as loud at rest as the median channel, and its loudest gesture no more than so
 /// many times as loud as its rest. On the recordings of six people no channel that is above the first is below the second.
 const NOISY: [f64; 2] = [4.0, 1.3];
-/// Samples that must rise one after the other for a column of time stamps.
-const FEWEST_RISES: usize = 20;
-/// Equal samples in a row that show a shared stretch: by chance eight channels of noise do not agree once.
-const SHARED: usize = 20;
 
-/// Checks recordings of one person: lights as in a live calibration over each second of each repetition, and what only
-/// files can have. `rest` is the gesture of a relaxed hand. Worst first. Deterministic.
-pub fn check_recordings(
-    config: &QualityConfig,
-    rate_hz: f64,
-    channels: usize,
-    rest: GestureName,
-    recordings: &[RecordedRepetition<'_>],
-) -> Vec<RecordedFault> {
-    let mut faults = Vec::new();
-    let stamps: Vec<bool> =
-        (0..channels).map(|c| recordings.iter().all(|r| only_rises(r.samples, c))).collect();
-    for (channel, _) in stamps.iter().enumerate().filter(|(_, rises)| **rises && !recordings.is_empty()) {
-        faults.push(RecordedFault::TimeStamps { channel });
+/// Judges recordings of one person. Worst first. Deterministic.
+pub fn check_recordings(session: &RecordedSession<'_>) -> Vec<RecordedFault> {
+    if session.repetitions.is_empty() {
+        return Vec::new();
     }
-    faults.extend(shared(recordings));
-    let lights: Vec<Vec<(Light, Option<ChannelFault>)>> =
-        recordings.iter().map(|r| lights(config, rate_hz, channels, r.samples)).collect();
-    for channel in (0..channels).filter(|c| !stamps[*c]) {
-        let clipped = clipping(config, recordings, channel);
-        let found = lights.iter().zip(&clipped).map(|(lights, clipped)| match lights[channel] {
-            (light, Some(fault)) if light >= *clipped => (light, Some(fault)),
-            _ => (*clipped, (*clipped != Light::Green).then_some(ChannelFault::Railed)),
-        });
-        let found: Vec<_> = found
-            .zip(recordings)
-            .filter_map(|((light, fault), r)| Some((light, fault?, (r.gesture, r.repetition))))
-            .collect();
-        if let Some((light, finding, _)) = found.iter().copied().max_by_key(|(light, ..)| *light) {
-            let same = found.iter().filter(|(l, f, _)| (*l, *f) == (light, finding));
-            let recordings = same.map(|(.., which)| *which).collect();
-            faults.push(RecordedFault::Channel { channel, light, finding, recordings, of: lights.len() });
+    let columns = columns::columns(session);
+    let (mut explained, mut faults) = columns::no_electrodes(session, &columns);
+    let keys = session.unknown_rate_keys.to_vec();
+    if !keys.is_empty() {
+        faults.push(RecordedFault::RateKey { keys, assumed_hz: session.rate_hz });
+    }
+    // A copy with other time stamps is a copy.
+    let electrodes = |explained: &[bool]| (0..columns.len()).filter(|c| !explained[*c]).collect::<Vec<_>>();
+    let all = electrodes(&explained);
+    faults.extend(copies::copies(session, &columns, &all));
+    faults.extend(held_rows::held_rows(session, &columns, &all));
+    let loudest = crate::model::median(all.iter().map(|channel| columns[*channel].loudest()).collect());
+    for channel in all {
+        if let Some(fault) = channel_fault(session, channel, &columns[channel], loudest.unwrap_or(0.0)) {
+            explained[channel] = fault.light() == Light::Red;
+            faults.push(fault);
         }
     }
-    let explained = |c: usize| {
-        let red = |fault: &RecordedFault| matches!(fault, RecordedFault::Channel { channel, light: Light::Red, .. } if *channel == c);
-        stamps[c] || faults.iter().any(red)
-    };
-    let unexplained: Vec<usize> = (0..channels).filter(|c| !explained(*c)).collect();
-    faults.extend(noisy(config, channels, rest, recordings, &unexplained));
+    faults.extend(noisy(session, &columns, &electrodes(&explained)));
     faults.sort_by_key(|fault| std::cmp::Reverse(fault.light()));
     faults
 }
 
-/// The worst light of each channel and its reason, once a whole second is known; at the end of a shorter recording.
-fn lights(
-    config: &QualityConfig,
-    rate_hz: f64,
-    channels: usize,
-    samples: &[EmgSample],
-) -> Vec<(Light, Option<ChannelFault>)> {
-    let mut monitor = QualityMonitor::new(config.clone(), rate_hz, channels, &[]);
-    let mut worst = vec![(Light::Green, None); channels];
-    let (Some(first), Some(last)) = (samples.first(), samples.last()) else { return worst };
-    let secs = |sample: &EmgSample| sample.counter.saturating_sub(first.counter) as f64 / rate_hz;
-    let judged_from = secs(last).min(1.0);
-    for sample in samples {
-        let now = SimTime((1000.0 * secs(sample)).round() as u64);
-        if monitor.push(now, sample) && secs(sample) >= judged_from - 0.2 {
-            for (worst, quality) in worst.iter_mut().zip(monitor.channels()) {
-                if quality.light > worst.0 {
-                    *worst = (quality.light, quality.fault);
+/// What is wrong with a channel: dead, else cut off, else humming. `typical` is how loud the median channel gets.
+fn channel_fault(
+    session: &RecordedSession<'_>,
+    channel: usize,
+    column: &Column,
+    typical: f64,
+) -> Option<RecordedFault> {
+    let fault = |finding: ChannelFault, light: Light, found: Vec<bool>| {
+        let in_which = session.repetitions.iter().zip(&found).filter(|(_, found)| **found);
+        let recordings: Vec<_> = in_which.map(|(r, _)| (r.gesture, r.repetition)).collect();
+        let (of, files) = (found.len(), session.files(|index| found[index]));
+        let any = !recordings.is_empty();
+        any.then_some(RecordedFault::Channel { channel, light, finding, recordings, of, files })
+    };
+    let dead = match column.is_still() || column.loudest() < DEAD * typical {
+        true => vec![true; column.values.len()],
+        false => dead_here(session, column),
+    };
+    let cut_off = |values: &Vec<f64>| {
+        let at_ends = values.iter().filter(|value| column.ends.contains(value)).count();
+        column.levels >= FEWEST_LEVELS && at_ends as f64 > CUT_OFF * values.len() as f64
+    };
+    fault(ChannelFault::Flat, Light::Red, dead)
+        .or_else(|| {
+            let found: Vec<bool> = column.values.iter().map(cut_off).collect();
+            // The strongest gesture of a strong person is cut off by an armband of 8 bits, and recognised all the same.
+            let at_least_half = 2 * found.iter().filter(|found| **found).count() >= found.len();
+            if at_least_half { fault(ChannelFault::Railed, Light::Red, found) } else { None }
+        })
+        .or_else(|| {
+            let (light, humming) = hum(session.rate_hz, column);
+            fault(ChannelFault::Mains, light, humming)
+        })
+}
+
+/// In which recordings a channel that is alive in others is dead.
+fn dead_here(session: &RecordedSession<'_>, column: &Column) -> Vec<bool> {
+    let usual = |gesture: GestureName| {
+        let takes = session.repetitions.iter().zip(&column.sds).filter(|(r, _)| r.gesture == gesture);
+        let sds: Vec<f64> = takes.map(|(_, sd)| *sd).collect();
+        if sds.len() < FEWEST_TAKES { 0.0 } else { crate::model::median(sds).unwrap_or(0.0) }
+    };
+    let takes = session.repetitions.iter().zip(&column.sds);
+    takes.map(|(r, sd)| *sd == 0.0 || *sd < DEAD_HERE * usual(r.gesture)).collect()
+}
+
+/// How much a channel hums, and in which recordings. A hum that only fills the silence of a relaxed hand is none.
+fn hum(rate_hz: f64, column: &Column) -> (Light, Vec<bool>) {
+    let block = ((rate_hz / HUM_BLOCKS).round() as usize).max(1);
+    // Of each recording: variance in blocks, and that at either frequency.
+    let powers: Vec<[f64; 3]> = column
+        .values
+        .iter()
+        .map(|values| {
+            let mut sums = [0.0; 3];
+            let mut filters = MAINS_HZ.map(|hz| Goertzel::new(hz, rate_hz));
+            for part in values.chunks_exact(block) {
+                sums[0] += columns::moments(part.iter().copied(), None).1;
+                for (sum, filter) in sums[1..].iter_mut().zip(&mut filters) {
+                    part.iter().for_each(|value| filter.push(*value));
+                    *sum += filter.finish();
                 }
             }
+            let blocks = (values.len() / block).max(1) as f64;
+            sums.map(|sum| sum / blocks)
+        })
+        .collect();
+    let share = |[all, a, b]: &[f64; 3]| if *all > 0.0 { a.max(*b) / all } else { 0.0 };
+    let total = powers.iter().fold([0.0; 3], |sums, of| [0, 1, 2].map(|k| sums[k] + of[k]));
+    let mean = total[0] / powers.len().max(1) as f64;
+    let above = |limit: f64| -> Vec<bool> { powers.iter().map(|of| share(of) > limit).collect() };
+    for (limit, light) in [(HUM[1], Light::Red), (HUM[0], Light::Amber)] {
+        let found = above(limit);
+        let most = 2 * found.iter().filter(|found| **found).count() > found.len();
+        if most || share(&total) > limit {
+            return (light, found);
         }
     }
-    worst
-}
-
-/// The light of each recording for samples at the ends of the channel's range: at the rails where they are known, else
-/// at the largest and smallest value that any recording has.
-fn clipping(config: &QualityConfig, recordings: &[RecordedRepetition<'_>], channel: usize) -> Vec<Light> {
-    let values = |r: &RecordedRepetition<'_>| -> Vec<f64> {
-        r.samples.iter().filter_map(|s| s.channels.get(channel).copied()).collect()
-    };
-    let levels: BTreeSet<u64> = recordings.iter().flat_map(values).map(f64::to_bits).collect();
-    // A monitor that knows the rails has looked already.
-    if config.rails.is_some() || levels.len() < FEWEST_LEVELS {
-        return vec![Light::Green; recordings.len()];
-    }
-    let all = || levels.iter().map(|bits| f64::from_bits(*bits));
-    let ends = [all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max)];
-    let share = |r: &RecordedRepetition<'_>| {
-        let values = values(r);
-        values.iter().filter(|v| ends.contains(v)).count() as f64 / values.len().max(1) as f64
-    };
-    recordings.iter().map(|r| Light::above(share(r), config.railed)).collect()
-}
-
-/// Whether the column never falls and rises often.
-fn only_rises(samples: &[EmgSample], channel: usize) -> bool {
-    let value = |sample: &EmgSample| sample.channels.get(channel).copied().unwrap_or(f64::NAN);
-    let rises = samples.windows(2).filter(|pair| value(&pair[1]) > value(&pair[0])).count();
-    let never_falls = samples.windows(2).all(|pair| value(&pair[1]) >= value(&pair[0]));
-    never_falls && rises >= FEWEST_RISES
+    // Louder than the muscle is on the average.
+    let loud = powers.iter().map(|of| share(of) > HUM[1] && of[1].max(of[2]) > mean);
+    (Light::Red, loud.collect())
 }
 
 /// Which of the channels in `suspects` are noisy.
-fn noisy(
-    config: &QualityConfig,
-    channels: usize,
-    rest: GestureName,
-    recordings: &[RecordedRepetition<'_>],
-    suspects: &[usize],
-) -> Vec<RecordedFault> {
-    let sd = |r: &RecordedRepetition<'_>, c: usize| {
-        let values: Vec<f64> = r.samples.iter().filter_map(|s| s.channels.get(c).copied()).collect();
-        let count = values.len().max(1) as f64;
-        let mean = values.iter().sum::<f64>() / count;
-        (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count).sqrt()
+fn noisy(session: &RecordedSession<'_>, columns: &[Column], suspects: &[usize]) -> Vec<RecordedFault> {
+    let largest = |channel: usize, resting: bool| {
+        let of = session.repetitions.iter().zip(&columns[channel].sds);
+        let of = of.filter(|(r, _)| (r.gesture == session.rest) == resting).map(|(_, sd)| *sd);
+        of.fold(None, |most: Option<f64>, sd| Some(most.map_or(sd, |most| most.max(sd))))
     };
-    let largest = |c: usize, resting: bool| {
-        let of = recordings.iter().filter(|r| (r.gesture == rest) == resting);
-        of.map(|r| sd(r, c)).fold(None, |most: Option<f64>, sd| Some(most.map_or(sd, |most| most.max(sd))))
-    };
-    let at_rest: Vec<Option<f64>> = (0..channels).map(|c| largest(c, true)).collect();
-    let Some(median) = crate::model::median(at_rest.iter().copied().flatten().collect()) else {
-        return vec![];
-    };
-    let loud = |c: usize| {
-        let (rested, moved) = (at_rest[c]?, largest(c, false)?);
-        let times = rested / median.max(config.count);
+    let at_rest: Vec<f64> = suspects.iter().filter_map(|channel| largest(*channel, true)).collect();
+    let Some(median) = crate::model::median(at_rest) else { return vec![] };
+    let loud = |channel: usize| {
+        let (rested, moved) = (largest(channel, true)?, largest(channel, false)?);
+        let times = rested / median.max(columns[channel].step);
         let noisy = times > NOISY[0] && moved < NOISY[1] * rested;
-        noisy.then_some(RecordedFault::Noisy { channel: c, times })
+        noisy.then(|| RecordedFault::Noisy { channel, times, files: session.files(|_| true) })
     };
     suspects.iter().copied().filter_map(loud).collect()
 }
 
-/// Recordings that hold the same samples.
-fn shared(recordings: &[RecordedRepetition<'_>]) -> Vec<RecordedFault> {
-    let bits = |samples: &[EmgSample]| -> Vec<u64> {
-        samples.iter().flat_map(|s| s.channels.iter().map(|v| v.to_bits())).collect()
-    };
-    let constant = |samples: &[EmgSample]| samples.windows(2).all(|p| p[0].channels == p[1].channels);
-    // Stretches of the recordings before, and where they stand.
-    let mut known: BTreeMap<Vec<u64>, usize> = BTreeMap::new();
-    let mut faults = Vec::new();
-    for (index, recording) in recordings.iter().enumerate() {
-        let mut found: BTreeMap<usize, usize> = BTreeMap::new();
-        let mut place = 0;
-        while let Some(stretch) = recording.samples.get(place..place + SHARED) {
-            match known.get(&bits(stretch)) {
-                Some(earlier) => {
-                    *found.entry(*earlier).or_default() += SHARED;
-                    place += SHARED;
-                }
-                None => place += 1,
-            }
-        }
-        for (earlier, samples) in found {
-            let name = |r: &RecordedRepetition<'_>| (r.gesture, r.repetition);
-            let (first, second) = (name(&recordings[earlier]), name(recording));
-            faults.push(RecordedFault::Shared { first, second, samples, of: recording.samples.len() });
-        }
-        for stretch in recording.samples.chunks_exact(SHARED).filter(|stretch| !constant(stretch)) {
-            known.entry(bits(stretch)).or_insert(index);
-        }
-    }
-    faults
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use proact_types::Gesture;
-
-    const CHANNELS: usize = 4;
-    const RATE_HZ: f64 = 200.0;
-
-    /// Noise of standard deviation one, nearly Gaussian, from a counter.
-    fn noise(seed: u64, k: u64) -> f64 {
-        (0..4).map(|part| uniform(seed.wrapping_add(1000 * part), k)).sum::<f64>() / 2.0
-    }
-
-    fn uniform(seed: u64, k: u64) -> f64 {
-        let mut z =
-            seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(k.wrapping_mul(0xd1b5_4a32_d192_ed03));
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) as f64 / u64::MAX as f64 - 0.5) * 12_f64.sqrt()
-    }
-
-    type Session = Vec<(GestureName, u32, Vec<EmgSample>)>;
-
-    /// Three repetitions of rest and of a fist of 3 s, channel 1 changed by `change(seconds, value)`.
-    fn session(change: impl Fn(f64, f64) -> f64) -> Session {
-        let mut session = Vec::new();
-        for repetition in 0..3 {
-            for (gesture, strength) in [(Gesture::NoMotion, 3.0), (Gesture::HandClose, 20.0)] {
-                let seed = u64::from(repetition) * 16 + strength as u64 * 100;
-                let sample = |k: u64| {
-                    let value = |c: u64| (strength * noise(seed + c, k)).round().clamp(-128.0, 127.0);
-                    let mut channels: Vec<f64> = (0..CHANNELS as u64).map(value).collect();
-                    channels[1] = change(k as f64 / RATE_HZ, channels[1]);
-                    EmgSample { counter: k, channels: channels.into_iter().collect() }
-                };
-                session.push((gesture.into(), repetition, (0..600).map(sample).collect()));
-            }
-        }
-        session
-    }
-
-    fn check(session: &Session) -> Vec<RecordedFault> {
-        let recordings: Vec<RecordedRepetition<'_>> = session
-            .iter()
-            .map(|(gesture, repetition, samples)| RecordedRepetition {
-                gesture: *gesture,
-                repetition: *repetition,
-                samples,
-            })
-            .collect();
-        check_recordings(&QualityConfig::default(), RATE_HZ, CHANNELS, Gesture::NoMotion.into(), &recordings)
-    }
-
-    fn on_channel_1(finding: ChannelFault) -> impl Fn(&RecordedFault) -> bool {
-        move |fault| matches!(fault, RecordedFault::Channel { channel: 1, light: Light::Red, finding: f, .. } if *f == finding)
-    }
-
-    #[test]
-    fn good_recordings_have_no_fault() {
-        assert_eq!(check(&session(|_, v| v)), []);
-    }
-
-    #[test]
-    fn each_planted_fault_is_the_only_one_found() {
-        let only = |change: &dyn Fn(f64, f64) -> f64| {
-            let mut faults = check(&session(change));
-            assert_eq!(faults.len(), 1, "{faults:?}");
-            faults.remove(0)
-        };
-        assert!(on_channel_1(ChannelFault::Flat)(&only(&|_, _| 3.0)));
-        let hum = |t: f64, v: f64| v + 40.0 * (std::f64::consts::TAU * 50.0 * t).sin();
-        assert!(on_channel_1(ChannelFault::Mains)(&only(&hum)));
-        assert!(on_channel_1(ChannelFault::Railed)(&only(&|_, v| (1.5 * v).clamp(-20.0, 20.0))));
-        assert_eq!(only(&|t, _| 1000.0 + t), RecordedFault::TimeStamps { channel: 1 });
-        let loud = |t: f64, _: f64| (40.0 * noise(7, (t * 200.0).round() as u64)).round();
-        assert!(matches!(only(&loud), RecordedFault::Noisy { channel: 1, times } if times > 5.0));
-    }
-
-    #[test]
-    fn a_channel_that_is_red_in_few_recordings_is_told_with_their_names_and_refused_in_most() {
-        let dead_in = |count: usize| {
-            let mut session = session(|_, v| v);
-            for (.., samples) in session.iter_mut().take(count) {
-                samples.iter_mut().for_each(|sample| sample.channels[1] = 3.0);
-            }
-            let mut faults = check(&session);
-            assert_eq!(faults.len(), 1, "{faults:?}");
-            faults.remove(0)
-        };
-        let (one, most) = (dead_in(1), dead_in(4));
-        assert_eq!((one.light(), most.light()), (Light::Amber, Light::Red));
-        let rest = GestureName::from(Gesture::NoMotion);
-        assert!(
-            matches!(&one, RecordedFault::Channel { recordings, of: 6, .. } if *recordings == [(rest, 0)]),
-            "{one:?}"
-        );
-    }
-
-    #[test]
-    fn repetitions_that_share_samples_are_named_whole_or_in_part() {
-        let mut copied = session(|_, v| v);
-        copied[5].2 = copied[1].2.clone();
-        let close = GestureName::from(Gesture::HandClose);
-        let expected = RecordedFault::Shared { first: (close, 0), second: (close, 2), samples: 600, of: 600 };
-        assert_eq!(check(&copied), [expected]);
-        // The second half of one recording is the beginning of the next.
-        let mut cut = session(|_, v| v);
-        let half = cut[1].2[290..].to_vec();
-        cut[3].2.splice(..half.len(), half);
-        match check(&cut).as_slice() {
-            [RecordedFault::Shared { first, second, samples, of: 600 }] => {
-                assert_eq!((*first, *second), ((close, 0), (close, 1)));
-                assert!((280..=310).contains(samples), "{samples}");
-            }
-            other => panic!("{other:?}"),
-        }
-    }
-}
+mod tests;

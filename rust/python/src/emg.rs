@@ -34,8 +34,9 @@ fn training(origin: &EmgOrigin, seed: u64) -> Result<(EmgConfig, Labelled), Box<
             let each = (0..SYNTHETIC_REPETITIONS).flat_map(|_| Gesture::ALL);
             each.map(|gesture| (GestureName::from(gesture), take(gesture))).collect()
         }
-        EmgOrigin::Recording { dir, rate_hz, train_reps, .. } => {
+        EmgOrigin::Recording { dir, rate_hz, train_reps, faults, .. } => {
             let recordings = Recordings::open(dir, *rate_hz)?;
+            recordings.judge(train_reps, *faults)?;
             let trained = recordings.items.iter().filter(|item| train_reps.contains(&item.repetition));
             trained.map(|item| (item.gesture, item.numbered().collect())).collect()
         }

@@ -105,6 +105,9 @@ pub struct TrialConfig {
     /// Zero level of each EMG channel, subtracted before anything else; empty for a stream that is centred.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub emg_centring: Vec<f64>,
+    /// Faults of the EMG recordings, of the trial or of its model, that were accepted, one sentence each.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub emg_accepted_faults: Vec<String>,
     /// How is inferred what the person means: the paper's product of gaze and task, or another model.
     #[serde(default)]
     pub intent_model: IntentModelName,
@@ -173,6 +176,7 @@ impl TrialConfig {
             gesture_source: KEYS.to_owned(),
             gaze: true,
             emg_centring: Vec::new(),
+            emg_accepted_faults: Vec::new(),
             intent_model: IntentModelName::default(),
             arm: Self::default_arm(),
             task: TaskChoice::named(DEFAULT_TASK, seed).expect("ships with the program and is tested there"),
@@ -284,6 +288,22 @@ impl TrialConfig {
             });
         }
         self.emg_centring = levels;
+        Ok(())
+    }
+
+    /// The faults of recordings that were accepted, which belong to them.
+    ///
+    /// # Errors
+    /// [`ConfigError::Value`] if the configuration has others.
+    pub fn accept_faults(&mut self, faults: Vec<String>) -> Result<(), ConfigError> {
+        if !self.emg_accepted_faults.is_empty() && self.emg_accepted_faults != faults {
+            return Err(ConfigError::Value {
+                key: "emg_accepted_faults",
+                got: format!("{:?}", self.emg_accepted_faults),
+                expected: "none: they come with the recordings or the model, and --accept-faults",
+            });
+        }
+        self.emg_accepted_faults = faults;
         Ok(())
     }
 

@@ -45,17 +45,17 @@ pub fn simulated_by(
     gaze_error_deg: f64,
     own: OwnParts,
 ) -> Result<Assembly, AssemblyError> {
-    let (mut parts, classifier) = match emg {
+    let (mut parts, classifier, findings) = match emg {
         Some(EmgOf { origin, trained }) => {
             let person = simulated_person(methods, arm, &mut config, origin, trained)?;
-            (person.parts, Some(person.classifier))
+            (person.parts, Some(person.classifier), person.findings)
         }
         None if own.participant.is_none() => {
             return Err(
                 ConfigError::NoPart { key: "emg = none", why: "nobody gives gestures without it" }.into()
             );
         }
-        None => (PersonParts::default(), None),
+        None => (PersonParts::default(), None, Vec::new()),
     };
     if own.participant.is_some() {
         // Who acts is not the participant of the configuration, whose habits would be recorded as if they had a part.
@@ -70,5 +70,5 @@ pub fn simulated_by(
     let plan_service = Box::new(worker);
     let testbed = testbed_around(methods, arm, config, plan_service, classifier.clone(), method, physics)?;
     let session = Session::new(testbed.with_decoder(decoder).with_intent(intent), parts);
-    Ok(Assembly { session, classifier, arm: arm.clone(), plans })
+    Ok(Assembly { session, classifier, arm: arm.clone(), plans, findings })
 }

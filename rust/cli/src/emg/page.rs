@@ -5,12 +5,12 @@ use super::{
     train::PageArgs,
 };
 use crate::announce::printed;
-use proact_app::{stream_view::fault_text, tell};
+use proact_app::tell;
 use proact_bridge::{
     CalibrationCommand, CalibrationScreen, CalibrationServer, CalibrationView, ChannelLight, GestureTest,
     PageOptions,
 };
-use proact_emg::{Calibration, ChannelQuality, CursorTest, Phase};
+use proact_emg::{Calibration, ChannelFault, ChannelQuality, CursorTest, Phase};
 use proact_types::GestureName;
 use serde_json::Value;
 use std::{
@@ -177,7 +177,7 @@ impl Screen for PageScreen {
 /// What the page shows of a calibration.
 fn calibration_view(session: &Calibration) -> CalibrationView<'_> {
     let config = session.config();
-    let light = |q: &ChannelQuality| ChannelLight { light: q.light, fault: q.fault.map(fault_text) };
+    let light = |q: &ChannelQuality| ChannelLight { light: q.light, fault: q.fault.map(ChannelFault::text) };
     let phase = session.phase();
     CalibrationView::Calibration {
         reviewing: phase == Phase::Reviewing,

@@ -1,65 +1,52 @@
-//! What is said about recordings before anything is trained on them.
+//! What is said about recordings before anything is trained on them or tested with them.
 
-use proact_app::stream_view::fault_text;
-use proact_devices::{Recording, Recordings};
-use proact_emg::{CalibrationConfig, Light, RecordedFault, RecordedRepetition, check_recordings};
-use proact_types::{EmgSample, GestureName};
+use clap::Args;
+use proact_app::{answer, tell, trial::AssemblyError};
+use proact_devices::{DeviceError, FaultPolicy, Recordings, findings_json};
+use proact_emg::{CalibrationConfig, RecordedFault};
+use proact_types::GestureName;
+use serde_json::json;
+use std::error::Error;
 
-/// Recordings that a sentence names.
-const NAMED: usize = 4;
-
-/// What is wrong with the recordings, worst first.
-pub(super) fn faults(recordings: &Recordings, config: &CalibrationConfig) -> Vec<RecordedFault> {
-    let electrodes = |r: &Recording| r.numbered().map(|sample| config.emg.electrodes(&sample)).collect();
-    let numbered: Vec<Vec<EmgSample>> = recordings.items.iter().map(electrodes).collect();
-    let repetitions: Vec<RecordedRepetition<'_>> = recordings
-        .items
-        .iter()
-        .zip(&numbered)
-        .map(|(r, samples)| RecordedRepetition { gesture: r.gesture, repetition: r.repetition, samples })
-        .collect();
-    let (rate_hz, channels) = (recordings.rate_hz, recordings.channels);
-    check_recordings(&config.quality, rate_hz, channels, config.emg.rest, &repetitions)
+/// What becomes of recordings with faults.
+#[derive(Clone, Copy, Debug, Args)]
+pub(crate) struct FaultArgs {
+    /// Use recordings whose faults make an accuracy wrong all the same: columns that are no electrode, samples that stand in two
+    /// recordings, held rows, an unread rate, dead or humming channels. What was accepted is recorded.
+    #[arg(long)]
+    accept_faults: bool,
 }
 
-/// The red ones as an error, if there are any.
-pub(super) fn refusal(faults: &[RecordedFault]) -> Option<String> {
-    let red: Vec<String> = faults.iter().filter(|f| f.light() == Light::Red).map(text).collect();
-    (!red.is_empty()).then(|| {
-        format!(
-            "the recordings are not fit for training: {}; record them again, leave repetitions out with --reps, or train \
-             on them all the same with --accept-faults",
-            red.join("; ")
-        )
-    })
+impl FaultArgs {
+    /// What they say.
+    pub(crate) fn policy(self) -> FaultPolicy {
+        if self.accept_faults { FaultPolicy::Accept } else { FaultPolicy::Refuse }
+    }
+
+    /// Judges the repetitions `reps` of recordings, all if none is named, and says what is found.
+    ///
+    /// # Errors
+    /// As [`Recordings::judge`].
+    pub(super) fn judge(
+        self,
+        recordings: &Recordings,
+        reps: &[u32],
+    ) -> Result<Vec<RecordedFault>, DeviceError> {
+        let findings = recordings.judge(reps, self.policy())?;
+        findings.iter().for_each(tell);
+        Ok(findings)
+    }
 }
 
-/// One sentence for the person.
-pub(super) fn text(fault: &RecordedFault) -> String {
-    match fault {
-        RecordedFault::Channel { channel, light, finding, recordings, of } => {
-            let light = if *light == Light::Red { "red" } else { "amber" };
-            let named =
-                recordings.iter().take(NAMED).map(|(gesture, repetition)| format!("{gesture} {repetition}"));
-            let more = if recordings.len() > NAMED { ", ..." } else { "" };
-            format!(
-                "channel {channel} is {light} ({}) in {} of {of} recordings: {}{more}",
-                fault_text(*finding),
-                recordings.len(),
-                named.collect::<Vec<_>>().join(", ")
-            )
-        }
-        RecordedFault::Noisy { channel, times } => format!(
-            "channel {channel} is noisy: {times:.1} times as loud at rest as the others, and no louder in any gesture"
-        ),
-        RecordedFault::TimeStamps { channel } => {
-            format!("channel {channel} only rises: a column of time stamps or counters, not a muscle")
-        }
-        RecordedFault::Shared { first, second, samples, of } => format!(
-            "repetition {} of {} has {samples} of its {of} samples in common with repetition {} of {}: training and test \
-             would overlap",
-            second.1, second.0, first.1, first.0
-        ),
+/// Answers with the findings for which a command ends, if `json` asks for an answer. The error goes to standard error as any other.
+pub(crate) fn answer_refusal(error: &(dyn Error + 'static), json: bool) {
+    let refusal = match error.downcast_ref::<AssemblyError>() {
+        Some(AssemblyError::Device(error)) => Some(error),
+        _ => error.downcast_ref::<DeviceError>(),
+    };
+    if let Some(DeviceError::Faults { findings, .. }) = refusal.filter(|_| json) {
+        // That nobody reads it is no reason for another error.
+        let _ = answer(json!({ "error": error.to_string(), "findings": findings_json(findings) }));
     }
 }
 

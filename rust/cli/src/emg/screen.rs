@@ -3,7 +3,7 @@
 use super::{page::PageScreen, train::PageArgs};
 use crate::progress::bar;
 use indicatif::ProgressBar;
-use proact_app::{lines_of, stream_view::fault_text, tell};
+use proact_app::{lines_of, tell};
 use proact_emg::{
     Calibration, CalibrationConfig, CalibrationReport, DriveScore, EmgModel, Light, Phase, Refusal, Site,
 };
@@ -214,7 +214,7 @@ pub(super) fn refusal_text(refusal: &Refusal) -> String {
                 .iter()
                 .map(|(channel, fault)| match fault {
                     Some(fault) => {
-                        format!("channel {channel} is red ({})", fault_text(*fault))
+                        format!("channel {channel} is red ({})", fault.text())
                     }
                     None => format!("channel {channel} is red"),
                 })

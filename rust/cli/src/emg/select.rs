@@ -1,4 +1,4 @@
-use super::WindowArgs;
+use super::{FaultArgs, WindowArgs};
 use clap::Args;
 use proact_devices::DeviceError;
 use proact_emg::{SelectionCriterion, SelectionData, select_features};
@@ -19,6 +19,8 @@ pub struct SelectArgs {
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..))]
     most: u16,
     #[command(flatten)]
+    faults: FaultArgs,
+    #[command(flatten)]
     window: WindowArgs,
 }
 
@@ -26,6 +28,7 @@ pub struct SelectArgs {
 pub(super) fn text(args: &SelectArgs, json: bool) -> Result<String, Box<dyn Error>> {
     let recordings = args.window.open(&args.data)?;
     let config = args.window.config(recordings.rate_hz, recordings.channels, &recordings.imu)?;
+    let findings = args.faults.judge(&recordings, &[])?;
     let gestures = recordings.gestures();
     let (mut windows, mut labels, mut repetitions) = (Vec::new(), Vec::new(), Vec::new());
     for recording in &recordings.items {
@@ -53,7 +56,7 @@ pub(super) fn text(args: &SelectArgs, json: bool) -> Result<String, Box<dyn Erro
     if json {
         let object =
             serde_json::json!({ "criterion": args.criterion, "windows": windows.len(), "features": chosen });
-        return Ok(object.to_string() + "\n");
+        return Ok(super::with_findings(object, &findings));
     }
     let with =
         if args.criterion == SelectionCriterion::FeatureEfficiency { "alone" } else { "with those above" };

@@ -1,5 +1,6 @@
 //! `proact emg simulate`: an armband without an armband.
 
+use super::FaultArgs;
 use clap::Args;
 use proact_app::{
     Held,
@@ -48,6 +49,8 @@ pub struct SimulateArgs {
         default_value = "no_motion:2,hand_close:2,no_motion:1,hand_open:2,no_motion:1,wrist_extension:2,no_motion:1,wrist_flexion:2"
     )]
     gestures: Vec<Held>,
+    #[command(flatten)]
+    faults: FaultArgs,
     /// Publish a stream of this name on the lab streaming layer instead of serving an armband; needs --features lsl.
     #[arg(long, value_name = "NAME", conflicts_with_all = ["port", "dup", "reorder", "truncate", "jitter",
         "notification", "no_ids", "battery"])]
@@ -272,10 +275,12 @@ fn feed(args: &SimulateArgs) -> Result<(EmgFeed, f64, usize), Box<dyn Error>> {
             rest,
             items: Vec::new(),
             notes: Vec::new(),
+            unknown_rate_keys: Vec::new(),
         };
         return Ok((EmgFeed::new(&none, &[], Some(generator), args.seed)?, rate_hz, channels));
     };
     let recordings = Recordings::open(dir, args.rate)?;
+    args.faults.judge(&recordings, &args.reps)?;
     for held in &args.gestures {
         for &rep in &args.reps {
             recordings.find(held.gesture, rep)?;

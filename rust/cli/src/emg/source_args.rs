@@ -2,7 +2,7 @@
 
 use clap::Args;
 use proact_app::tell;
-use proact_devices::{DeviceError, SampleSource, SourceName, SourceOptions, SourceRegistry};
+use proact_devices::{DeviceError, FaultPolicy, SampleSource, SourceName, SourceOptions, SourceRegistry};
 
 /// Options of a source.
 #[derive(Debug, Args)]
@@ -32,22 +32,26 @@ pub struct SourceArgs {
 }
 
 impl SourceArgs {
-    /// Opens the source at `rate` hertz, if one is asked for, with its inertial measurement unit if `imu`.
+    /// Opens the source at `rate` hertz, if one is asked for, with its inertial measurement unit if `imu`, and says what is found in
+    /// recordings that it plays.
     ///
     /// # Errors
-    /// A source that does not exist or cannot be opened, a rate that cannot be.
+    /// A source that does not exist or cannot be opened, a rate that cannot be, recordings that `faults` refuses.
     pub(super) fn open(
         &self,
         sources: &SourceRegistry,
         rate: Option<f64>,
         imu: bool,
+        faults: FaultPolicy,
     ) -> Result<Box<dyn SampleSource>, DeviceError> {
-        let options = SourceOptions { imu, ..self.options().at_rate(rate)? };
+        let options = SourceOptions { imu, faults, ..self.options().at_rate(rate)? };
         let help = sources.find(&self.source)?.help;
         if self.source.scheme() == "keys" {
             tell(help);
         }
-        sources.open(&self.source, &options)
+        let source = sources.open(&self.source, &options)?;
+        source.findings().iter().for_each(tell);
+        Ok(source)
     }
 
     /// What they say, beside the name.
@@ -60,6 +64,7 @@ impl SourceArgs {
             seed: self.seed,
             rate_hz: None,
             imu: false,
+            faults: FaultPolicy::default(),
         }
     }
 }

@@ -1,7 +1,10 @@
 //! `proact emg stream`: a live source, recognised and shown.
 
 use super::source_args::SourceArgs;
-use crate::{emg::WindowArgs, interrupt::interrupt_flag};
+use crate::{
+    emg::{FaultArgs, WindowArgs},
+    interrupt::interrupt_flag,
+};
 use clap::Args;
 use proact_app::{
     CentredStream, answer,
@@ -11,8 +14,8 @@ use proact_app::{
 };
 use proact_devices::{
     ClassesFrom, EmgRecorder, LibEmgOutput, LibEmgReceiver, LibEmgSender, Recording, Recordings,
-    SampleSource, SourceEvent, SourceInfo, SourceRegistry, SyntheticEmg, SyntheticModel, open_pipeline,
-    read_class_map, stream,
+    SampleSource, SourceEvent, SourceInfo, SourceRegistry, SyntheticEmg, SyntheticModel, accepted,
+    findings_json, open_pipeline, read_class_map, stream,
 };
 use proact_emg::{
     DecisionRule, EmgConfig, EmgError, EmgModel, EmgOutput, Light, QualityConfig, QualityMonitor,
@@ -72,6 +75,8 @@ pub struct StreamArgs {
     #[arg(long)]
     seconds: Option<f64>,
     #[command(flatten)]
+    faults: FaultArgs,
+    #[command(flatten)]
     window: WindowArgs,
 }
 
@@ -97,7 +102,7 @@ pub(super) fn run(sources: &SourceRegistry, args: &StreamArgs, json: bool) -> Re
         Some(path) => takes_imu(path)?,
         None => args.window.wants_imu(),
     };
-    let source = args.source.open(sources, args.window.rate, imu)?;
+    let source = args.source.open(sources, args.window.rate, imu, args.faults.policy())?;
     samples(args, source, &mut out, &stop)
 }
 
@@ -118,6 +123,7 @@ fn model(args: &StreamArgs, info: &SourceInfo) -> Result<(EmgModel, String), Box
         )
         .into());
     }
+    let findings = if args.data.is_some() { args.faults.judge(&recordings, &reps)? } else { Vec::new() };
     if reps.is_empty() {
         return Err("no repetitions to train on were named, expected at least one, such as 0".into());
     }
@@ -129,7 +135,8 @@ fn model(args: &StreamArgs, info: &SourceInfo) -> Result<(EmgModel, String), Box
         }
     }
     let slices: Vec<(GestureName, &[EmgSample])> = samples.iter().map(|(g, s)| (*g, s.as_slice())).collect();
-    Ok((EmgModel::train(&config, &vec![0.0; config.channels], &slices)?, label))
+    let model = EmgModel::train(&config, &vec![0.0; config.channels], &slices)?;
+    Ok((EmgModel { accepted_faults: accepted(&findings), ..model }, label))
 }
 
 /// Recordings of the generator that the simulator uses, from another random stream, at the rate of an armband; of another rate the
@@ -149,7 +156,17 @@ fn synthetic(rate_hz: f64) -> Result<Recordings, Box<dyn Error>> {
     let items = Gesture::ALL.map(&mut record).into();
     let (expected, rest) = (Gesture::ALL.map(GestureName::from).into(), GestureName::default());
     let (path, imu) = ("synthetic".into(), Vec::new());
-    Ok(Recordings { path, rate_hz, channels, imu, expected, rest, items, notes: Vec::new() })
+    Ok(Recordings {
+        path,
+        rate_hz,
+        channels,
+        imu,
+        expected,
+        rest,
+        items,
+        notes: Vec::new(),
+        unknown_rate_keys: Vec::new(),
+    })
 }
 
 fn check_fit(info: &SourceInfo, rate_hz: f64, channels: usize, trained_on: &str) -> Result<(), String> {
@@ -229,7 +246,8 @@ fn samples(
     let mut glance = StreamGlance::new(&info, &label);
     out.line(
         &json!({ "event": "open", "source": info.name, "rate_hz": info.rate_hz, "channels": info.channels,
-        "imu": info.imu, "trained_on": label, "zero": stream.zero, "loss_is_counted": info.loss_is_counted }),
+        "imu": info.imu, "trained_on": label, "zero": stream.zero, "loss_is_counted": info.loss_is_counted,
+        "findings": findings_json(stream.source.findings()), "accepted_faults": model.accepted_faults }),
     )?;
     let mut going = true;
     while going && !stop.load(Ordering::Relaxed) {

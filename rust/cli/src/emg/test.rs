@@ -2,7 +2,7 @@
 
 mod limb;
 
-use super::{page::PageScreen, source_args::SourceArgs, train::PageArgs};
+use super::{FaultArgs, page::PageScreen, source_args::SourceArgs, train::PageArgs};
 use crate::{interrupt::interrupt_flag, progress::bar};
 use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
@@ -12,7 +12,7 @@ use proact_app::{
     write_whole,
 };
 use proact_bridge::{CalibrationView, GestureTest, TestKind};
-use proact_devices::{SourceEvent, SourceRegistry, open_pipeline, stream};
+use proact_devices::{SourceEvent, SourceRegistry, findings_json, open_pipeline, stream};
 use proact_emg::{
     Adaptation, AdaptationConfig, CursorConfig, CursorEvent, CursorTest, EmgOutput, EmgPipeline, HoldConfig,
     HoldTest, SequenceConfig, SequenceTest,
@@ -84,6 +84,8 @@ pub struct TestArgs {
     #[arg(long, value_name = "MODEL")]
     adapt: Option<PathBuf>,
     #[command(flatten)]
+    faults: FaultArgs,
+    #[command(flatten)]
     page: PageArgs,
 }
 
@@ -135,8 +137,9 @@ pub(super) fn run(sources: &SourceRegistry, args: &TestArgs, json: bool) -> Resu
         }
     }
     let stop = interrupt_flag()?;
-    let source = args.source.open(sources, args.rate, takes_imu(&args.model)?)?;
+    let source = args.source.open(sources, args.rate, takes_imu(&args.model)?, args.faults.policy())?;
     let info = source.info().clone();
+    let findings = findings_json(source.findings());
     let model = read_model(&args.model, &info)?;
     let pipeline = open_pipeline(&model, args.source.flat_out)?;
     let stream = CentredStream::new(source, args.source.zero, &model);
@@ -162,7 +165,8 @@ pub(super) fn run(sources: &SourceRegistry, args: &TestArgs, json: bool) -> Resu
     if args.page.page {
         show.page = Some(PageScreen::open(&args.page, &info.name)?);
     }
-    let mut result = json!({ "model": args.model.display().to_string(), "source": info.name });
+    let mut result = json!({ "model": args.model.display().to_string(), "source": info.name,
+        "findings": findings, "accepted_faults": model.accepted_faults });
     let mut failed = Vec::new();
     for test in &args.tests {
         show.wait(&mut live, test.kind())?;

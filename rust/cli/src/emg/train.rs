@@ -11,7 +11,9 @@ use super::{
 };
 use crate::interrupt::interrupt_flag;
 use proact_app::{answer, source::read_model, tell, write_whole};
-use proact_devices::{EmgPacket, Recording, RecordingFolder, SourceInfo, SourceRegistry, try_process};
+use proact_devices::{
+    EmgPacket, Recording, RecordingFolder, SourceInfo, SourceRegistry, accepted, findings_json, try_process,
+};
 use proact_emg::{
     BandProposal, Calibration, CalibrationConfig, CalibrationEvent, CalibrationReport, EmgConfig, EmgModel,
     Phase, RecordedFault, RotationReport, accuracy_at, check_rotation,
@@ -119,7 +121,8 @@ impl Training {
         json: bool,
         stop: Arc<AtomicBool>,
     ) -> Result<Training, Box<dyn Error>> {
-        let source = args.source.open(sources, args.window.rate, args.window.wants_imu())?;
+        let source =
+            args.source.open(sources, args.window.rate, args.window.wants_imu(), args.faults.policy())?;
         let info = source.info().clone();
         let five = Gesture::ALL.map(GestureName::from);
         let rest = args.rest.unwrap_or_default();
@@ -165,13 +168,8 @@ impl Training {
             imu: recordings.imu.clone(),
         };
         let config = calibration(args, &info, &recordings.gestures(), rest)?;
-        let faults = recorded::faults(&recordings, &config);
-        if let Some(refusal) = recorded::refusal(&faults).filter(|_| !args.accept_faults) {
-            return Err(refusal.into());
-        }
-        for said in faults.iter().map(recorded::text).chain(recorded::lacking(&recordings)) {
-            tell(said);
-        }
+        let faults = args.faults.judge(&recordings, &[])?;
+        recorded::lacking(&recordings).into_iter().for_each(tell);
         let screen = open_screen(&PageArgs { page: false, ..args.page.clone() }, true, &info.name)?;
         let training = Training::new(args, info, config, Feed::Recorded(recordings), screen, Arc::default())?;
         Ok(Training { faults, ..training })
@@ -442,6 +440,7 @@ impl Training {
         let asked = EmgConfig { rest: self.config.emg.rest, ..live };
         let (model, judged) = trained::decoded(&asked, model, self.session.repetitions())
             .map_err(|error| self.stopped(error))?;
+        let model = EmgModel { accepted_faults: accepted(&self.faults), ..model };
         write_whole(&args.out, &model.to_json()?).map_err(|error| self.stopped(error.into()))?;
         let mut object = self.result(args, &model);
         if let Some(judged) = &judged {
@@ -489,7 +488,8 @@ impl Training {
             "classes": of(&|r| json!(r.classes)), "confusion": of(&|r| json!(r.confusion)),
             "recall": of(&|r| json!(r.recall)), "drives": of(&|r| json!(r.drives)), "sites": model.classifier.sites(), "repetitions": of(&|r| json!(r.repetitions)),
             "good_enough": judged.is_some_and(|r| r.good_enough), "rounds": self.session.rounds(),
-            "refused": self.refused, "faults": self.faults, "centring": model.centring, "band": self.band,
+            "refused": self.refused, "faults": self.faults, "findings": findings_json(&self.faults),
+            "accepted_faults": model.accepted_faults, "centring": model.centring, "band": self.band,
             "recordings": args.resume.as_ref().or(args.save.as_ref()).map(|dir| dir.display().to_string()),
         })
     }

@@ -1,6 +1,6 @@
 //! What `proact emg train` is told, and the settings that follow.
 
-use super::{WindowArgs, source_args::SourceArgs};
+use super::{WindowArgs, recorded::FaultArgs, source_args::SourceArgs};
 use crate::access_args::AccessArgs;
 use clap::Args;
 use proact_devices::SourceInfo;
@@ -39,9 +39,8 @@ pub struct TrainArgs {
     /// Repetitions of file:FOLDER to use. Default: all.
     #[arg(long, value_delimiter = ',')]
     pub(super) reps: Vec<u32>,
-    /// Train on recordings in which a channel is dead or hums, or samples come twice.
-    #[arg(long)]
-    pub(super) accept_faults: bool,
+    #[command(flatten)]
+    pub(super) faults: FaultArgs,
     /// Most rounds; training stops earlier when it is good enough.
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u8).range(2..=100))]
     pub(super) rounds: u8,

@@ -56,6 +56,7 @@ fn centred(model: &EmgModel, repetitions: &[Repetition]) -> Recordings {
         rest: model.config.rest,
         items,
         notes: Vec::new(),
+        unknown_rate_keys: Vec::new(),
     }
 }
 

@@ -12,7 +12,7 @@ pub use person::{KeyboardSource, PersonSource};
 pub use playback::{Pacing, PlaybackSource};
 
 use crate::DeviceError;
-use proact_emg::ImuChannel;
+use proact_emg::{ImuChannel, RecordedFault};
 use proact_types::{EmgSample, GestureName};
 use std::time::Duration;
 
@@ -93,6 +93,11 @@ pub trait SampleSource: Send {
     /// How the sender's clock compares with the host's; none where the sender does not stamp samples.
     fn clock(&self) -> Option<SourceClock> {
         None
+    }
+
+    /// What was found in the recordings that it plays, and accepted.
+    fn findings(&self) -> &[RecordedFault] {
+        &[]
     }
 
     /// Tells a simulated person what is asked for. Armbands on people, and recordings, take no notice.

@@ -1,6 +1,6 @@
 use super::{EmgPacket, Pacing, SampleSource, SourceCounts, SourceEvent, SourceInfo};
 use crate::{DeviceError, EmgFeed, EmgOrigin, SimulatedImu, prepare};
-use proact_emg::ImuChannel;
+use proact_emg::{ImuChannel, RecordedFault};
 use proact_types::{Gesture, GestureName, SimTime};
 use std::{
     io::Read,
@@ -32,6 +32,7 @@ pub struct PersonSource {
     next: Option<(u64, GestureName)>,
     opened: Instant,
     packets: u64,
+    findings: Vec<RecordedFault>,
 }
 
 impl PersonSource {
@@ -71,6 +72,7 @@ impl PersonSource {
             next: None,
             opened: Instant::now(),
             packets: 0,
+            findings: setup.findings,
         })
     }
 
@@ -88,6 +90,10 @@ impl PersonSource {
 impl SampleSource for PersonSource {
     fn info(&self) -> &SourceInfo {
         &self.info
+    }
+
+    fn findings(&self) -> &[RecordedFault] {
+        &self.findings
     }
 
     fn poll(&mut self, timeout: Duration, packet: &mut EmgPacket) -> Result<SourceEvent, DeviceError> {

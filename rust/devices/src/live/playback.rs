@@ -1,5 +1,6 @@
 use super::{EmgPacket, SampleSource, SourceCounts, SourceEvent, SourceInfo};
 use crate::{DeviceError, Recordings};
+use proact_emg::RecordedFault;
 use proact_types::{ChannelValues, EmgSample, GestureName};
 use std::time::{Duration, Instant};
 
@@ -22,6 +23,7 @@ pub struct PlaybackSource {
     opened: Instant,
     packets: u64,
     lost_samples: u64,
+    findings: Vec<RecordedFault>,
 }
 
 impl PlaybackSource {
@@ -80,7 +82,13 @@ impl PlaybackSource {
             imu: Vec::new(),
         };
         let opened = Instant::now();
-        Ok(PlaybackSource { info, pacing, samples, at: 0, opened, packets: 0, lost_samples: 0 })
+        let findings = Vec::new();
+        Ok(PlaybackSource { info, pacing, samples, at: 0, opened, packets: 0, lost_samples: 0, findings })
+    }
+
+    /// The same, of recordings in which `findings` were accepted.
+    pub fn with_findings(self, findings: Vec<RecordedFault>) -> PlaybackSource {
+        PlaybackSource { findings, ..self }
     }
 
     /// Plays repetition `repetition` of `gestures`, one after the other, with counters from 0 and no gaps.
@@ -110,6 +118,10 @@ impl PlaybackSource {
 impl SampleSource for PlaybackSource {
     fn info(&self) -> &SourceInfo {
         &self.info
+    }
+
+    fn findings(&self) -> &[RecordedFault] {
+        &self.findings
     }
 
     fn poll(&mut self, timeout: Duration, packet: &mut EmgPacket) -> Result<SourceEvent, DeviceError> {

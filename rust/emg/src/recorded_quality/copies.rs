@@ -1,0 +1,221 @@
+//! Recordings that hold the same samples: a copy, whole or in part, shifted in time, with another gain or offset.
+
+use super::{RecordedFault, RecordedSession, columns::Column};
+use std::collections::BTreeMap;
+
+/// Samples of a stretch that is compared bit by bit.
+const STRETCH: usize = 20;
+/// Changes of one channel whose directions are compared to find a copy of another gain.
+const SIGNS: usize = 32;
+/// Channels that are asked for directions: those that change most.
+const MOST_ASKED: usize = 3;
+/// Places that a pattern may have: one that comes more often is a tone, and tells nothing.
+const MOST_PLACES: usize = 4;
+/// Equal patterns that two recordings need at one shift.
+const FEWEST_VOTES: usize = 4;
+/// Shifts that have at least a third of the patterns of the best one: a tone fits itself at each of its periods, a copy at few.
+const MOST_SHIFTS: usize = 4;
+/// Share of the variance of a stretch that a copy explains. Independent electrodes explain a few hundredths.
+const EXPLAINED: f64 = 0.98;
+/// The same for most of the channels, each by itself: those that hardly move are rounded.
+const ALIKE: f64 = 0.8;
+/// Bits that a stretch needs to be no chance.
+const BITS: f64 = 48.0;
+/// Length of a stretch that is compared with another gain, and that all of them need: neighbouring samples of a fast stream are
+/// nearly equal, so that few of them say nothing.
+const STRETCH_SECS: f64 = 0.1;
+const LEAST_SECS: f64 = 0.25;
+
+/// Two recordings and how far the later one is behind: sample k of the later is sample `k + shift` of the earlier.
+type Pair = (usize, usize, i64);
+
+/// The recordings that share samples in the channels `electrodes`.
+pub(super) fn copies(
+    session: &RecordedSession<'_>,
+    columns: &[Column],
+    electrodes: &[usize],
+) -> Vec<RecordedFault> {
+    let recordings: Vec<Vec<&[f64]>> = (0..session.repetitions.len())
+        .map(|part| electrodes.iter().map(|c| &columns[*c].values[part][..]).collect())
+        .collect();
+    let steps: Vec<f64> = electrodes.iter().map(|channel| columns[*channel].step).collect();
+    let mut shared: BTreeMap<(usize, usize), Vec<bool>> = BTreeMap::new();
+    let mut mark =
+        |(earlier, later, shift): Pair, stretch: usize, least: usize, same: &dyn Fn(usize, usize) -> bool| {
+            let len = |index: usize| recordings[index].first().map_or(0, |values: &&[f64]| values.len());
+            let mut own = vec![false; len(later)];
+            let mut place = 0;
+            while place + stretch <= own.len() {
+                let there = usize::try_from(place as i64 + shift).ok();
+                let there = there.filter(|there| there + stretch <= len(earlier));
+                if there.is_some_and(|there| same(there, place)) {
+                    own[place..place + stretch].fill(true);
+                    place += stretch;
+                } else {
+                    place += stretch / STRETCH;
+                }
+            }
+            if own.iter().filter(|own| **own).count() >= least {
+                let known = shared.entry((earlier, later)).or_insert_with(|| vec![false; own.len()]);
+                known.iter_mut().zip(&own).for_each(|(known, own)| *known |= own);
+            }
+        };
+    for pair in exact(&recordings, &steps) {
+        mark(pair, STRETCH, STRETCH, &|there, place| {
+            let mut channels = recordings[pair.0].iter().zip(&recordings[pair.1]);
+            channels.all(|(a, b)| a[there..there + STRETCH] == b[place..place + STRETCH])
+                && bits(&recordings[pair.1], &steps, place) >= BITS
+        });
+    }
+    let samples = |secs: f64| ((secs * session.rate_hz).round() as usize).max(STRETCH);
+    for pair in of_another_gain(&recordings, &steps) {
+        let stretch = samples(STRETCH_SECS);
+        mark(pair, stretch, samples(LEAST_SECS), &|there, place| {
+            let part = |index: usize, from: usize| -> Vec<&[f64]> {
+                recordings[index].iter().map(|values| &values[from..from + stretch]).collect()
+            };
+            explained(&part(pair.0, there), &part(pair.1, place)) >= EXPLAINED
+        });
+    }
+    let name = |index: usize| {
+        let repetition = &session.repetitions[index];
+        ((repetition.gesture, repetition.repetition), repetition.file.to_owned())
+    };
+    let fault = |((earlier, later), own): ((usize, usize), Vec<bool>)| {
+        let (first, file) = name(earlier);
+        let (second, copy) = name(later);
+        let samples = own.iter().filter(|own| **own).count();
+        RecordedFault::Shared { first, second, samples, of: own.len(), files: vec![file, copy] }
+    };
+    shared.into_iter().map(fault).collect()
+}
+
+/// Pairs that have a stretch in common bit by bit.
+fn exact(recordings: &[Vec<&[f64]>], steps: &[f64]) -> Vec<Pair> {
+    // Of all bits of a stretch; stretches of equal keys are compared before anything is said.
+    let key = |channels: &[&[f64]], place: usize| -> u64 {
+        let values = channels.iter().flat_map(|values| &values[place..place + STRETCH]);
+        values.fold(0xcbf2_9ce4_8422_2325, |key, value| {
+            (key ^ value.to_bits()).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29)
+        })
+    };
+    let mut known: BTreeMap<u64, (usize, usize)> = BTreeMap::new();
+    let mut pairs: BTreeMap<Pair, u32> = BTreeMap::new();
+    for (index, channels) in recordings.iter().enumerate() {
+        let len = channels.first().map_or(0, |values| values.len());
+        let mut place = 0;
+        while place + STRETCH <= len {
+            match known.get(&key(channels, place)) {
+                Some((earlier, there)) => {
+                    *pairs.entry((*earlier, index, *there as i64 - place as i64)).or_default() += 1;
+                    place += STRETCH;
+                }
+                None => place += 1,
+            }
+        }
+        for place in (0..(len + 1).saturating_sub(STRETCH)).step_by(STRETCH) {
+            if bits(channels, steps, place) >= BITS {
+                known.entry(key(channels, place)).or_insert((index, place));
+            }
+        }
+    }
+    pairs.into_keys().collect()
+}
+
+/// Pairs whose channels go up and down together at one shift, as those of a copy do whatever its gain and offset.
+fn of_another_gain(recordings: &[Vec<&[f64]>], steps: &[f64]) -> Vec<Pair> {
+    let mut known: BTreeMap<(usize, u32), Vec<(usize, usize)>> = BTreeMap::new();
+    let mut votes: Vec<Pair> = Vec::new();
+    for (index, channels) in recordings.iter().enumerate() {
+        let patterns: Vec<(usize, Vec<Option<u32>>)> = liveliest(channels, steps)
+            .into_iter()
+            .map(|channel| (channel, directions(channels[channel])))
+            .collect();
+        for (channel, patterns) in &patterns {
+            for (place, pattern) in patterns.iter().enumerate() {
+                let places = pattern.and_then(|pattern| known.get(&(*channel, pattern)));
+                let places = places.filter(|places| places.len() <= MOST_PLACES).into_iter().flatten();
+                votes.extend(places.map(|(earlier, there)| (*earlier, index, *there as i64 - place as i64)));
+            }
+        }
+        for (channel, patterns) in patterns {
+            for (place, pattern) in patterns.into_iter().enumerate().step_by(STRETCH / 4) {
+                let places = pattern.map(|pattern| known.entry((channel, pattern)).or_default());
+                if let Some(places) = places.filter(|places| places.len() <= MOST_PLACES) {
+                    places.push((index, place));
+                }
+            }
+        }
+    }
+    let mut shifts: BTreeMap<(usize, usize), Vec<(usize, i64)>> = BTreeMap::new();
+    votes.sort_unstable();
+    for same in votes.chunk_by(|a, b| a == b).filter(|same| same.len() >= FEWEST_VOTES) {
+        let (earlier, later, shift) = same[0];
+        shifts.entry((earlier, later)).or_default().push((same.len(), shift));
+    }
+    let mut pairs = Vec::new();
+    for ((earlier, later), mut shifts) in shifts {
+        let most = shifts.iter().map(|(count, _)| *count).max().unwrap_or(0);
+        shifts.retain(|(count, _)| 3 * count >= most);
+        if shifts.len() <= MOST_SHIFTS {
+            pairs.extend(shifts.into_iter().map(|(_, shift)| (earlier, later, shift)));
+        }
+    }
+    pairs
+}
+
+/// The channels of a recording that change most, in steps of their converters.
+fn liveliest(channels: &[&[f64]], steps: &[f64]) -> Vec<usize> {
+    let change = |channel: usize| {
+        let values = channels[channel];
+        let sum: f64 = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum();
+        if steps[channel] > 0.0 { sum / steps[channel] } else { 0.0 }
+    };
+    let mut order: Vec<(f64, usize)> = (0..channels.len()).map(|c| (change(c), c)).collect();
+    order.sort_by(|a, b| b.0.total_cmp(&a.0));
+    order.into_iter().take(MOST_ASKED).map(|(_, channel)| channel).collect()
+}
+
+/// At each sample the directions of the next [`SIGNS`] changes, the first of them up; none where one is no change.
+fn directions(values: &[f64]) -> Vec<Option<u32>> {
+    let changes: Vec<f64> = values.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let pattern = |changes: &[f64]| {
+        let up = changes.iter().fold(0_u32, |bits, change| bits << 1 | u32::from(*change > 0.0));
+        // A copy may have the other polarity.
+        (!changes.contains(&0.0)).then_some(if up >> (SIGNS - 1) == 1 { up } else { !up })
+    };
+    changes.windows(SIGNS).map(pattern).collect()
+}
+
+/// How much a stretch tells, bits: changes in steps of the converter.
+fn bits(channels: &[&[f64]], steps: &[f64], place: usize) -> f64 {
+    let of = |(values, step): (&&[f64], &f64)| {
+        let changes = values[place..place + STRETCH].windows(2).map(|pair| (pair[1] - pair[0]).abs());
+        if *step > 0.0 { changes.map(|change| (1.0 + change / step).log2()).sum::<f64>() } else { 0.0 }
+    };
+    channels.iter().zip(steps).map(of).sum()
+}
+
+/// Share of the variance of `later` that `earlier` explains, each channel with a gain and an offset of its own.
+fn explained(earlier: &[&[f64]], later: &[&[f64]]) -> f64 {
+    let (mut sum, mut weight) = (0.0, 0.0);
+    let (mut moving, mut alike) = (0, 0);
+    for (a, b) in earlier.iter().zip(later) {
+        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+        let (mean_a, mean_b) = (mean(a), mean(b));
+        let (mut aa, mut bb, mut ab) = (0.0, 0.0, 0.0);
+        for (x, y) in a.iter().zip(*b) {
+            let (x, y) = (x - mean_a, y - mean_b);
+            (aa, bb, ab) = (aa + x * x, bb + y * y, ab + x * y);
+        }
+        if aa > 0.0 && bb > 0.0 {
+            let share = ab * ab / (aa * bb);
+            sum += bb * share;
+            moving += 1;
+            alike += usize::from(share > ALIKE);
+        }
+        weight += bb;
+    }
+    // A hum on one channel is no copy of the others.
+    if weight > 0.0 && 2 * alike > moving { sum / weight } else { 0.0 }
+}

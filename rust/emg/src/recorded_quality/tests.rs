@@ -1,0 +1,280 @@
+use super::*;
+use proact_types::Gesture;
+
+const CHANNELS: usize = 4;
+const RATE_HZ: f64 = 200.0;
+
+/// Noise of standard deviation one, nearly Gaussian, from a counter.
+fn noise(seed: u64, k: u64) -> f64 {
+    (0..4).map(|part| uniform(seed.wrapping_add(1000 * part), k)).sum::<f64>() / 2.0
+}
+
+fn uniform(seed: u64, k: u64) -> f64 {
+    let mut z = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(k.wrapping_mul(0xd1b5_4a32_d192_ed03));
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ (z >> 31)) as f64 / u64::MAX as f64 - 0.5) * 12_f64.sqrt()
+}
+
+type Session = Vec<(GestureName, u32, Vec<EmgSample>)>;
+
+/// Three repetitions of rest and of a fist of 3 s, channel 1 changed by `change(seconds, value)`.
+fn session(change: impl Fn(f64, f64) -> f64) -> Session {
+    let mut session = Vec::new();
+    for repetition in 0..3 {
+        for (gesture, strength) in [(Gesture::NoMotion, 3.0), (Gesture::HandClose, 20.0)] {
+            let seed = u64::from(repetition) * 16 + strength as u64 * 100;
+            let sample = |k: u64| {
+                let value = |c: u64| (strength * noise(seed + c, k)).round().clamp(-128.0, 127.0);
+                let mut channels: Vec<f64> = (0..CHANNELS as u64).map(value).collect();
+                channels[1] = change(k as f64 / RATE_HZ, channels[1]);
+                EmgSample { counter: k, channels: channels.into_iter().collect() }
+            };
+            session.push((gesture.into(), repetition, (0..600).map(sample).collect()));
+        }
+    }
+    session
+}
+
+fn check(session: &Session) -> Vec<RecordedFault> {
+    let repetitions: Vec<RecordedRepetition<'_>> = session
+        .iter()
+        .map(|(gesture, repetition, samples)| RecordedRepetition {
+            gesture: *gesture,
+            repetition: *repetition,
+            file: "file",
+            samples,
+        })
+        .collect();
+    check_recordings(&RecordedSession {
+        rate_hz: RATE_HZ,
+        channels: session[0].2[0].channels.len(),
+        rest: Gesture::NoMotion.into(),
+        unknown_rate_keys: &[],
+        repetitions: &repetitions,
+    })
+}
+
+/// The recordings with what `change` makes of recording, sample and row.
+fn changed(change: impl Fn(usize, usize, &[f64]) -> Vec<f64>) -> Session {
+    let mut session = session(|_, v| v);
+    for (recording, (.., samples)) in session.iter_mut().enumerate() {
+        for (k, sample) in samples.iter_mut().enumerate() {
+            sample.channels = change(recording, k, &sample.channels).into_iter().collect();
+        }
+    }
+    session
+}
+
+fn on_channel_1(finding: ChannelFault) -> impl Fn(&RecordedFault) -> bool {
+    move |fault| matches!(fault, RecordedFault::Channel { channel: 1, light: Light::Red, finding: f, .. } if *f == finding)
+}
+
+#[test]
+fn good_recordings_have_no_fault() {
+    assert_eq!(check(&session(|_, v| v)), []);
+}
+
+#[test]
+fn each_planted_fault_is_the_only_one_found() {
+    let only = |change: &dyn Fn(f64, f64) -> f64| {
+        let mut faults = check(&session(change));
+        assert_eq!(faults.len(), 1, "{faults:?}");
+        faults.remove(0)
+    };
+    assert!(on_channel_1(ChannelFault::Flat)(&only(&|_, _| 3.0)));
+    let hum = |t: f64, v: f64| v + 40.0 * (std::f64::consts::TAU * 50.0 * t).sin();
+    assert!(on_channel_1(ChannelFault::Mains)(&only(&hum)));
+    assert!(on_channel_1(ChannelFault::Railed)(&only(&|_, v| (1.5 * v).clamp(-20.0, 20.0))));
+    assert!(matches!(only(&|t, _| 1000.0 + t), RecordedFault::TimeStamps { channel: 1, .. }));
+    let loud = |t: f64, _: f64| (40.0 * noise(7, (t * 200.0).round() as u64)).round();
+    assert!(matches!(only(&loud), RecordedFault::Noisy { channel: 1, times, .. } if times > 5.0));
+}
+
+#[test]
+fn a_channel_that_is_red_in_few_recordings_is_told_with_their_names_and_refused_in_most() {
+    let dead_in = |count: usize| {
+        let mut session = session(|_, v| v);
+        for (.., samples) in session.iter_mut().take(count) {
+            samples.iter_mut().for_each(|sample| sample.channels[1] = 3.0);
+        }
+        let mut faults = check(&session);
+        assert_eq!(faults.len(), 1, "{faults:?}");
+        faults.remove(0)
+    };
+    let (one, most) = (dead_in(1), dead_in(4));
+    assert_eq!((one.light(), most.light()), (Light::Amber, Light::Red));
+    let rest = GestureName::from(Gesture::NoMotion);
+    assert!(
+        matches!(&one, RecordedFault::Channel { recordings, of: 6, .. } if *recordings == [(rest, 0)]),
+        "{one:?}"
+    );
+}
+
+#[test]
+fn repetitions_that_share_samples_are_named_whole_or_in_part() {
+    let mut copied = session(|_, v| v);
+    copied[5].2 = copied[1].2.clone();
+    let close = GestureName::from(Gesture::HandClose);
+    let files = vec!["file".to_owned(); 2];
+    let expected =
+        RecordedFault::Shared { first: (close, 0), second: (close, 2), samples: 600, of: 600, files };
+    assert_eq!(check(&copied), [expected]);
+    // The second half of one recording is the beginning of the next.
+    let mut cut = session(|_, v| v);
+    let half = cut[1].2[290..].to_vec();
+    cut[3].2.splice(..half.len(), half);
+    match check(&cut).as_slice() {
+        [RecordedFault::Shared { first, second, samples, of: 600, .. }] => {
+            assert_eq!((*first, *second), ((close, 0), (close, 1)));
+            assert!((280..=310).contains(samples), "{samples}");
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+/// A copy with another gain, offset or polarity, and one with time stamps of its own, came through as a new repetition.
+#[test]
+fn a_copy_is_found_whatever_its_gain_offset_shift_and_stamps() {
+    let close = GestureName::from(Gesture::HandClose);
+    let copies: [(&str, &dyn Fn(usize, f64) -> f64); 4] = [
+        ("gain and offset", &|_, v| 0.6 * v + 7.0),
+        ("rounded", &|_, v| (0.6 * v).round()),
+        ("polarity", &|_, v| -v),
+        ("noise", &|k, v| v + 0.5 * noise(99, k as u64)),
+    ];
+    for (name, change) in copies {
+        let mut session = session(|_, v| v);
+        // Shifted by 100 samples.
+        let copy: Vec<EmgSample> = session[1].2[100..]
+            .iter()
+            .enumerate()
+            .map(|(k, sample)| EmgSample {
+                counter: k as u64,
+                channels: sample.channels.iter().map(|v| change(k, *v)).collect(),
+            })
+            .collect();
+        session[5].2 = copy;
+        match check(&session).as_slice() {
+            [RecordedFault::Shared { first, second, samples, of: 500, .. }] => {
+                assert_eq!((*first, *second), ((close, 0), (close, 2)), "{name}");
+                assert!(*samples >= 460, "{name}: {samples}");
+            }
+            other => panic!("{name}: {other:?}"),
+        }
+    }
+    let mut stamped =
+        changed(|recording, k, row| [&[100.0 * recording as f64 + 0.005 * k as f64], row].concat());
+    for k in 0..600 {
+        stamped[5].2[k].channels[1..].clone_from_slice(&stamped[1].2[k].channels.clone()[1..]);
+    }
+    let faults = check(&stamped);
+    assert!(
+        matches!(
+            faults.as_slice(),
+            [RecordedFault::TimeStamps { channel: 0, .. }, RecordedFault::Shared { samples: 600, .. }]
+        ),
+        "{faults:?}"
+    );
+}
+
+/// Columns that are no electrode raised an accuracy without a word.
+#[test]
+fn each_column_that_is_no_electrode_is_named() {
+    let tilt = |recording: usize, k: usize| 0.2 * recording as f64 + 0.05 * (k as f64 / 90.0).sin();
+    let small = |seed: u64, k: usize| 0.003 * noise(seed, k as u64);
+    let quaternion = |recording: usize, k: usize| {
+        let half = tilt(recording, k) / 2.0;
+        let axis = [0.3, 0.5, 0.81].map(|part| part / 0.998_05 * half.sin());
+        vec![axis[0] + small(1, k), axis[1] + small(2, k), axis[2] + small(3, k), half.cos() + small(4, k)]
+    };
+    let gravity = |recording: usize, k: usize| {
+        let tilt = tilt(recording, k);
+        vec![9.81 * tilt.sin() + small(1, k), small(2, k), 9.81 * tilt.cos() + small(3, k)]
+    };
+    type Columns<'a> = &'a dyn Fn(usize, usize) -> Vec<f64>;
+    let cases: [(&str, Columns<'_>); 14] = [
+        ("time_stamps", &|_, k| vec![1.7e9 + 0.005 * k as f64]),
+        ("time_stamps", &|recording, k| vec![(100_000 * recording + 5 * (k - k % 3)) as f64]),
+        ("counter", &|recording, k| vec![((k + 77 * recording) % 256) as f64]),
+        ("counter", &|_, k| vec![(k % 8) as f64]),
+        ("counter", &|_, k| vec![65_535.0 - k as f64]),
+        ("label", &|recording, _| vec![(recording % 2) as f64]),
+        ("orientation", &quaternion),
+        ("orientation", &|recording, k| {
+            quaternion(recording, k).iter().map(|v| (16_384.0 * v).round()).collect()
+        }),
+        // A limb that is not moved at all.
+        ("orientation", &|_, k| {
+            vec![0.5 + small(1, k), 0.5 + small(2, k), -0.5 + small(3, k), 0.5 + small(4, k)]
+        }),
+        ("acceleration", &gravity),
+        ("acceleration", &|recording, k| gravity(recording, k).iter().map(|v| v / 9.81).collect()),
+        ("slow", &|recording, k| vec![tilt(recording, k) + small(1, k)]),
+        ("slow", &|recording, k| vec![90.0 * (k as f64 / 60.0 + recording as f64).sin()]),
+        ("channel", &|_, k| vec![128.0 + (uniform(5, k as u64)).clamp(-1.0, 1.0).round()]),
+    ];
+    for (kind, columns) in cases {
+        for first in [true, false] {
+            let session = changed(|recording, k, row| {
+                let columns = columns(recording, k);
+                if first { [&columns, row].concat() } else { [row, &columns].concat() }
+            });
+            let faults = check(&session);
+            let value = serde_json::to_value(&faults).expect("it is data");
+            assert_eq!(faults.len(), 1, "{kind}: {faults:?}");
+            assert_eq!((faults[0].light(), &value[0]["fault"]), (Light::Red, &kind.into()), "{faults:?}");
+            let channel = if first { 0 } else { CHANNELS };
+            assert!(value[0]["channel"] == channel || value[0]["channels"][0] == channel, "{kind}: {value}");
+        }
+    }
+}
+
+/// Rows that a slow reader held, also beside time stamps of its own, made training and test alike.
+#[test]
+fn held_rows_are_found_at_any_rate_and_quiet_channels_are_none() {
+    let good = session(|_, v| v);
+    for (held, share) in [(2, 0.5), (5, 0.8), (10, 0.9)] {
+        for stamps in [0, 1] {
+            let session = changed(|recording, k, _| {
+                let row = good[recording].2[k - k % held].channels.to_vec();
+                [vec![0.005 * k as f64; stamps], row].concat()
+            });
+            let faults = check(&session);
+            let found = faults.iter().find_map(|fault| match fault {
+                RecordedFault::Held { share, longest, recordings: 6, of: 6, .. } => Some((*share, *longest)),
+                _ => None,
+            });
+            let (found, longest) = found.unwrap_or_else(|| panic!("{held}: {faults:?}"));
+            assert!((found - share).abs() < 0.01 && longest == held, "{held}: {found}, {longest}");
+            assert_eq!(faults.len(), 1 + stamps, "{faults:?}");
+        }
+    }
+    // A converter of few counts.
+    assert_eq!(check(&changed(|_, _, row| row.iter().map(|v| (v / 3.0).round()).collect())), []);
+}
+
+#[test]
+fn no_unit_offset_or_number_of_channels_is_a_fault() {
+    let good: [(&str, &dyn Fn(f64) -> f64); 4] = [
+        ("volts", &|v| 1e-6 * v),
+        ("millivolts with noise", &|v| 0.0123 * v),
+        ("codes of 8 bits", &|v| v + 128.0),
+        ("codes of 16 bits", &|v| 32_768.0 - 9.0 * v),
+    ];
+    for (name, unit) in good {
+        assert_eq!(check(&changed(|_, _, row| row.iter().map(|v| unit(*v)).collect())), [], "{name}");
+    }
+    for channels in 1..CHANNELS {
+        assert_eq!(check(&changed(|_, _, row| row[..channels].to_vec())), [], "{channels}");
+    }
+    // Envelopes and electrodes without a high pass are all slow: said, and used.
+    let drifting = check(&changed(|recording, k, row| {
+        row.iter()
+            .enumerate()
+            .map(|(c, v)| v + 500.0 * ((k + 99 * recording) as f64 / (80.0 + c as f64)).sin())
+            .collect()
+    }));
+    assert!(drifting.iter().all(|fault| fault.light() == Light::Amber), "{drifting:?}");
+    assert_eq!(drifting.len(), CHANNELS, "{drifting:?}");
+}
