@@ -1,5 +1,5 @@
 use crate::inverse::{Damped, NEAR_SINGULAR, NOT_FINITE, moore_penrose};
-use crate::jog::{Jog, JogMotion, stop};
+use crate::jog::{Jog, JogMotion, Press};
 use crate::ports::ArmKinematics;
 use crate::simultaneous::{Driven, DrivenMotion};
 use crate::{
@@ -29,6 +29,7 @@ pub struct EndEffectorJog {
     limits: Vec<JointLimits>,
     subset: JointSubset,
     goals: Option<JointVector>,
+    press: Press,
     refusal: Option<String>,
 }
 
@@ -63,6 +64,7 @@ impl EndEffectorJog {
             limits: model.arm.iter().map(|&j| model.joints[j].limits).collect(),
             subset: subset.clone(),
             goals: None,
+            press: Press::default(),
             refusal: None,
         })
     }
@@ -156,7 +158,7 @@ impl ControlMethod for EndEffectorJog {
         }
         let motion = match motion {
             JogMotion::None => None,
-            JogMotion::Stop => Some(self.stop(input)),
+            JogMotion::Stop => Some(MotionCommand::Hold),
             JogMotion::Speed(sign) => {
                 let twist = self.twist(sign, self.profile.speed_m_per_s, self.profile.speed_rad_per_s);
                 Some(self.velocity(&twist, input, kinematics))
@@ -201,7 +203,7 @@ impl EndEffectorJog {
         self.refusal = None;
         let motion = match motion {
             DrivenMotion::None => None,
-            DrivenMotion::Stop => Some(self.stop(input)),
+            DrivenMotion::Stop => Some(MotionCommand::Hold),
             DrivenMotion::Shares(shares) => {
                 let (linear, angular) = (self.profile.speed_m_per_s, self.profile.speed_rad_per_s);
                 let axes = self.profile.axes.iter().zip(&shares);
@@ -213,24 +215,22 @@ impl EndEffectorJog {
         ControlOutput { motion, hand, shown, ..ControlOutput::default() }
     }
 
-    fn stop(&self, input: &ControlInput<'_>) -> MotionCommand {
-        match &self.profile.inverse {
-            InverseProfile::Damped(profile) => stop(input, profile.drift_limit_rad),
-            InverseProfile::MoorePenrose(_) => MotionCommand::Hold,
-        }
-    }
-
     fn velocity(
         &mut self,
         twist: &Vector6<f64>,
         input: &ControlInput<'_>,
         kinematics: &mut dyn ArmKinematics,
     ) -> MotionCommand {
-        match self.solve(twist, STEP_SECS, input, kinematics) {
-            Ok(Some(speeds)) => MotionCommand::Velocity(speeds),
-            Ok(None) => self.refuse(NEAR_SINGULAR.to_owned()),
-            Err(reason) => self.refuse(reason),
-        }
+        let refusal = match self.solve(twist, STEP_SECS, input, kinematics) {
+            Ok(Some(speeds)) => {
+                self.press = Press::default();
+                return MotionCommand::Velocity(speeds);
+            }
+            Ok(None) => NEAR_SINGULAR.to_owned(),
+            Err(reason) => reason,
+        };
+        self.refusal = Some(refusal);
+        self.press.on(self.refusal.as_deref(), input.commanded.len())
     }
 
     fn refuse(&mut self, reason: String) -> MotionCommand {

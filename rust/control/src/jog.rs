@@ -1,9 +1,10 @@
+use crate::inverse::RUNS_AHEAD;
 use crate::method::refused;
 use crate::simultaneous::all_modes;
 use crate::{
     ControlInput, HandCommand, JogProfile, JogSteps, MotionCommand, ProportionalSpeed, Shown, VelocityRamp,
 };
-use proact_types::{Gesture, HandState, ModeView, PlannerView, SimTime, TargetView, joints};
+use proact_types::{Gesture, HandState, ModeView, PlannerView, SimTime, TargetView, zeros};
 
 /// From gestures to motion, modes and hand: what methods A and B share.
 ///
@@ -131,16 +132,22 @@ impl Jog {
     }
 }
 
-/// The end of a motion: the arm holds. One that was asked for more than half of `drift_limit` further than it got
-/// leans on something; it is asked for where it is, or it would go on leaning, and every way back would begin with
-/// undoing what was asked for in vain.
-pub(crate) fn stop(input: &ControlInput<'_>, drift_limit: f64) -> MotionCommand {
-    let known = input.measured.len() == input.commanded.len() && input.measured.iter().all(|q| q.is_finite());
-    let leans = |(asked, is): (&f64, &f64)| (asked - is).abs() > drift_limit / 2.0;
-    if known && input.commanded.iter().zip(input.measured).any(leans) {
-        return MotionCommand::Goto(joints(input.measured));
+/// What a motion that is refused asks of the arm. While the gesture lasts, an arm that something stops goes on pressing as
+/// hard as it does: it is asked to stop, and then for no speed, since an arm that holds gives up what it does not reach.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Press {
+    stopped: bool,
+}
+
+impl Press {
+    /// For one step of an arm of `joints` joints.
+    pub(crate) fn on(&mut self, refusal: Option<&str>, joints: usize) -> MotionCommand {
+        let presses = refusal == Some(RUNS_AHEAD);
+        if std::mem::replace(&mut self.stopped, presses) && presses {
+            return MotionCommand::Velocity(zeros(joints));
+        }
+        MotionCommand::Hold
     }
-    MotionCommand::Hold
 }
 
 fn sign(gesture: Gesture) -> f64 {

@@ -1,5 +1,5 @@
 use crate::inverse::RUNS_AHEAD;
-use crate::jog::{Confirm, Jog, JogMotion, stop};
+use crate::jog::{Confirm, Jog, JogMotion, Press};
 use crate::ports::ArmKinematics;
 use crate::simultaneous::{Driven, DrivenMotion};
 use crate::{
@@ -38,6 +38,7 @@ pub struct JointJog {
     asked: Option<HandCommand>,
     /// The last goal of each joint.
     goals: Option<JointVector>,
+    press: Press,
     refusal: Option<String>,
 }
 
@@ -97,6 +98,7 @@ impl JointJog {
             }),
             asked: None,
             goals: None,
+            press: Press::default(),
             refusal: None,
         })
     }
@@ -134,13 +136,14 @@ impl JointJog {
         let selected = self.jog.selected();
         match self.speed_of(selected, sign, input) {
             Ok(speed) => {
+                self.press = Press::default();
                 let mut speeds = zeros(input.commanded.len());
                 speeds[self.modes[selected].joint] = speed;
                 MotionCommand::Velocity(speeds)
             }
             Err(refusal) => {
                 self.refusal = refusal;
-                MotionCommand::Hold
+                self.press.on(self.refusal.as_deref(), input.commanded.len())
             }
         }
     }
@@ -196,7 +199,7 @@ impl JointJog {
         let first = std::mem::take(&mut self.close_first).then_some(HandCommand::Close);
         let motion = match motion {
             DrivenMotion::None => None,
-            DrivenMotion::Stop => Some(stop(input, self.drift_limit)),
+            DrivenMotion::Stop => Some(MotionCommand::Hold),
             DrivenMotion::Shares(shares) => Some(self.velocities(&shares, input)),
         };
         let shown = self.jog.shown_at_once(self.refusal.as_deref(), driven.waits_secs(now));
@@ -246,7 +249,7 @@ impl ControlMethod for JointJog {
         }
         let motion = match motion {
             JogMotion::None => None,
-            JogMotion::Stop => Some(stop(input, self.drift_limit)),
+            JogMotion::Stop => Some(MotionCommand::Hold),
             JogMotion::Speed(sign) => Some(self.velocity(sign, input)),
             JogMotion::Step { sign, repeated } => self.goal(sign, repeated, input),
         };

@@ -12,6 +12,11 @@ use serde::{Deserialize, Serialize};
 const PEAK_OVER_MEAN: f64 = 1.875;
 /// A speed command holds for this many ticks: two control steps. Silence stops the arm.
 const VELOCITY_TICKS: u64 = 20;
+/// A joint stops within this many ticks of the command and is on its target again if nothing is in its way.
+const SETTLE_TICKS: u64 = 50;
+/// A held joint that is further from its target than this is blocked or pushed, rad. The position control moves a joint
+/// at 200 times its error in a second, so that what remains moves it at 0.02 rad/s at most.
+const HELD_ERROR: f64 = 1e-4;
 
 /// How fast hand, shoulder and limb follow what is asked of them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -68,6 +73,8 @@ pub struct ArmMotion {
     velocity: JointVector,
     course: Course,
     elapsed_ticks: u64,
+    /// For so many ticks the arm has held.
+    held_ticks: u64,
 }
 
 /// What the arm does.
@@ -88,6 +95,7 @@ impl ArmMotion {
             velocity: start.iter().map(|_| 0.0).collect(),
             course: Course::Hold { finished: false },
             elapsed_ticks: 0,
+            held_ticks: 0,
         }
     }
 
@@ -141,6 +149,22 @@ impl ArmMotion {
         let limits = self.limits[joint];
         self.position[joint] = position.clamp(limits.lower, limits.upper);
         self.velocity[joint] = velocity;
+        self.held_ticks = 0;
+    }
+
+    /// Gives up the targets that an arm that holds does not reach: a joint that something blocks or has pushed away is held
+    /// where it is, `measured`, rad. Otherwise its motor would move it as soon as the contact breaks.
+    pub fn yield_to(&mut self, measured: &[f64]) {
+        let holds = matches!(self.course, Course::Hold { .. });
+        self.held_ticks = if holds { self.held_ticks + 1 } else { 0 };
+        if self.held_ticks <= SETTLE_TICKS {
+            return;
+        }
+        for ((target, is), limits) in self.position.iter_mut().zip(measured).zip(&self.limits) {
+            if (*target - is).abs() > HELD_ERROR {
+                *target = is.clamp(limits.lower, limits.upper);
+            }
+        }
     }
 
     /// Advances by one tick.
@@ -364,6 +388,7 @@ mod tests {
             velocity: joints(&[0.0, 0.0]),
             course: Course::Hold { finished: false },
             elapsed_ticks: 0,
+            held_ticks: 0,
         }
     }
 
@@ -375,6 +400,30 @@ mod tests {
         assert!((arm.position()[0] - 0.4 * 0.02).abs() < 1e-12, "{:?}", arm.position());
         assert_eq!(arm.position()[1], 1.0, "the joint limit");
         assert_eq!(arm.velocity().as_slice(), [0.0, 0.0]);
+    }
+
+    #[test]
+    fn an_arm_that_holds_gives_up_targets_that_it_does_not_reach_and_keeps_those_that_it_does() {
+        let mut arm = arm();
+        let blocked = |arm: &mut ArmMotion, measured: [f64; 2], ticks: u64| {
+            for _ in 0..ticks {
+                arm.step();
+                arm.yield_to(&measured);
+            }
+        };
+        arm.apply(MotionCommand::Velocity(joints(&[0.4, 0.0])));
+        blocked(&mut arm, [0.0, 0.9], VELOCITY_TICKS - 1);
+        arm.apply(MotionCommand::Hold);
+        let asked = arm.position().clone();
+        assert!(asked[0] > 0.007, "{asked:?}");
+        blocked(&mut arm, [0.0, 0.9], SETTLE_TICKS);
+        assert_eq!(*arm.position(), asked, "a joint that only lags gets there");
+        // A method may say it again and again.
+        arm.apply(MotionCommand::Hold);
+        blocked(&mut arm, [0.0, 0.9 + HELD_ERROR / 2.0], 1);
+        assert_eq!(arm.position().as_slice(), [0.0, 0.9], "the second one is where it should be");
+        blocked(&mut arm, [-2.0, 0.5], 1);
+        assert_eq!(arm.position().as_slice(), [-1.0, 0.5], "pushed away, and within the limits");
     }
 
     #[test]

@@ -1,4 +1,4 @@
-use crate::{ArmMotion, GraspChoice, HandMotion, TestbedError, TrialConfig};
+use crate::{ArmMotion, GraspChoice, HandMotion, JointControl, TestbedError, TrialConfig};
 use proact_arm::{ArmModel, Couplings, JointLimits, OPEN_POSE};
 use proact_control::{FingerCommand, HandCommand, MotionCommand, MotionState};
 use proact_localization::BaseMotion;
@@ -21,6 +21,8 @@ pub struct ActuationStage {
     by_fingers: bool,
     /// Nobody wears the arm: no tracked shoulder moves it.
     stands: bool,
+    /// An arm at rest gives up targets that it does not reach. Gains alone never reach theirs: they would let the arm sink.
+    yields: bool,
 }
 
 /// What enters actuation in one tick.
@@ -103,6 +105,7 @@ impl ActuationStage {
             hand_limits: model.hand.iter().map(|&joint| model.joints[joint].limits).collect(),
             by_fingers: false,
             stands: model.settings.stand.is_some(),
+            yields: config.physics.joint_control == JointControl::FeedForward,
         })
     }
 
@@ -133,6 +136,9 @@ impl ActuationStage {
                     Some(joint) => self.hand.drive(&self.couplings, joint, driven.position, driven.velocity),
                 }
             }
+        }
+        if self.yields {
+            self.arm.yield_to(&input.world.position[..self.arm.position().len()]);
         }
         let mut output = self.output();
         output.events.extend(change);
