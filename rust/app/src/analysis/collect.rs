@@ -62,7 +62,9 @@ impl Collected {
     }
 
     fn append(&mut self, name: &str, rows: impl IntoIterator<Item = Vec<Cell>>) {
-        self.tables.get_mut(name).into_iter().for_each(|table| append(table, rows));
+        if let Some(table) = self.tables.get_mut(name) {
+            append(table, rows);
+        }
     }
 
     /// The table called `name`, if there is one with rows.

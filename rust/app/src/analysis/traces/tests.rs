@@ -8,7 +8,9 @@ use crate::{
     study::{TrialOrder, simulated_trial},
 };
 use proact_analysis::{limits::impossible, table::Cell};
+use proact_recording::{TrialHeader, TrialWriter};
 use proact_study::TrialChoice;
+use proact_testbed::TrialConfig;
 use std::sync::atomic::AtomicBool;
 
 /// Each method, task and arm with most of the others. Reaching in space has no object to take, which C and D need; the other arm has
@@ -57,6 +59,47 @@ fn record(place: &Path, (method, task, arm): (&str, &str, &str)) -> PathBuf {
     let [measures, objects, phases, faults] = scores(&[], &trace);
     assert_eq!(done.scores.unwrap(), TrialScores { measures, objects, phases, faults }, "{}", dir.display());
     dir
+}
+
+/// The record in `dir` again in `other`, with another head.
+fn again(dir: &Path, other: &Path, change: impl FnOnce(&mut TrialHeader)) {
+    let Checked { record, recorded, result, .. } = check_record(dir, true).unwrap();
+    let mut header = record.header().clone();
+    change(&mut header);
+    let mut writer = TrialWriter::create(other, &header).unwrap();
+    for input in record.inputs().unwrap() {
+        let input = input.unwrap();
+        writer.write_input(input.tick, &input.input).unwrap();
+    }
+    record.events().unwrap().iter().for_each(|event| writer.write_event(event).unwrap());
+    recorded.iter().for_each(|span| writer.write_digest(span).unwrap());
+    fs::copy(dir.join("trial.bag"), other.join("trial.bag")).unwrap();
+    writer.finish(record.end(), &result.unwrap()).unwrap();
+}
+
+#[test]
+fn a_record_that_becomes_another_trial_or_is_of_another_program_is_scored_from_its_bag_and_marked() {
+    let place = tempfile::tempdir().unwrap();
+    let dir = record(place.path(), ("D", "modified_bbt", "mpl_right"));
+    let methods = MethodRegistry::standard();
+    let expected = of_record(&methods, &dir).unwrap().trace;
+    let (diverged, foreign) = (place.path().join("diverged"), place.path().join("foreign"));
+    again(&dir, &diverged, |header| {
+        let mut config = TrialConfig::from_toml(&header.config_toml).unwrap();
+        config.intent.sigma *= 4.0;
+        header.config_toml = config.to_toml().unwrap();
+    });
+    again(&dir, &foreign, |header| {
+        header.versions.insert("proact".to_owned(), "0.0.1".to_owned());
+    });
+    for (dir, flaw, told) in
+        [(diverged, "diverged", "is not the recorded one between"), (foreign, "foreign", "proact 0.0.1")]
+    {
+        let OfRecord { trace, flaws } = of_record(&methods, &dir).unwrap();
+        assert_eq!(flaws.iter().map(Flaw::label).collect::<Vec<_>>(), [flaw]);
+        assert!(flaws[0].to_string().contains(told), "{}", flaws[0]);
+        assert_eq!(trace.instants.len(), expected.instants.len());
+    }
 }
 
 fn near(a: &Cell, b: &Cell) -> bool {

@@ -10,7 +10,7 @@ use proact_bridge::ResultLine;
 use proact_emg::{Light, QualityConfig, QualityMonitor};
 use proact_recording::{Trial, read_result};
 use proact_testbed::{TrialConfig, TrialResult};
-use proact_types::{Event, EventKind, ObjectId, Pose, Scene, SimTime};
+use proact_types::{Event, EventKind, ObjectId, Scene, SimTime};
 use std::error::Error;
 
 /// Millimetres in a metre.
