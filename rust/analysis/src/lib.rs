@@ -3,7 +3,7 @@
 //! Pure: values in, values out. Reads no files and has no clock; what is drawn comes from a seed. Depends on the vocabulary
 //! alone; who reads trials and prints tables are the commands `analyze` and `study export`.
 //!
-//! [`scoring`] says what a person did in a trial, [`measures`] are of what a person did, [`summary`] of a sample of numbers, [`statistics`] of samples of the same people, [`power`] of a design,
+//! [`scoring`] says what a person did in a trial, [`measures`] are of what a person did, [`limits`] what cannot be, [`summary`] of a sample of numbers, [`statistics`] of samples of the same people, [`power`] of a design,
 //! [`table`] what every table of the project is.
 //!
 //! [`score`] says how good forecasts are of which of a few things a person means:
@@ -21,6 +21,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod forecast;
+pub mod limits;
 pub mod measures;
 pub mod power;
 mod score;

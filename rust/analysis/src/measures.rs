@@ -1,6 +1,6 @@
-//! What a person did in a trial, from what was recorded of eyes and shoulder.
+//! What the eyes of a person did in a trial, from the samples that were recorded.
 
-use proact_types::{GazeSample, Point, Pose, SimTime, Vector};
+use proact_types::{GazeSample, SimTime, Vector};
 
 /// Faster than this, degrees a second, the eye is on its way: the usual limit between fixations and saccades (Salvucci and
 /// Goldberg 2000, I-VT).
@@ -69,42 +69,10 @@ impl GazeMeasure {
     }
 }
 
-/// How far a person moved the shoulder: what a person with a prosthesis does with the trunk instead of the arm.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct ShoulderMeasure {
-    /// Length of the shoulder's way, metres.
-    pub path_m: f64,
-    /// Furthest from where it was first, metres.
-    pub range_m: f64,
-    /// Furthest turn from how it was first, degrees.
-    pub turn_deg: f64,
-    first: Option<Pose>,
-    last: Option<Point>,
-}
-
-impl ShoulderMeasure {
-    /// Takes in the next pose, `world_from_shoulder`. One that is not finite is passed over.
-    pub fn push(&mut self, pose: &Pose) {
-        let place = Point::from(pose.translation.vector);
-        if !place.iter().chain(pose.rotation.coords.iter()).all(|v| v.is_finite()) {
-            return;
-        }
-        let first = self.first.get_or_insert(*pose);
-        self.range_m = self.range_m.max((place - Point::from(first.translation.vector)).norm());
-        self.turn_deg = self.turn_deg.max(first.rotation.angle_to(&pose.rotation).to_degrees());
-        self.path_m += self.last.replace(place).map_or(0.0, |last| (place - last).norm());
-    }
-
-    /// Whether there was any pose.
-    pub fn is_known(&self) -> bool {
-        self.first.is_some()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proact_types::Pose;
+    use proact_types::Point;
 
     fn look(measure: &mut GazeMeasure, millis: u64, degrees: f64) {
         let (sin, cos) = degrees.to_radians().sin_cos();
@@ -136,17 +104,5 @@ mod tests {
         look(&mut measure, 1000, 40.0);
         let measure = measure.finish();
         assert_eq!((measure.samples, measure.valid, measure.fixations, measure.path_deg), (5, 4, 0, 0.0));
-    }
-
-    #[test]
-    fn a_shoulder_that_goes_and_returns_went_twice_as_far_as_it_was() {
-        let mut measure = ShoulderMeasure::default();
-        assert!(!measure.is_known());
-        for x in [0.0, 0.1, 0.2, 0.1, 0.0] {
-            measure.push(&Pose::translation(1.0 + x, 0.0, 1.4));
-        }
-        measure.push(&Pose::translation(f64::NAN, 0.0, 0.0));
-        assert!((measure.path_m - 0.4).abs() < 1e-12 && (measure.range_m - 0.2).abs() < 1e-12);
-        assert_eq!(measure.turn_deg, 0.0);
     }
 }

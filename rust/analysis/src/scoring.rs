@@ -31,7 +31,7 @@ pub use gaze::{Dwell, LookedAt, looks};
 pub use measure::{Measure, OF_OBJECT, OF_PHASE, OF_TRIAL};
 pub use objects::{Handling, handlings};
 pub use phases::{ActionPhase, PhaseKind, phases};
-pub use trace::{Instant, Trace};
+pub use trace::{Instant, JointRange, Trace};
 
 /// A trial with what was found in it.
 #[derive(Clone, Debug)]

@@ -13,13 +13,14 @@ mod library;
 mod models;
 mod questionnaires;
 mod report;
+mod report_faults;
 mod scores;
 mod summaries;
 mod sweeps;
 mod traces;
 mod training_figures;
 
-pub(crate) use scores::{empty as tables_of_scores, trials_and_blocks};
+pub(crate) use scores::{append, empty as tables_of_scores, score_study, trials_and_blocks};
 pub(crate) use traces::LiveTrace;
 
 pub use charts::{ChartError, growth_curve, power_curve};
@@ -27,5 +28,6 @@ pub use collect::{Collected, collect};
 pub use leaders::{Lead, Leader, leader_board};
 pub use library::ReportLibrary;
 pub use report::{ReportOptions, WrittenReport, report, report_folder};
+pub use report_faults::ReportFault;
 pub use sweeps::{SweepReport, sweep_report};
 pub use training_figures::{TrainingFigure, training_figures};

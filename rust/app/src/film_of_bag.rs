@@ -5,7 +5,7 @@
 //! own, put into `world` by the frames in the bag; without these it is where the eye is and looks where the eye looks.
 
 use crate::{Arm, tell};
-use proact_arm::ArmModel;
+use proact_arm::{ArmModel, JointLimits};
 use proact_bridge::{PageContent, RecordedTrial};
 use proact_control::MethodRegistry;
 use proact_messages::original;
@@ -15,16 +15,15 @@ use proact_recording::{
     bag::{BagEnd, BagMessage, messages as ros, read_bag},
 };
 use proact_tasks::{DEFAULT_TASK, Task, TaskChoice, TaskInput};
+use proact_testbed::stages::GAZE_MAX_AGE_MS;
 use proact_types::{
     BodyState, DisplayFrame, Event, EventKind, GazeSample, Gesture, GestureName, HandState, HandView, Object,
     ObjectId, PlannerView, Point, Pose, SimTime, TargetView, Vector, zeros,
 };
-use std::{collections::HashMap, error::Error, path::Path};
+use std::{collections::HashMap, error::Error, f64::consts::TAU, path::Path};
 
 /// From one frame to the next, milliseconds.
 const PERIOD_MS: u64 = 33;
-/// Gaze older than this is not shown, milliseconds.
-const GAZE_MS: u64 = 200;
 /// The headset's world among the frames of `/tf`.
 const HEADSET_WORLD: &str = "hololens_world_test";
 
@@ -79,6 +78,11 @@ pub(crate) fn default_task() -> Box<dyn Task> {
 pub(crate) struct Watched {
     /// Its instants.
     pub(crate) frames: Vec<DisplayFrame>,
+    /// Positions in `frames` of those that can be scored: on the even grid of the period, each after all messages up to it,
+    /// with joints, base and objects that were received and are not older than [`HELD_MS`].
+    pub(crate) scored: Vec<usize>,
+    /// What scoring needs and the bag never has.
+    pub(crate) missing: Vec<String>,
     /// The task after the last one.
     pub(crate) task: Box<dyn Task>,
     /// The objects then.
@@ -101,7 +105,7 @@ pub(crate) fn watch(
 ) -> Result<Watched, Box<dyn Error>> {
     let mut film = Film::new(arm, method_of(path), task, period_ms);
     let end = read_bag(path, |message| film.take(message))?;
-    if !film.joints_seen && !film.blocks_seen {
+    if !film.joints_seen() && !film.objects_seen() {
         film.topics.sort();
         return Err(format!(
             "the bag holds neither {} nor {}, which are shown; its topics: {}",
@@ -111,12 +115,10 @@ pub(crate) fn watch(
         )
         .into());
     }
-    film.keep();
-    if end == BagEnd::Whole {
-        film.come_to_rest();
-    }
-    let Film { frames, task, bodies, decisions, .. } = film;
-    Ok(Watched { frames, task, bodies, decisions, end })
+    film.finish(&end);
+    let missing = film.missing();
+    let Film { frames, scored, task, bodies, decisions, .. } = film;
+    Ok(Watched { frames, scored, missing, task, bodies, decisions, end })
 }
 
 /// The original calls its bags `participant1-mode4-trial2-..`: modes 1 to 4 are methods A to D.
@@ -132,6 +134,9 @@ pub(crate) fn method_of(path: &Path) -> String {
 /// What lies still at the end of a bag goes on lying there: a trial ends when its last block has rested for long enough, which a
 /// recorder that sees each hundredth of a second, or a fiftieth, learns after the end. Milliseconds.
 const REST_MS: u64 = 500;
+/// State of the arm or of an object that is older than this is not scored, milliseconds: 25 messages of the original's 50 Hz. A gap
+/// in the bag is a gap in the trace, not a hand that stands still.
+const HELD_MS: u64 = 500;
 /// A trial of the original takes so long, seconds; a bag may hold more than a trial.
 const TRIAL_SECS: f64 = 300.0;
 const LONGEST_SECS: f64 = 3600.0;
@@ -151,13 +156,20 @@ struct Film<'a> {
     head_seen: bool,
     looked: Option<SimTime>,
     first_ns: Option<u64>,
+    /// Of the message that was read last.
+    now: SimTime,
+    /// The next instant of the grid.
     due: SimTime,
     period_ms: u64,
     decisions: u64,
-    joints_seen: bool,
-    blocks_seen: bool,
+    /// When each moving joint was last received.
+    joints_at: Vec<Option<SimTime>>,
+    base_at: Option<SimTime>,
+    /// When each object was last received.
+    objects_at: Vec<Option<SimTime>>,
     topics: Vec<String>,
     frames: Vec<DisplayFrame>,
+    scored: Vec<usize>,
 }
 
 impl<'a> Film<'a> {
@@ -202,6 +214,9 @@ impl<'a> Film<'a> {
         Film {
             arm,
             joints,
+            joints_at: vec![None; arm.moving_count()],
+            base_at: None,
+            objects_at: vec![None; bodies.len()],
             task,
             bodies,
             frame,
@@ -210,21 +225,22 @@ impl<'a> Film<'a> {
             head_seen: false,
             looked: None,
             first_ns: None,
+            now: SimTime(0),
             due: SimTime(0),
             period_ms,
             decisions: 0,
-            joints_seen: false,
-            blocks_seen: false,
             topics: Vec::new(),
             frames: Vec::new(),
+            scored: Vec::new(),
         }
     }
 
     fn take(&mut self, message: &BagMessage<'_>) -> Result<(), RecordingError> {
         let first = *self.first_ns.get_or_insert(message.time_ns);
         // A recorder on another machine may step back a little.
-        let now = SimTime(message.time_ns.saturating_sub(first) / 1_000_000).max(self.frame.time);
-        self.frame.time = now;
+        let now = SimTime(message.time_ns.saturating_sub(first) / 1_000_000).max(self.now);
+        self.catch_up(now);
+        self.now = now;
         if !self.topics.iter().any(|topic| topic == message.topic) {
             self.topics.push(message.topic.to_owned());
         }
@@ -305,11 +321,70 @@ impl<'a> Film<'a> {
             }
             _ => {}
         }
-        if now >= self.due {
-            self.keep();
-            self.due = now.plus_millis(self.period_ms);
-        }
         Ok(())
+    }
+
+    fn joints_seen(&self) -> bool {
+        self.joints_at.iter().any(Option::is_some)
+    }
+
+    fn objects_seen(&self) -> bool {
+        self.objects_at.iter().any(Option::is_some)
+    }
+
+    /// Keeps the instants of the grid before `now`, whose messages have all been read.
+    fn catch_up(&mut self, now: SimTime) {
+        let begun = self.joints_seen() || self.objects_seen();
+        if begun && now.millis_since(self.now) <= HELD_MS {
+            while self.due < now {
+                self.sample();
+            }
+        } else if self.due < now {
+            if begun && self.due <= self.now {
+                self.sample();
+            }
+            self.due = SimTime(now.0.div_ceil(self.period_ms) * self.period_ms);
+        }
+    }
+
+    /// Keeps the instant that is due.
+    fn sample(&mut self) {
+        let recent = |at: &Option<SimTime>| at.is_some_and(|at| self.due.millis_since(at) <= HELD_MS);
+        let needed = self.joints_at.iter().chain(&self.objects_at).chain(std::iter::once(&self.base_at));
+        if needed.clone().all(recent) {
+            self.scored.push(self.frames.len());
+        }
+        self.keep(self.due);
+        self.due = self.due.plus_millis(self.period_ms);
+    }
+
+    /// Keeps the end of the bag. An instant at which the bag is cut off may lack messages, and is not scored.
+    fn finish(&mut self, end: &BagEnd) {
+        if *end == BagEnd::Whole && self.now == self.due {
+            self.sample();
+        } else {
+            self.keep(self.now);
+        }
+        if *end == BagEnd::Whole {
+            self.come_to_rest();
+        }
+    }
+
+    /// What scoring needs and was never received.
+    fn missing(&self) -> Vec<String> {
+        let lacks = |at: &Vec<Option<SimTime>>| at.iter().any(Option::is_none);
+        let joints = self.arm.moving().zip(&self.joints_at).filter(|(_, at)| at.is_none());
+        let joints: Vec<&str> = joints.map(|(joint, _)| self.arm.joints[joint].name.as_str()).collect();
+        let objects = self.task.scene().objects.iter().zip(&self.objects_at).filter(|(_, at)| at.is_none());
+        let objects: Vec<&str> = objects.map(|(object, _)| object.ros_name.as_str()).collect();
+        let parts = [
+            lacks(&self.joints_at)
+                .then(|| format!("joints {} in {}", joints.join(", "), topic::WRAPPED_JOINT_STATES)),
+            self.base_at.is_none().then(|| format!("the base {ARM_MODEL} in {}", topic::MODEL_STATES)),
+            lacks(&self.objects_at)
+                .then(|| format!("objects {} in {}", objects.join(", "), topic::MODEL_STATES)),
+        ];
+        parts.into_iter().flatten().collect()
     }
 
     fn turn(&mut self, state: &ros::JointState) {
@@ -317,8 +392,11 @@ impl<'a> Film<'a> {
             if let Some(&place) = self.joints.get(name.as_str())
                 && angle.is_finite()
             {
-                self.frame.joints[place] = *angle;
-                self.joints_seen = true;
+                let before = self.joints_at[place].map(|_| self.frame.joints[place]);
+                let joint = self.arm.moving().nth(place);
+                let limits = joint.map_or_else(JointLimits::default, |joint| self.arm.joints[joint].limits);
+                self.frame.joints[place] = unwrapped(*angle, before, &limits);
+                self.joints_at[place] = Some(self.now);
             }
         }
     }
@@ -328,10 +406,11 @@ impl<'a> Film<'a> {
             let Some(pose) = pose_of(pose) else { continue };
             if name == ARM_MODEL {
                 self.frame.world_from_base = pose;
+                self.base_at = Some(self.now);
             } else if let Some(block) = self.object_named(name) {
                 let (linear, angular) = (vector(&twist.linear), vector(&twist.angular));
                 self.bodies[block.index()] = BodyState { pose, linear, angular };
-                self.blocks_seen = true;
+                self.objects_at[block.index()] = Some(self.now);
             }
         }
     }
@@ -363,7 +442,7 @@ impl<'a> Film<'a> {
             return;
         };
         self.frame.gaze = Some(GazeSample { origin, direction, valid: true });
-        self.looked = Some(self.frame.time);
+        self.looked = Some(self.now);
         if self.head_seen {
             return;
         }
@@ -383,7 +462,7 @@ impl<'a> Film<'a> {
         } else {
             EventKind::ObjectReleased { object: block }
         };
-        self.frame.events.push(Event { time: self.frame.time, kind });
+        self.frame.events.push(Event { time: self.now, kind });
     }
 
     fn object_named(&self, ros_name: &str) -> Option<ObjectId> {
@@ -408,9 +487,11 @@ impl<'a> Film<'a> {
         last.asked.clone_from(&self.task.state().goal);
     }
 
-    /// Keeps the instant as a frame.
-    fn keep(&mut self) {
+    /// Keeps what was received as the frame of `time`.
+    fn keep(&mut self, time: SimTime) {
+        let judged = self.objects_seen();
         let frame = &mut self.frame;
+        frame.time = time;
         frame.world_from_tip = frame.world_from_base * self.arm.link_poses(&frame.joints)[self.arm.tip];
         let seen = TaskInput {
             objects: &self.bodies,
@@ -419,17 +500,24 @@ impl<'a> Film<'a> {
             joints: &frame.joints[..self.arm.arm_count()],
             hand: frame.world_from_tip * Point::from(self.arm.widest_grasp().centre),
         };
-        let events = self.task.step(frame.time, &seen);
-        frame.events.extend(events.into_iter().map(|kind| Event { time: frame.time, kind }));
+        // Until then objects are where the scene has them, which is not where they were.
+        let events = if judged { self.task.step(time, &seen) } else { Vec::new() };
+        frame.events.extend(events.into_iter().map(|kind| Event { time, kind }));
         frame.objects = self.bodies.iter().map(|body| body.pose).collect();
         frame.gaze =
-            frame.gaze.filter(|_| self.looked.is_some_and(|then| frame.time.millis_since(then) <= GAZE_MS));
+            frame.gaze.filter(|_| self.looked.is_some_and(|then| time.millis_since(then) <= GAZE_MAX_AGE_MS));
         frame.time_left_secs = TRIAL_SECS - frame.time.as_secs();
         (frame.next, frame.score) = (self.task.state().next, self.task.state().score);
         frame.asked.clone_from(&self.task.state().goal);
         self.frames.push(frame.clone());
         frame.events.clear();
     }
+}
+
+/// A bag has angles in (-pi, pi]: the equal angle that is nearest to the one before, of the first one to the middle of its limits, rad.
+fn unwrapped(angle: f64, before: Option<f64>, limits: &JointLimits) -> f64 {
+    let near = before.unwrap_or((limits.lower + limits.upper) / 2.0);
+    angle + TAU * ((near - angle) / TAU).round()
 }
 
 fn vector(v: &ros::Vector3) -> Vector {

@@ -129,6 +129,7 @@ pub struct OtherVersions {
 }
 
 /// The record of a trial, checked as a whole.
+#[derive(Clone)]
 pub(crate) struct Checked {
     /// The files.
     pub record: Trial,
@@ -176,7 +177,19 @@ pub(crate) fn check_record(dir: &Path, other_versions: bool) -> Result<Checked, 
 /// # Errors
 /// As [`check_record`]; another arm or task than the trial was recorded with, a classifier that cannot be used.
 pub fn open_trial(dir: &Path, options: &ReplayOptions) -> Result<Opened, Box<dyn Error>> {
-    let Checked { record, config, recorded, result } = check_record(dir, options.other_versions)?;
+    open_checked(dir, check_record(dir, options.other_versions)?, options)
+}
+
+/// Reads the trial in `dir`, whose record is `checked`.
+///
+/// # Errors
+/// As [`open_trial`].
+pub(crate) fn open_checked(
+    dir: &Path,
+    checked: Checked,
+    options: &ReplayOptions,
+) -> Result<Opened, Box<dyn Error>> {
+    let Checked { record, config, recorded, result } = checked;
     let arm = Arm::recorded(dir, &config)?;
     let classifier = read_classifier(&record, &config)?;
     let (testbed, plans) = if options.replan {

@@ -14,6 +14,8 @@ pub struct Retraced {
     pub events: Vec<Event>,
     /// What it ended with; none if it was interrupted.
     pub result: Option<TrialResult>,
+    /// Decisions of the EMG's classifier that were published.
+    pub decisions: u64,
     /// Digest of the record.
     pub recorded: String,
     /// Where the recomputed trial and the record part; none where they agree.
@@ -28,13 +30,25 @@ pub struct Retraced {
 pub fn retrace(
     dir: &Path,
     options: &ReplayOptions,
+    seen: impl FnMut(&Testbed, &TickInput),
+) -> Result<Retraced, Box<dyn Error>> {
+    retrace_opened(open_trial(dir, options)?, seen)
+}
+
+/// The same of a trial that is open.
+///
+/// # Errors
+/// As [`retrace`].
+pub(crate) fn retrace_opened(
+    opened: Opened,
     mut seen: impl FnMut(&Testbed, &TickInput),
 ) -> Result<Retraced, Box<dyn Error>> {
-    let Opened { record, config, mut testbed, recorded, result, .. } = open_trial(dir, options)?;
+    let Opened { record, config, mut testbed, recorded, result, .. } = opened;
     seen(&testbed, &TickInput::default());
     let mut inputs = record.inputs()?;
     let mut next = inputs.next().transpose()?;
     let mut spans: Vec<SpanDigest> = Vec::new();
+    let mut decisions = 0;
     let last = record.end().0;
     for tick in 1..=last {
         let mut input = TickInput::default();
@@ -42,13 +56,16 @@ pub fn retrace(
             input = logged.input;
             next = inputs.next().transpose()?;
         }
-        spans.extend(testbed.tick(&input, tick == last)?.span);
+        let output = testbed.tick(&input, tick == last)?;
+        decisions += u64::from(output.message.is_some());
+        spans.extend(output.span);
         seen(&testbed, &input);
     }
     Ok(Retraced {
         config,
         events: record.events()?,
         result,
+        decisions,
         divergence: first_divergence(&recorded, &spans),
         recorded: recorded.last().map(|span| span.chain.clone()).unwrap_or_default(),
     })

@@ -9,7 +9,7 @@ use crate::{
 };
 use proact_bridge::{ClientInput, PageServer};
 use proact_devices::FeedbackSinks;
-use proact_testbed::{Session, Step, TrialEnd, TrialResult};
+use proact_testbed::{Session, Step, Testbed, TrialEnd, TrialResult};
 use std::{
     error::Error,
     path::Path,
@@ -46,7 +46,7 @@ pub fn run_to_end(
     mut recorder: Option<Recorder>,
     audience: &mut Audience<'_>,
     dir: Option<&Path>,
-    mut on_step: impl FnMut(&Step),
+    mut on_step: impl FnMut(&Step, &Testbed),
 ) -> Result<TrialResult, Box<dyn Error>> {
     let (page, interrupted) = (audience.page, audience.interrupted);
     if let (Some(dir), Some(shoulder)) = (dir, &audience.shoulder) {
@@ -93,7 +93,7 @@ pub fn run_to_end(
             recorder.write(&step, session.testbed().plant().state())?;
         }
         give_feedback(&mut audience.feedback, &step.output.cues);
-        on_step(&step);
+        on_step(&step, session.testbed());
         if let Some(frame) = &step.frame {
             if let Some(page) = page {
                 page.publish(frame);

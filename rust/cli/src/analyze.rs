@@ -94,6 +94,7 @@ fn report(methods: &MethodRegistry, args: &AnalyzeArgs) -> Result<(), Box<dyn Er
     if args.json {
         let object = json!({
             "tables": written.tables, "figures": written.figures, "report": written.page, "notes": written.notes,
+            "faults": collected.faults,
         });
         return Ok(answer_json(&object)?);
     }

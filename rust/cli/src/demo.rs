@@ -313,7 +313,7 @@ impl Shown {
         let page = room.page.as_ref();
         let mut audience =
             Audience { page, inputs: None, rosbridge, shoulder, feedback, interrupted: &room.interrupted };
-        let result = run_to_end(session, recorder, &mut audience, dir.as_deref(), |step| {
+        let result = run_to_end(session, recorder, &mut audience, dir.as_deref(), |step, _| {
             let Some(frame) = &step.frame else { return };
             tally.add(frame);
             if let Some(vmpl) = &vmpl {

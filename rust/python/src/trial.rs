@@ -148,7 +148,7 @@ impl Run {
         };
         let mut reasons = BTreeSet::new();
         let mut known = 0;
-        let ran = run_to_end(session, recorder, &mut audience, dir.as_deref(), |step| {
+        let ran = run_to_end(session, recorder, &mut audience, dir.as_deref(), |step, _| {
             if let Some(frame) = &step.frame {
                 if let PlannerView::Failed { reason, .. } = &frame.planner {
                     reasons.insert(reason.clone());

@@ -1,6 +1,6 @@
 //! What the joints of the arm did.
 
-use super::Trace;
+use super::{Instant, Trace};
 use proact_types::SimTime;
 
 /// A phase in which no joint went further than this, rad, was done without the method: some ten times what a resting arm wanders.
@@ -20,6 +20,25 @@ pub(super) fn path(trace: &Trace, from: SimTime, to: SimTime, place: usize) -> O
         }
     }
     Some(path)
+}
+
+/// The highest speed of a joint as a share of its limit, between two instants; none where the limits are not known.
+pub(super) fn speed_share(trace: &Trace, from: SimTime, to: SimTime) -> Option<f64> {
+    let share = |two: &[Instant]| {
+        let secs = two[1].time.millis_since(two[0].time) as f64 * 1e-3;
+        let angles = two[0].joints.iter().zip(&two[1].joints).zip(&trace.joints);
+        angles.map(|((a, b), range)| (b - a).abs() / secs / range.speed).reduce(f64::max)
+    };
+    trace.between(from, to).windows(2).filter_map(share).reduce(f64::max)
+}
+
+/// How far a joint was outside its limits at most, rad; zero within them, none where they are not known.
+pub(super) fn beyond(trace: &Trace, from: SimTime, to: SimTime) -> Option<f64> {
+    let beyond = |instant: &Instant| {
+        let angles = instant.joints.iter().zip(&trace.joints);
+        angles.map(|(angle, range)| (range.lower - angle).max(angle - range.upper).max(0.0)).reduce(f64::max)
+    };
+    trace.between(from, to).iter().filter_map(beyond).reduce(f64::max)
 }
 
 /// Whether the person used the method to move the arm: a joint went further than 0.05 rad from where it was first.

@@ -232,6 +232,34 @@ pub const OF_PHASE: &[Measure<ActionPhase>] = &[
         "JNER 2023, 20:49",
         |s, p| { gaze::switches(s, p).map(|count| count as f64) }
     ),
+    measure!(
+        "peak_acceleration_m_per_s2",
+        "m/s^2",
+        "strongest acceleration of the hand, low-passed at 6 Hz",
+        OURS,
+        |s, p| hand(s, p)?.strongest_acceleration()
+    ),
+    measure!(
+        "shoulder_peak_speed_m_per_s",
+        "m/s",
+        "highest speed of the shoulder, low-passed at 6 Hz",
+        OURS,
+        |s, p| { shoulder::peak_speed(s.trace, p.from, p.to) }
+    ),
+    measure!(
+        "joint_speed_share",
+        "1",
+        "highest speed of a joint of the arm from one instant to the next, as a share of the limit in the arm's description",
+        OURS,
+        |s, p| { joints::speed_share(s.trace, p.from, p.to) }
+    ),
+    measure!(
+        "joint_beyond_rad",
+        "rad",
+        "how far a joint of the arm was outside the limits of the arm's description at most",
+        OURS,
+        |s, p| { joints::beyond(s.trace, p.from, p.to) }
+    ),
 ];
 
 /// Of an object in a trial.

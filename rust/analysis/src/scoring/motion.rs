@@ -85,6 +85,21 @@ impl Way {
         Some([speed, (at - first) / (last - first)])
     }
 
+    /// The strongest acceleration, metres a second squared, along the way and across it; none of fewer than three instants.
+    pub(super) fn strongest_acceleration(&self) -> Option<f64> {
+        let velocities: Vec<(f64, Vector)> = self
+            .times
+            .windows(2)
+            .zip(self.places.windows(2))
+            .filter(|(times, _)| times[1] > times[0])
+            .map(|(times, places)| {
+                ((times[0] + times[1]) / 2.0, (places[1] - places[0]) / ((times[1] - times[0]) * 1e-3))
+            })
+            .collect();
+        let change = |two: &[(f64, Vector)]| (two[1].1 - two[0].1).norm() / ((two[1].0 - two[0].0) * 1e-3);
+        velocities.windows(2).map(change).reduce(f64::max)
+    }
+
     /// When the speed fell fastest, as a share of the whole time, 0 to 1; none where it never fell.
     pub(super) fn strongest_braking(&self) -> Option<f64> {
         let falls = |two: &[(f64, f64)]| {

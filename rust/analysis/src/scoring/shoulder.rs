@@ -35,6 +35,11 @@ pub(super) fn path(trace: &Trace, from: SimTime, to: SimTime) -> Option<f64> {
     Way::of(trace.between(from, to), shoulder).map(|way| way.length())
 }
 
+/// Highest speed of the shoulder, low-passed, metres a second.
+pub(super) fn peak_speed(trace: &Trace, from: SimTime, to: SimTime) -> Option<f64> {
+    Way::of(trace.between(from, to), shoulder)?.peak().map(|peak| peak[0])
+}
+
 /// Furthest of the shoulder from where it was first, low-passed, metres.
 pub(super) fn range(trace: &Trace, from: SimTime, to: SimTime) -> Option<f64> {
     Way::of(trace.between(from, to), shoulder).map(|way| way.range())

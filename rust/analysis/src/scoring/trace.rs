@@ -35,14 +35,27 @@ pub struct Instant {
     pub aperture: Option<f64>,
 }
 
+/// What a joint of the arm can do, by the arm's description.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointRange {
+    /// Smallest angle, rad.
+    pub lower: f64,
+    /// Largest angle, rad.
+    pub upper: f64,
+    /// Highest speed, rad/s.
+    pub speed: f64,
+}
+
 /// A recorded trial as scoring sees it.
 #[derive(Clone, Debug, Default)]
 pub struct Trace {
     /// Table, objects and targets.
     pub scene: Scene,
+    /// Of the joints of the arm, from base to tip.
+    pub joints: Vec<JointRange>,
     /// Where it ended.
     pub length: SimTime,
-    /// From the start to the end, in order of time, at least 25 a second.
+    /// From the start to the end, in order of time, on an even grid of at least 25 a second; a gap where the record has one.
     pub instants: Vec<Instant>,
     /// What happened, in order of time.
     pub events: Vec<Event>,

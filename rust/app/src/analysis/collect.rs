@@ -1,7 +1,8 @@
 //! From whatever was recorded to the same tables.
 
 use super::{
-    scores::{Rows, Source, empty, score_all, trials_and_blocks},
+    report_faults::{ReportFault, in_words, report_faults},
+    scores::{Rows, Source, append, compensation, empty, mark, score_all, trials_and_blocks},
     summaries::{failed_notes, participant},
 };
 use crate::study::{
@@ -33,6 +34,8 @@ pub struct Collected {
     pub tables: BTreeMap<&'static str, Table>,
     /// What is missing, wrong or left out.
     pub notes: Vec<String>,
+    /// Values that cannot be.
+    pub faults: Vec<ReportFault>,
     /// All people are simulated, none is, or it is not known.
     pub simulated: Option<bool>,
 }
@@ -46,6 +49,7 @@ impl Collected {
             folder: dir.to_owned(),
             tables: BTreeMap::new(),
             notes: Vec::new(),
+            faults: Vec::new(),
             simulated: None,
         };
         collected.add(trials_and_blocks());
@@ -55,6 +59,12 @@ impl Collected {
 
     fn add(&mut self, tables: impl IntoIterator<Item = Table>) {
         self.tables.extend(tables.into_iter().map(|table| (table.name, table)));
+    }
+
+    fn append(&mut self, name: &str, rows: impl IntoIterator<Item = Vec<Cell>>) {
+        if let Some(table) = self.tables.get_mut(name) {
+            append(table, rows);
+        }
     }
 
     /// The table called `name`, if there is one with rows.
@@ -75,11 +85,14 @@ pub fn collect(
 ) -> Result<Collected, Box<dyn Error>> {
     let mut collected = Collected::new(dir);
     let exported = dir.join("trials.csv").is_file();
-    let score = |sources: &[Source]| {
+    let score = |sources: &[Source]| -> Vec<Rows> {
         let count = sources.len();
-        score_all(methods, sources, jobs, &|done| tell(done, count))
+        let unscored = |error| Rows { notes: vec![format!("{error}; it is not scored")], ..Rows::default() };
+        let scored = score_all(methods, sources, jobs, &|done| tell(done, count));
+        scored.into_iter().map(|rows| rows.unwrap_or_else(unscored)).collect()
     };
-    let all = if dir.join(STUDY_FILE).is_file() || dir.join(PLAN_FILE).is_file() && !exported {
+    let is_study = dir.join(STUDY_FILE).is_file() || dir.join(PLAN_FILE).is_file() && !exported;
+    let all = if is_study {
         study(methods, dir, &mut collected, &score)?
     } else if exported {
         read_tables(dir, &mut collected)?;
@@ -90,8 +103,10 @@ pub fn collect(
     let mut numbers: BTreeMap<String, i64> = BTreeMap::new();
     for mut rows in all {
         collected.notes.append(&mut rows.notes);
+        let flaw = rows.flaw();
         let Some(trial) = &mut rows.trial else {
             put(&mut collected, &mut rows.scores);
+            mark_flaw(&mut collected, &rows.key, flaw);
             continue;
         };
         // A trial of its own gets its number here: how manyth of this participant under this condition.
@@ -105,21 +120,35 @@ pub fn collect(
         trial[4] = number.clone();
         let others = rows.scores.iter_mut().flatten().chain(&mut rows.blocks);
         others.for_each(|row| row[4] = number.clone());
-        collected.tables.get_mut("trials").into_iter().for_each(|table| table.rows.extend(rows.trial.take()));
-        collected.tables.get_mut("blocks").into_iter().for_each(|table| table.rows.append(&mut rows.blocks));
+        rows.key[4] = number;
+        collected.append("trials", rows.trial);
+        collected.append("blocks", rows.blocks);
         put(&mut collected, &mut rows.scores);
+        mark_flaw(&mut collected, &rows.key, flaw);
+    }
+    if is_study {
+        collected.add([compensation(&collected.tables["measures"])]);
     }
     if collected.table("trials").is_none() {
         let notes: String = collected.notes.iter().map(|note| format!("\n  {note}")).collect();
         return Err(format!("{}: there is no finished trial to analyse{notes}", dir.display()).into());
     }
     collected.notes.extend(failed_notes(&collected.tables["trials"]));
+    collected.faults = report_faults(&collected.tables);
+    let told = in_words(&collected.faults);
+    collected.notes.splice(0..0, told);
     Ok(collected)
 }
 
 fn put(collected: &mut Collected, scores: &mut [Vec<Vec<Cell>>; 4]) {
     for (name, rows) in ["measures", "objects", "phases", "faults"].into_iter().zip(scores) {
-        collected.tables.get_mut(name).into_iter().for_each(|table| table.rows.append(rows));
+        collected.append(name, std::mem::take(rows));
+    }
+}
+
+fn mark_flaw(collected: &mut Collected, key: &[Cell], flaw: Option<String>) {
+    if let Some(flaw) = flaw {
+        mark(collected.tables.values_mut(), key, &flaw);
     }
 }
 

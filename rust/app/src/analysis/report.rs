@@ -85,6 +85,11 @@ pub fn report(
     tables.extend(summaries::tables(collected));
     tables.extend(comparisons::by_participant(collected));
     tables.extend(comparisons::tables(&compared));
+    if let Some(flawed) = summaries::flawed(collected) {
+        tables
+            .iter_mut()
+            .for_each(|table| table.caption = format!("{} {flawed}", table.caption).trim_start().to_owned());
+    }
     let mut report = WrittenReport {
         page: out.join(PAGE),
         tables: BTreeMap::new(),

@@ -1,10 +1,10 @@
 //! The tables of scores, of many trials at once.
 
-use super::traces;
+use super::traces::{self, Flaw, OfRecord};
 use crate::{
     Arm,
     study::tables::{
-        columns::{BLOCKS, TRIAL_KEY, TRIALS},
+        columns::{BLOCKS, COMPENSATION, FLAW, TRIAL_KEY, TRIALS},
         trials::block_rows,
     },
 };
@@ -29,10 +29,10 @@ const fn own(name: &'static str, meaning: &'static str) -> Column {
     Column { name, unit: "", meaning, source: "record" }
 }
 
-/// Key, own columns and measures of a table.
+/// Key, own columns and measures of a table, and the flaw of the record.
 fn columns<T>(first: &[Column], measures: &[Measure<T>]) -> Vec<Column> {
     let measured = measures.iter().map(|measure| measure.column);
-    TRIAL_KEY.iter().chain(first).copied().chain(measured).collect()
+    TRIAL_KEY.iter().chain(first).copied().chain(measured).chain([FLAW]).collect()
 }
 
 static MEASURES: LazyLock<Vec<Column>> = LazyLock::new(|| columns(&[], OF_TRIAL));
@@ -53,6 +53,7 @@ static FAULTS: LazyLock<Vec<Column>> = LazyLock::new(|| {
         own("fault", "what went wrong"),
         own("block", "with which object"),
         own("detail", "more of it"),
+        FLAW,
     ]);
     columns
 });
@@ -100,6 +101,10 @@ impl Source {
 /// What came of one source.
 #[derive(Default)]
 pub(super) struct Rows {
+    /// What names the trial.
+    pub(super) key: Vec<Cell>,
+    /// What is wrong with its record.
+    pub(super) flaws: Vec<Flaw>,
     /// Of `measures`, `objects`, `phases`, `faults`.
     pub(super) scores: [Vec<Vec<Cell>>; 4],
     /// Of `trials`, for what is no trial of a study.
@@ -110,28 +115,65 @@ pub(super) struct Rows {
     pub(super) notes: Vec<String>,
 }
 
-/// Scores all sources, `jobs` at once, in their order. `tell` hears how many are done.
+impl Rows {
+    /// Without rows yet, of a record with these flaws, each of which is a note.
+    fn flawed(path: &Path, flaws: Vec<Flaw>) -> Self {
+        let notes = flaws.iter().map(|flaw| format!("{}: {flaw}", path.display())).collect();
+        Self { flaws, notes, ..Self::default() }
+    }
+
+    /// The word for the column `flaw`; none of a record without.
+    pub(super) fn flaw(&self) -> Option<String> {
+        let labels: Vec<&str> = self.flaws.iter().map(Flaw::label).collect();
+        (!labels.is_empty()).then(|| labels.join(","))
+    }
+}
+
+/// Adds `rows` to `table`. Cells that a row does not have, such as its flaw, are missing.
+pub(crate) fn append(table: &mut Table, rows: impl IntoIterator<Item = Vec<Cell>>) {
+    for mut row in rows {
+        row.resize(table.columns.len(), Cell::Missing);
+        table.push(row);
+    }
+}
+
+/// Marks the rows of the trial that `key` names, in every table that has a column for it. Outside a study, whose column `mark` is of the
+/// plan, the trial gets an asterisk too.
+pub(crate) fn mark<'a>(tables: impl IntoIterator<Item = &'a mut Table>, key: &[Cell], flaw: &str) {
+    for table in tables {
+        let Some(place) = table.place(FLAW.name) else { continue };
+        let [position, asterisk] = ["position", "mark"].map(|name| table.place(name));
+        for row in table.rows.iter_mut().filter(|row| row.starts_with(key)) {
+            row[place] = flaw.into();
+            if let (Some(position), Some(asterisk)) = (position, asterisk)
+                && row[position] == Cell::Missing
+            {
+                row[asterisk] = "*".into();
+            }
+        }
+    }
+}
+
+/// Scores all sources, `jobs` at once, in their order: rows, or why there are none. `tell` hears how many are done.
 pub(super) fn score_all(
     methods: &MethodRegistry,
     sources: &[Source],
     jobs: usize,
     tell: &(dyn Fn(usize) + Sync),
-) -> Vec<Rows> {
+) -> Vec<Result<Rows, String>> {
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let work = || {
         let mut own = Vec::new();
         loop {
             let place = next.fetch_add(1, Ordering::Relaxed);
             let Some(source) = sources.get(place) else { return own };
-            let rows = rows_of(methods, source).unwrap_or_else(|error| Rows {
-                notes: vec![format!("{}: {error}; it is not scored", source.path().display())],
-                ..Rows::default()
-            });
+            let rows =
+                rows_of(methods, source).map_err(|error| format!("{}: {error}", source.path().display()));
             own.push((place, rows));
             tell(done.fetch_add(1, Ordering::Relaxed) + 1);
         }
     };
-    let mut found: Vec<(usize, Rows)> = thread::scope(|scope| {
+    let mut found: Vec<(usize, Result<Rows, String>)> = thread::scope(|scope| {
         let workers: Vec<_> = (0..jobs.max(1)).map(|_| scope.spawn(work)).collect();
         workers.into_iter().flat_map(|worker| worker.join().unwrap_or_default()).collect()
     });
@@ -143,8 +185,9 @@ fn rows_of(methods: &MethodRegistry, source: &Source) -> Result<Rows, Box<dyn Er
     match source {
         Source::Counted { key, dir } => {
             let result: TrialResult = read_result(dir)?;
-            let trace = traces::of_record(methods, dir)?;
-            Ok(Rows { scores: counted(scores(key, &trace), &result), ..Rows::default() })
+            let OfRecord { trace, flaws } = traces::of_record(methods, dir)?;
+            let scores = counted(scores(key, &trace), &result);
+            Ok(Rows { key: key.clone(), scores, ..Rows::flawed(dir, flaws) })
         }
         Source::Loose { dir } => loose(methods, dir),
         Source::Bag { path } => bag(path),
@@ -186,13 +229,19 @@ fn loose(methods: &MethodRegistry, dir: &Path) -> Result<Rows, Box<dyn Error>> {
         "digest" => result.digest.as_str().into(),
         _ => Cell::Missing,
     });
-    let trace = traces::of_record(methods, dir)?;
+    let OfRecord { trace, flaws } = traces::of_record(methods, dir)?;
     let blocks = if result.failure().is_some() {
         Vec::new()
     } else {
         block_rows(&key, &result.beside, &result.result)
     };
-    Ok(Rows { scores: counted(scores(&key, &trace), &result), blocks, trial: Some(trial), notes: Vec::new() })
+    Ok(Rows {
+        scores: counted(scores(&key, &trace), &result),
+        blocks,
+        trial: Some(trial),
+        key,
+        ..Rows::flawed(dir, flaws)
+    })
 }
 
 /// Of a trial that failed the faults alone say something.
@@ -208,28 +257,33 @@ type ScoredRows = [Vec<Vec<Cell>>; 4];
 
 fn bag(path: &Path) -> Result<Rows, Box<dyn Error>> {
     let arm = Arm::named(proact_testbed::TrialConfig::DEFAULT_ARM)?;
-    let traces::OfBag { trace, method, result, flaw } = traces::of_bag(path, &arm)?;
+    let traces::OfBag { trace, method, result, flaws } = traces::of_bag(path, &arm)?;
     let [participant, number] = ["participant", "trial"].map(|word| number_after(path, word));
     let key = vec![participant.into(), Cell::Missing, Cell::Missing, method.as_str().into(), number.into()];
     let trial = by_name(TRIALS, &key, |name| match name {
         "method" => method.as_str().into(),
         "task" => "modified_bbt".into(),
         "setup" => "bag".into(),
-        "score" => result.score.into(),
+        "score" => result.as_ref().map(|result| result.score).into(),
         "score_name" => "blocks on target".into(),
         "seconds" => trace.length.as_secs().into(),
         "record" => path.display().to_string().into(),
         _ => Cell::Missing,
     });
-    let lacks = "a bag of the original lab does not tell what planner and grasp rule did, what ended the trial, nor its seed";
-    let mut notes = vec![format!("{}: {lacks}", path.display())];
-    notes.extend(flaw.map(|flaw| format!("{}: {flaw}; it is scored as far as it goes", path.display())));
-    Ok(Rows {
-        scores: scores(&key, &trace),
-        blocks: block_rows(&key, &result.beside, &result.result),
-        trial: Some(trial),
-        notes,
-    })
+    // What became of an object is known at the end alone.
+    let blocks = match result {
+        Some(result) => block_rows(&key, &result.beside, &result.result),
+        None => {
+            let row = |object| {
+                by_name(BLOCKS, &key, |name| match name {
+                    "block" => Cell::from(trace.scene.name(object)),
+                    _ => Cell::Missing,
+                })
+            };
+            trace.scene.ids().map(row).collect()
+        }
+    };
+    Ok(Rows { scores: scores(&key, &trace), blocks, trial: Some(trial), key, ..Rows::flawed(path, flaws) })
 }
 
 /// The number that follows `word` in a file's name, as in `participant1-mode4-trial2`.
@@ -270,6 +324,44 @@ pub(super) fn scores(key: &[Cell], trace: &Trace) -> [Vec<Vec<Cell>>; 4] {
         ])
     });
     [vec![row(measured)], objects.collect(), phases.collect(), faults.collect()]
+}
+
+/// The table `compensation` of a study: what `measures` has of shoulder and trunk.
+pub(super) fn compensation(measures: &Table) -> Table {
+    let mut table = Table::new("compensation", "a trial", COMPENSATION);
+    let cell = |row: &[Cell], name| measures.cell(row, name).cloned().unwrap_or(Cell::Missing);
+    let rows =
+        measures.rows.iter().map(|row| COMPENSATION.iter().map(|column| cell(row, column.name)).collect());
+    table.rows = rows.collect();
+    table
+}
+
+/// Scores the trials of a study that count, for its export: marks the rows of flawed records in `tables`, and gives the table
+/// `compensation`.
+///
+/// # Errors
+/// A record that cannot be scored, by its name.
+pub(crate) fn score_study(
+    methods: &MethodRegistry,
+    trials: Vec<(Vec<Cell>, PathBuf)>,
+    tables: &mut [Table],
+) -> Result<Table, String> {
+    let sources: Vec<Source> = trials.into_iter().map(|(key, dir)| Source::Counted { key, dir }).collect();
+    let jobs = thread::available_parallelism().map_or(1, usize::from);
+    let mut all = Vec::new();
+    let [mut measures, ..] = empty();
+    for rows in score_all(methods, &sources, jobs, &|_| {}) {
+        let mut rows = rows?;
+        append(&mut measures, std::mem::take(&mut rows.scores[0]));
+        all.push(rows);
+    }
+    let mut compensation = compensation(&measures);
+    for rows in &all {
+        if let Some(flaw) = rows.flaw() {
+            mark(tables.iter_mut().chain([&mut compensation]), &rows.key, &flaw);
+        }
+    }
+    Ok(compensation)
 }
 
 /// The tables that every source has.

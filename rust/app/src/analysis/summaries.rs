@@ -450,6 +450,19 @@ fn emg(collected: &Collected, conditions: &[String]) -> Option<ReportTable> {
     })
 }
 
+/// The flawed records that figures are made of, in a sentence; none if there is none.
+pub(super) fn flawed(collected: &Collected) -> Option<String> {
+    let trials = collected.table("trials")?;
+    let flawed = trials.rows.iter().filter(|row| !trials.words(row, "flaw").is_empty());
+    let told: Vec<String> = flawed
+        .map(|row| {
+            let [condition, trial, flaw] = ["condition", "trial", "flaw"].map(|name| trials.words(row, name));
+            format!("{} {condition} trial {trial} ({flaw})", participant(trials, row))
+        })
+        .collect();
+    (!told.is_empty()).then(|| format!("Records with a flaw, see data/trials.csv: {}.", told.join("; ")))
+}
+
 fn trials(collected: &Collected) -> Option<ReportTable> {
     let trials = collected.table("trials")?;
     let row = |row: &Vec<Cell>| {
@@ -458,7 +471,11 @@ fn trials(collected: &Collected) -> Option<ReportTable> {
             participant(trials, row),
             text("condition"),
             text("trial"),
-            text("mark"),
+            [text("mark"), text("flaw")]
+                .into_iter()
+                .filter(|word| !word.is_empty())
+                .collect::<Vec<_>>()
+                .join(" "),
             trials.number(row, "score").map_or_else(|| "–".to_owned(), |score| printed(score, 0)),
             maybe(trials.number(row, "seconds"), 1),
             text("record"),

@@ -93,6 +93,7 @@ pub fn merge(folder: &BatchFolder, all: bool) -> Result<Option<Merged>, Box<dyn 
 /// A table that is being written.
 struct TableFile {
     writer: csv::Writer<BufWriter<File>>,
+    columns: usize,
     partial: PathBuf,
     path: PathBuf,
 }
@@ -118,7 +119,7 @@ impl Output {
             let partial = path.with_extension("csv.partial");
             let mut writer = csv::Writer::from_writer(BufWriter::new(File::create(&partial)?));
             writer.write_record(columns.iter().map(|column| column.name).chain(sweep.keys()))?;
-            tables.insert(*name, TableFile { writer, partial, path });
+            tables.insert(*name, TableFile { writer, columns: columns.len(), partial, path });
         }
         let merged = Merged {
             tables: tables.iter().map(|(name, table)| ((*name).to_owned(), table.path.clone())).collect(),
@@ -158,7 +159,9 @@ impl Output {
         let arrangement = result.beside.get("arrangement").map(proact_analysis::table::word);
         let mut write = |name: &str, row: &mut dyn Iterator<Item = Cell>| -> Result<(), Box<dyn Error>> {
             let Some(table) = self.tables.get_mut(name) else { return Ok(()) };
-            let cells = row.map(|cell| cell.to_string());
+            // A trial that was computed here has no flaw, which is the last cell.
+            let cells =
+                row.chain(std::iter::once(Cell::Missing)).take(table.columns).map(|cell| cell.to_string());
             table.writer.write_record(cells.chain(values.iter().map(|(_, value)| (*value).to_owned())))?;
             Ok(())
         };

@@ -188,3 +188,77 @@ fn the_originals_file_names_tell_the_method() {
         assert_eq!(method_of(Path::new(name)), method, "{name}");
     }
 }
+
+/// A state of the arm and of all blocks as the original's nodes publish it, in messages of their own.
+fn write_state(lab: &mut Lab, ms: u32, names: &[String], angle: f64, base_x: f64) {
+    let task = default_task();
+    let pose = |x: f64, y: f64, z: f64| ros::Pose {
+        position: ros::Point { x, y, z },
+        orientation: ros::Quaternion { w: 1.0, ..Default::default() },
+    };
+    let objects = &task.scene().objects;
+    let mut models = ros::ModelStates {
+        name: vec![ARM_MODEL.into()],
+        pose: vec![pose(base_x, 0.1, 1.5)],
+        twist: vec![ros::Twist::default(); objects.len() + 1],
+    };
+    for object in objects {
+        let at = object.pose.translation.vector;
+        models.name.push(object.ros_name.clone());
+        models.pose.push(pose(at.x, at.y, at.z));
+    }
+    let state =
+        ros::JointState { name: names.to_vec(), position: vec![angle; names.len()], ..Default::default() };
+    lab.write("/gazebo/model_states", ms, &models);
+    lab.write("/mpl_right_arm/wrapped_joint_states", ms, &state);
+}
+
+/// Caught: frames were kept before joints, base and objects had come, and before all messages of their instant.
+#[test]
+fn what_is_scored_is_on_an_even_grid_after_all_messages_of_an_instant_and_never_before_joints_base_and_objects()
+ {
+    let (arm, dir) = (arm(), tempfile::tempdir().unwrap());
+    let path = dir.path().join("trial.bag");
+    let mut lab = Lab(BagWriter::create(&path).unwrap());
+    let names: Vec<String> = arm.model().moving().map(|k| arm.model().joints[k].name.clone()).collect();
+    lab.write("/emg", 0, &text("no_motion"));
+    for ms in (20..=1000).step_by(20) {
+        // The first instant has a part of the joints.
+        let own = if ms == 20 { &names[..3] } else { &names[..] };
+        write_state(&mut lab, ms, own, f64::from(ms) * 1e-3, f64::from(ms) * 1e-4);
+        lab.write("/emg", ms + 7, &text("no_motion"));
+    }
+    let eye = ros::Vector3 { x: 0.5, y: 0.5, z: 1.0 };
+    let ahead = ros::Vector3 { x: 0.0, y: -1.0, z: 0.0 };
+    for (topic, vector) in [("/gaze_position_ros", eye), ("/gaze_direction_ros", ahead)] {
+        lab.write(topic, 1010, &ros::Vector3Stamped { vector, ..Default::default() });
+    }
+    for ms in (1020..=2000).step_by(20).chain((4000..=4100).step_by(20)) {
+        write_state(&mut lab, ms, &names, f64::from(ms) * 1e-3, f64::from(ms) * 1e-4);
+    }
+    lab.0.finish().unwrap();
+    let watched = watch(&path, arm.model(), default_task(), 20).unwrap();
+    assert_eq!(watched.missing, Vec::<String>::new());
+    let times: Vec<u64> = watched.scored.iter().map(|k| watched.frames[*k].time.0).collect();
+    let expected: Vec<u64> = (40..=2000).step_by(20).chain((4000..=4100).step_by(20)).collect();
+    assert_eq!(times, expected, "nothing is made up where the bag has a gap");
+    for frame in watched.scored.iter().map(|k| &watched.frames[*k]) {
+        let ms = frame.time.0;
+        assert!(
+            frame.joints.iter().all(|angle| (angle - ms as f64 * 1e-3).abs() < 1e-9),
+            "{ms} {:?}",
+            frame.joints
+        );
+        assert!((frame.world_from_base.translation.vector.x - ms as f64 * 1e-4).abs() < 1e-12, "{ms}");
+        // A gaze expires as in the live trial: 500 ms after it was seen.
+        assert_eq!(frame.gaze.is_some(), (1020..=1500).contains(&ms), "{ms}");
+    }
+}
+
+#[test]
+fn an_angle_in_a_bag_is_the_equal_one_within_the_limits_that_continues_the_one_before() {
+    let limits = JointLimits { lower: -4.76, upper: 1.24, ..JointLimits::default() };
+    assert!((unwrapped(2.0, None, &limits) - (2.0 - TAU)).abs() < 1e-12);
+    assert!((unwrapped(-3.1, None, &limits) + 3.1).abs() < 1e-12);
+    assert!((unwrapped(3.1, Some(-3.1), &limits) - (3.1 - TAU)).abs() < 1e-12);
+}

@@ -3,9 +3,9 @@
 use super::{
     STUDY_FILE, Study, TRIALS_FOLDER,
     conductor::{LookOptions, StudyError, look_with},
-    tables::{armsym_files, tables},
+    tables::{armsym_files, counted_trials, tables},
 };
-use crate::{claim_folder, write_whole};
+use crate::{analysis::score_study, claim_folder, write_whole};
 use proact_analysis::table::{Cell, Table};
 use proact_control::MethodRegistry;
 use proact_recording::{
@@ -39,9 +39,10 @@ pub struct ExportOptions {
     pub raw: bool,
     /// The pseudonyms of the journal stay. Without it participants are called by their places in the plan.
     pub keep_ids: bool,
-    /// The events and joints of each trial as ArmSym writes them too, in the folder `armsym`: with these methods trials are
-    /// recomputed for it.
-    pub armsym: Option<MethodRegistry>,
+    /// The events and joints of each trial as ArmSym writes them too, in the folder `armsym`.
+    pub armsym: bool,
+    /// With these methods trials are recomputed.
+    pub methods: MethodRegistry,
 }
 
 /// What was written.
@@ -63,7 +64,9 @@ pub struct Exported {
 pub fn export(study: &Study, options: &ExportOptions) -> Result<Exported, Box<dyn Error>> {
     let numbered = |participant: usize| (!options.keep_ids).then(|| format!("P{participant:02}"));
     let look = look_with(study, &LookOptions { rename: &numbered })?;
-    let made = tables(study, &look, options.raw)?;
+    let mut made = tables(study, &look, options.raw)?;
+    let compensation = score_study(&options.methods, counted_trials(study, &look), &mut made)?;
+    made.push(compensation);
     let folder = options.out.clone().unwrap_or_else(|| study.folder.join(TABLES_FOLDER));
     claim(&folder)?;
     // The codebook first: by it the next export knows the folder as its own, whatever ends this one.
@@ -76,8 +79,8 @@ pub fn export(study: &Study, options: &ExportOptions) -> Result<Exported, Box<dy
     for (name, text) in texts {
         write_whole(&folder.join(name), &text)?;
     }
-    if let Some(methods) = &options.armsym {
-        armsym_files(study, &look, methods, |files| {
+    if options.armsym {
+        armsym_files(study, &look, &options.methods, |files| {
             let own = folder.join(ARMSYM_FOLDER).join(&files.subject).join(format!("trial_{}", files.trial));
             fs::create_dir_all(&own).map_err(|error| format!("{}: {error}", own.display()))?;
             write_whole(&own.join("trialdata.json"), &proact_types::to_json(&files.events)?)?;

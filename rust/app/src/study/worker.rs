@@ -150,9 +150,9 @@ pub fn simulated_trial(
         feedback: FeedbackSinks::default(),
         interrupted,
     };
-    let mut film = order.scored.then(|| LiveTrace::new(session.testbed().task().scene().clone()));
-    let result = run_to_end(session, recorder, &mut nobody, order.dir.as_deref(), |step| {
-        film.iter_mut().for_each(|film| film.take(step));
+    let mut film = order.scored.then(|| LiveTrace::new(session.testbed()));
+    let result = run_to_end(session, recorder, &mut nobody, order.dir.as_deref(), |step, testbed| {
+        film.iter_mut().for_each(|film| film.take(step, testbed));
     })?;
     let scores = film.map(|film| film.scores(arm.model(), &result.result)).transpose()?;
     Ok(TrialDone { result, scores })

@@ -56,7 +56,7 @@ pub(super) fn text(args: &SelectArgs, json: bool) -> Result<String, Box<dyn Erro
     if json {
         let object =
             serde_json::json!({ "criterion": args.criterion, "windows": windows.len(), "features": chosen });
-        return Ok(super::with_findings(object, &findings));
+        return super::with_findings(object, &findings);
     }
     let with =
         if args.criterion == SelectionCriterion::FeatureEfficiency { "alone" } else { "with those above" };

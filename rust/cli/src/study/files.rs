@@ -47,7 +47,8 @@ pub(super) fn export(methods: &MethodRegistry, args: &ExportArgs, json: bool) ->
         out: args.out.clone(),
         raw: args.raw,
         keep_ids: args.keep_ids,
-        armsym: args.like.is_some().then(|| methods.clone()),
+        armsym: args.like.is_some(),
+        methods: methods.clone(),
     };
     let bar = bar(!json, 1, "reading the records {elapsed}");
     bar.enable_steady_tick(std::time::Duration::from_millis(500));

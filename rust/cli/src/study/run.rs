@@ -80,7 +80,14 @@ pub(super) fn command(registry: &Registry, args: &RunArgs, json: bool) -> Result
     };
     let look = proact_app::study::look(&study)?;
     let (over, all) = look.progress.count(|step| matches!(step, Happening::Trial(_)));
-    let tables = if finished { Some(export(&study, &ExportOptions::default())?) } else { None };
+    let tables = if finished {
+        Some(export(
+            &study,
+            &ExportOptions { methods: registry.methods.clone(), ..ExportOptions::default() },
+        )?)
+    } else {
+        None
+    };
     if json {
         let object = json!({ "finished": finished, "trials": [over, all], "rows": tables.as_ref().map(|t| &t.rows),
             "tables": tables.as_ref().map(|t| &t.folder) });

@@ -12,8 +12,8 @@ use proact_types::{
 };
 use std::sync::Arc;
 
-/// Without a valid gaze for this long, nothing is highlighted, ms.
-const GAZE_MAX_AGE: u64 = 500;
+/// A gaze expires after this, ms: without a newer valid one, nothing is highlighted, and nothing counts as looked at.
+pub const GAZE_MAX_AGE_MS: u64 = 500;
 
 /// The tracker's ray is the one before, although it may differ in `world`.
 const AGAIN: InputSign = InputSign { source: InputSource::EyeTracker, kind: SignKind::Repeated };
@@ -315,7 +315,7 @@ impl GazeFilter {
             Some(self.put_down.clamp(&hit, self.table_height))
         };
         if let Some(hit) = self.on_shelf(gaze).or_else(on_table) {
-            let fresh = self.seen_at.is_none_or(|seen| now.millis_since(seen) > GAZE_MAX_AGE);
+            let fresh = self.seen_at.is_none_or(|seen| now.millis_since(seen) > GAZE_MAX_AGE_MS);
             let elapsed = now.millis_since(before) as f64;
             let share = if fresh { 1.0 } else { 1.0 - (-elapsed / self.filter_ms.max(1e-9)).exp() };
             self.place += (hit - self.place) * share;
@@ -341,7 +341,7 @@ impl GazeFilter {
 
     /// The object that is most likely meant; none when the eye was not seen for half a second.
     pub fn highlight(&self, now: SimTime) -> Option<ObjectId> {
-        let fresh = self.seen_at.is_some_and(|seen| now.millis_since(seen) <= GAZE_MAX_AGE);
+        let fresh = self.seen_at.is_some_and(|seen| now.millis_since(seen) <= GAZE_MAX_AGE_MS);
         self.highlight.filter(|_| fresh)
     }
 

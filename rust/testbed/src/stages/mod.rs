@@ -31,7 +31,9 @@ pub use actuation::{ActuationInput, ActuationOutput, ActuationStage, Driven, Dri
 pub use display::{DisplayInput, DisplayStage};
 pub use emg::{EmgStage, EmgStageInput, EmgStageOutput};
 pub use feedback::{FeedbackInput, FeedbackStage};
-pub use intent::{GazeFilter, GazeHeard, GazeMeasurement, IntentInput, IntentOutput, IntentStage};
+pub use intent::{
+    GAZE_MAX_AGE_MS, GazeFilter, GazeHeard, GazeMeasurement, IntentInput, IntentOutput, IntentStage,
+};
 pub use method::{MethodInput, MethodOutput, MethodStage, MethodView};
 pub use person::{PersonInput, PersonParts, PersonStage};
 pub use task::{TaskOutput, TaskStage, TaskStageInput};

@@ -247,7 +247,7 @@ impl LiveStudy<'_> {
             feedback: FeedbackSinks::default(),
             interrupted,
         };
-        let result = run_to_end(session, None, &mut audience, None, |_| {})?;
+        let result = run_to_end(session, None, &mut audience, None, |_, _| {})?;
         let left = inputs.left.take();
         journal_holds(&mut self.state)?;
         let ended = match result.ended {

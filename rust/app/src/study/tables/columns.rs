@@ -26,6 +26,16 @@ const DEPARTURES: Column = column(
     "journal",
 );
 
+/// Last in each table of what records hold.
+pub(crate) const FLAW: Column = column(
+    "flaw",
+    "",
+    "what is wrong with the record, with commas between; empty if nothing is. cut: a bag that breaks off, so that outcomes and score \
+     are missing; bag_only: a bag without the record of a trial; foreign: this program cannot compute the record again, its bag is \
+     scored; diverged: the trial computed again is not the recorded one; interrupted: the trial was broken off",
+    "computed from the record",
+);
+
 /// The columns that name a trial.
 pub(crate) const TRIAL_KEY: [Column; 5] = [PARTICIPANT, ID, SESSION, CONDITION, TRIAL];
 
@@ -69,7 +79,12 @@ pub(crate) const TRIALS: &[Column] = of_a_trial![
     column("setup", "", "where person and box were", "record"),
     column("ended", "", "what ended it: task, abort", "record"),
     column("attempt", "", "which attempt counts, from 1; all are in attempts", "journal"),
-    column("mark", "", "* where something departed from the plan", "journal"),
+    column(
+        "mark",
+        "",
+        "* where something departed from the plan, or where the record of a trial outside a study has a flaw",
+        "journal"
+    ),
     DEPARTURES,
     column("score", "", "what counts in the task", "record"),
     column("score_name", "", "what the score is", "record"),
@@ -84,6 +99,7 @@ pub(crate) const TRIALS: &[Column] = of_a_trial![
     column("record", "", "folder of the record, in the study's folder", "journal"),
     column("digest", "", "digest of the trial: the same for the same inputs", "record"),
     SIMULATED,
+    FLAW,
 ];
 
 pub(crate) const ATTEMPTS: &[Column] = of_a_trial![
@@ -101,6 +117,7 @@ pub(crate) const BLOCKS: &[Column] = of_a_trial![
     column("pick_s", "s", "from the release of the one before, or the start, to the first contact", "record"),
     column("place_s", "s", "from the last contact to the release", "record"),
     column("error_mm", "mm", "horizontal distance from its target at the end", "record"),
+    FLAW,
 ];
 
 pub(crate) const ACTIONS: &[Column] = of_a_trial![
@@ -108,6 +125,7 @@ pub(crate) const ACTIONS: &[Column] = of_a_trial![
     column("action", "", "what was done", "record"),
     column("object", "", "with which object", "record"),
     column("detail", "", "the gesture, the reason, how it ended", "record"),
+    FLAW,
 ];
 
 pub(crate) const GAZE: &[Column] = of_a_trial![
@@ -118,6 +136,7 @@ pub(crate) const GAZE: &[Column] = of_a_trial![
     column("path_deg", "degree", "angle that the gaze went", "computed from the record"),
     column("fixations", "", "I-VT: slower than 100 degrees/s for at least 80 ms", "computed from the record"),
     column("fixation_ms", "ms", "mean length of a fixation", "computed from the record"),
+    FLAW,
 ];
 
 pub(crate) const COMPENSATION: &[Column] = of_a_trial![
@@ -141,6 +160,7 @@ pub(crate) const COMPENSATION: &[Column] = of_a_trial![
         "furthest turn of the trunk from how it was first; empty if it was not tracked",
         "computed from trunk.csv beside the record"
     ),
+    FLAW,
 ];
 
 pub(crate) const EMG_QUALITY: &[Column] = of_a_trial![
@@ -157,6 +177,7 @@ pub(crate) const EMG_QUALITY: &[Column] = of_a_trial![
     ),
     column("amber_share", "1", "share of the time with an amber light, 0 to 1", "computed from the record"),
     column("red_share", "1", "share of the time with a red light, 0 to 1", "computed from the record"),
+    FLAW,
 ];
 
 pub(crate) const DEVIATIONS: &[Column] = &[

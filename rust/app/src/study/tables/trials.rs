@@ -1,16 +1,16 @@
 //! What the records of the trials that count say.
 
 use super::{Counted, Told, columns};
-use crate::read_trunk;
+use crate::analysis::append;
 use proact_analysis::{
-    measures::{GazeMeasure, ShoulderMeasure},
+    measures::GazeMeasure,
     table::{Cell, Table, word},
 };
 use proact_bridge::ResultLine;
 use proact_emg::{Light, QualityConfig, QualityMonitor};
 use proact_recording::{Trial, read_result};
 use proact_testbed::{TrialConfig, TrialResult};
-use proact_types::{Event, EventKind, ObjectId, Pose, Scene, SimTime};
+use proact_types::{Event, EventKind, ObjectId, Scene, SimTime};
 use std::error::Error;
 
 /// Millimetres in a metre.
@@ -28,7 +28,6 @@ pub(super) fn tables(
         blocks: Table::new("blocks", "an object in a trial", columns::BLOCKS),
         actions: Table::new("actions", "something that person, method or hand did", columns::ACTIONS),
         gaze: Table::new("gaze", "a phase of a trial: with an empty hand, or holding", columns::GAZE),
-        compensation: Table::new("compensation", "a trial", columns::COMPENSATION),
         emg: Table::new("emg_quality", "a channel of the armband in a trial", columns::EMG_QUALITY),
         raw_gaze: Table::new("raw_gaze", "a sample of the gaze", columns::RAW_GAZE),
         raw_shoulder: Table::new("raw_shoulder", "a pose of the shoulder", columns::RAW_SHOULDER),
@@ -43,8 +42,8 @@ pub(super) fn tables(
             }
         }
     }
-    let TrialTables { trials, blocks, actions, gaze, compensation, emg, raw_gaze, raw_shoulder } = tables;
-    let mut all = vec![trials, blocks, actions, gaze, compensation, emg];
+    let TrialTables { trials, blocks, actions, gaze, emg, raw_gaze, raw_shoulder } = tables;
+    let mut all = vec![trials, blocks, actions, gaze, emg];
     if raw {
         all.extend([raw_gaze, raw_shoulder]);
     }
@@ -56,7 +55,6 @@ struct TrialTables {
     blocks: Table,
     actions: Table,
     gaze: Table,
-    compensation: Table,
     emg: Table,
     raw_gaze: Table,
     raw_shoulder: Table,
@@ -71,13 +69,13 @@ impl TrialTables {
         let key = told.trial_key(counted.planned);
         self.trial(told, counted, &result);
         if result.failure().is_none() {
-            self.blocks.rows.extend(block_rows(&key, &result.beside, &result.result));
+            append(&mut self.blocks, block_rows(&key, &result.beside, &result.result));
         }
         let events = record.events()?;
         let arm = crate::Arm::recorded(&dir, &config)?;
         let task = config.build_task(arm.model())?;
         self.actions(&key, &events, task.scene());
-        self.inputs(&key, &record, &config, &events, &read_trunk(&dir)?, raw)
+        self.inputs(&key, &record, &config, &events, raw)
     }
 
     fn trial(&mut self, told: &Told<'_>, counted: &Counted<'_>, result: &TrialResult) {
@@ -109,7 +107,7 @@ impl TrialTables {
             result.digest.as_str().into(),
             told.look.simulated.into(),
         ]);
-        self.trials.push(row);
+        append(&mut self.trials, [row]);
     }
 
     fn actions(&mut self, key: &[Cell], events: &[Event], scene: &Scene) {
@@ -143,7 +141,7 @@ impl TrialTables {
                 object.into(),
                 if detail.is_empty() { Cell::Missing } else { detail.into() },
             ]);
-            self.actions.push(row);
+            append(&mut self.actions, [row]);
         }
     }
 
@@ -154,11 +152,9 @@ impl TrialTables {
         record: &Trial,
         config: &TrialConfig,
         events: &[Event],
-        trunk_poses: &[(SimTime, Pose)],
         raw: bool,
     ) -> Result<(), Box<dyn Error>> {
         let mut phases = Phases::new(events);
-        let mut shoulder = ShoulderMeasure::default();
         let mut emg = config.emg.as_ref().map(|emg| EmgTally::new(emg.rate_hz, emg.channels));
         for input in record.inputs()? {
             let input = input?;
@@ -172,7 +168,6 @@ impl TrialTables {
                 }
             }
             if let Some(pose) = &input.shoulder {
-                shoulder.push(pose);
                 if raw {
                     let values = pose.translation.vector.iter().chain(pose.rotation.coords.iter());
                     let row = key.iter().cloned().chain([secs(time).into()]);
@@ -195,21 +190,9 @@ impl TrialTables {
                 gaze.fixations.into(),
                 (gaze.fixations > 0).then(|| gaze.fixated_ms as f64 / gaze.fixations as f64).into(),
             ]);
-            self.gaze.push(row);
+            append(&mut self.gaze, [row]);
         }
-        let known = |value: f64| shoulder.is_known().then_some(value);
-        let mut row = key.to_vec();
-        row.extend([
-            known(shoulder.path_m).into(),
-            known(shoulder.range_m * MM).into(),
-            known(shoulder.turn_deg).into(),
-        ]);
-        let mut trunk = ShoulderMeasure::default();
-        trunk_poses.iter().for_each(|(_, pose)| trunk.push(pose));
-        let known = |value: f64| trunk.is_known().then_some(value);
-        row.extend([known(trunk.range_m * MM).into(), known(trunk.turn_deg).into()]);
-        self.compensation.push(row);
-        emg.into_iter().flat_map(|emg| emg.rows(key)).for_each(|row| self.emg.push(row));
+        append(&mut self.emg, emg.into_iter().flat_map(|emg| emg.rows(key)));
         Ok(())
     }
 }

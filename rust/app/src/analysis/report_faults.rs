@@ -1,0 +1,89 @@
+//! What in a report's tables cannot be: a fault of the report, told with the record, the phase, the value and the limit.
+
+use super::summaries::participant;
+use proact_analysis::{limits::impossible, table::Table};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// As many are told among the notes; all are in the JSON.
+const TOLD: usize = 20;
+
+/// A value in a table that no arm and no person can produce.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ReportFault {
+    /// The table.
+    pub table: &'static str,
+    /// The record; empty if the tables do not tell it.
+    pub record: String,
+    /// Whose it is, such as `P3`.
+    pub participant: String,
+    /// The condition.
+    pub condition: String,
+    /// The trial.
+    pub trial: String,
+    /// Which phase, such as `pick of red1, time 1`; `trial` for a value of the whole trial.
+    pub phase: String,
+    /// The column; with `/seconds` behind it, divided by that column.
+    pub quantity: String,
+    /// The value.
+    pub value: f64,
+    /// The largest possible value.
+    pub limit: f64,
+    /// Of both.
+    pub unit: &'static str,
+}
+
+/// The faults of the tables, in their order.
+pub(super) fn report_faults(tables: &BTreeMap<&'static str, Table>) -> Vec<ReportFault> {
+    let trials = tables.get("trials");
+    let record = |key: &[proact_analysis::table::Cell]| {
+        let trials = trials?;
+        let row = trials.rows.iter().find(|row| row.starts_with(key))?;
+        Some(trials.words(row, "record"))
+    };
+    let of_table = |table: &Table| {
+        let faults = impossible(table).into_iter().map(|found| {
+            let row = &table.rows[found.row];
+            let words = |name| table.words(row, name);
+            let phase = match table.place("phase") {
+                Some(_) => format!("{} of {}, time {}", words("phase"), words("block"), words("time")),
+                None => "trial".to_owned(),
+            };
+            ReportFault {
+                table: table.name,
+                record: record(&row[..5]).unwrap_or_default(),
+                participant: participant(table, row),
+                condition: words("condition"),
+                trial: words("trial"),
+                phase,
+                quantity: found.quantity,
+                value: found.value,
+                limit: found.limit,
+                unit: found.unit,
+            }
+        });
+        faults.collect::<Vec<_>>()
+    };
+    tables.values().flat_map(of_table).collect()
+}
+
+/// The faults in words, for the notes of the report.
+pub(super) fn in_words(faults: &[ReportFault]) -> Vec<String> {
+    let one = |fault: &ReportFault| {
+        let ReportFault { table, record, participant, condition, trial, phase, quantity, value, limit, unit } =
+            fault;
+        let record = if record.is_empty() { String::new() } else { format!("{record}, ") };
+        format!(
+            "Fault of this report: {record}{participant} {condition} trial {trial}, {phase}: {quantity} in {table} is {value:.3} {unit}, \
+             and no arm or person exceeds {limit} {unit}. Do not use the figures of this trial"
+        )
+    };
+    let mut told: Vec<String> = faults.iter().take(TOLD).map(one).collect();
+    if faults.len() > TOLD {
+        told.push(format!(
+            "Faults of this report: {} more, in the JSON of proact analyze",
+            faults.len() - TOLD
+        ));
+    }
+    told
+}
