@@ -1,4 +1,5 @@
-//! The one writer of output: files that a user names, and files that must be whole or not there.
+//! The one writer of output files. It replaces a regular file atomically, follows symbolic links, and writes through pipes and
+//! devices.
 //!
 //! | the path leads to | what happens |
 //! |---|---|
@@ -7,8 +8,8 @@
 //! | a pipe, a device, `/dev/stdout` | the bytes are written through it once all of them are known; the node stays |
 //! | a folder, a link without an end | an error |
 //!
-//! Nothing of a path is decided twice: whatever writes a file asks here. Whoever works long before writing calls
-//! [`check_output`], [`check_folder`] or [`check_claim`] first, so that a place that cannot be written costs nothing.
+//! A command that works for long before it writes calls [`check_output`], [`check_folder`] or [`check_claim`] first, so that
+//! a path that cannot be written is refused before the work. This crate reads no clock and no configuration.
 //!
 //! ```
 //! # let folder = tempfile::tempdir()?;
@@ -43,7 +44,7 @@ pub enum WriteError {
         /// What the system said.
         source: io::Error,
     },
-    /// A file that is there is not replaced by this command.
+    /// This command replaces no existing file.
     #[error("{} exists and is left alone; name another file", path.display())]
     Exists {
         /// The file.

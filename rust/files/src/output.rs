@@ -15,8 +15,8 @@ use tempfile::NamedTempFile;
 pub(crate) const PREFIX: &str = ".proact-";
 pub(crate) const SUFFIX: &str = ".partial";
 
-/// A file that is being written. It takes its place in [`OutputFile::finish`]; dropped before that it leaves nothing, and what
-/// was there stays as it was.
+/// A file that is being written. [`OutputFile::finish`] puts it in its place. Dropped earlier, it leaves nothing behind, and an
+/// existing file is unchanged.
 #[derive(Debug)]
 pub struct OutputFile {
     /// As it was named.
@@ -148,7 +148,7 @@ fn pour(mut file: File, target: &Path) -> io::Result<()> {
     out.flush()
 }
 
-/// An error names the file: whatever writes through several layers reports it as it is.
+/// An error names the file, so that a caller behind a compressor or a table can report it unchanged.
 impl Write for OutputFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.file()
@@ -192,8 +192,8 @@ pub fn check_output(path: &Path) -> Result<(), WriteError> {
     OutputFile::create(path).map(drop)
 }
 
-/// Opens the new file `path`, which grows in its place: what was written before a program ends is there. Leads `path` to a
-/// pipe or device, that is opened.
+/// Opens the new file `path` for a live recording, which must survive the end of the program: it is written in place, not
+/// atomically. A pipe or device is opened as it is.
 ///
 /// # Errors
 /// What the system refuses, [`io::ErrorKind::AlreadyExists`] for a regular file that is there.

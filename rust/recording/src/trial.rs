@@ -53,7 +53,7 @@ impl Trial {
         let manifest = manifest::check(dir, &own);
         let finished = !matches!(manifest, Ok(false));
         let header = match (read_header(dir, log.header()), &manifest) {
-            // The log may be the file that is another one; the manifest knows, and the log's own list does not.
+            // A swapped log lists the hashes of another trial; only the manifest names the log itself.
             (Err(RecordingError::Changed { .. }), Err(RecordingError::Changed { dir, files })) => {
                 return Err(RecordingError::Changed { dir: dir.clone(), files: files.clone() });
             }

@@ -230,7 +230,7 @@ fn an_input_log_of_another_trial_is_named_itself() {
     fs::copy(other.join(INPUTS_FILE), dir.join(INPUTS_FILE)).unwrap();
     let error = Trial::open(&dir).unwrap_err().to_string();
     assert!(error.contains("as it was recorded: inputs.log has changed; expected"), "{error}");
-    // Without a manifest nobody can say which of the two it is.
+    // Without a manifest either file may be the foreign one.
     fs::remove_file(dir.join(MANIFEST_FILE)).unwrap();
     let error = Trial::open(&dir).unwrap_err().to_string();
     assert!(error.contains("config.toml is not the one that inputs.log was begun with"), "{error}");

@@ -17,6 +17,7 @@ use serde_json::{Value, json};
 use std::{
     collections::BTreeMap,
     error::Error,
+    fs::File,
     io::{BufWriter, Write},
     path::PathBuf,
 };

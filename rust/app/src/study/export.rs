@@ -7,7 +7,7 @@ use super::{
 };
 use proact_analysis::table::{Cell, Table};
 use proact_control::MethodRegistry;
-use proact_files::{OutputFile, WriteError, check_claim, claim_folder, make_folder, write_whole};
+use proact_files::{OutputFile, check_claim, claim_folder, make_folder, write_whole};
 use proact_recording::{
     MANIFEST_FILE,
     journal::{Journal, JournalError},

@@ -102,7 +102,8 @@ fn plot_path(out: &Path, figure: &TrainingFigure) -> PathBuf {
 /// Where the figures are, by name, for the command's answer.
 pub(super) fn plots(out: &Path, figures: &[TrainingFigure]) -> Value {
     let path = |figure: &TrainingFigure| plot_path(out, figure).display().to_string().into();
-    Value::Object(figures.iter().map(|figure| (figure.name.to_owned(), path(figure))).collect())
+    let drawn = figures.iter().filter(|_| is_replaced(out));
+    Value::Object(drawn.map(|figure| (figure.name.to_owned(), path(figure))).collect())
 }
 
 /// The answer as the calibration page gets it, with the figures themselves.

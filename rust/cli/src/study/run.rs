@@ -64,7 +64,7 @@ pub struct RunArgs {
 }
 
 pub(super) fn command(registry: &Registry, args: &RunArgs, json: bool) -> Result<bool, Box<dyn Error>> {
-    // Before a page is up and somebody waits at it.
+    // Before the page starts.
     if let Some(id) = args.participant.as_deref().filter(|_| args.new) {
         check_pseudonym(id)?;
     }
