@@ -107,8 +107,10 @@ def disk_full_outputs():
     for name, words in writers.items():
         # What is to be new cannot be there before.
         old = 'echo old > "$dir/out";' if name == "features" else ""
-        fill = 'dd if=/dev/zero of="$dir/fill" bs=1k 2>"$dir/../dd";'
-        done = in_mount(f'{old} {fill} "$proact" {words} "$dir/out"; echo "exit $?"; ls -A "$dir"; cat "$dir/out"', "size=64k")
+        show = 'ls -A "$dir"; cat "$dir/out"' if old else 'ls -A "$dir"'
+        # With room for the beginning of each, so that the file can be made.
+        fill = 'dd if=/dev/zero of="$dir/fill" bs=1k 2>"$dir/../dd"; truncate -s -12K "$dir/fill";'
+        done = in_mount(f'{old} {fill} "$proact" {words} "$dir/out"; echo "exit $?"; {show}', "size=64k")
         demand("exit 1" in done.stdout and "No space left on device" in done.stderr, f"{name}: {done.stdout}{done.stderr}")
         demand("mounted/out" in done.stderr, f"{name} does not name the file: {done.stderr}")
         if old:
@@ -167,9 +169,16 @@ LONG_WRITERS = [
 
 
 def refused_outputs(run_with, why):
+    begun = []
     for words in LONG_WRITERS:
-        done = run_with(f'"$proact" {words}; echo "exit $?"')
-        demand("exit 1" in done.stdout and why in done.stderr, f"{words}: {done.stdout}{done.stderr}")
+        try:
+            done = run_with(f'"$proact" {words}; echo "exit $?"')
+        except subprocess.TimeoutExpired:
+            begun.append(f"{words}: it began")
+            continue
+        if "exit 1" not in done.stdout or why not in done.stderr:
+            begun.append(f"{words}: {done.stdout}{done.stderr}")
+    demand(not begun, "\n".join(begun))
     return f"{len(LONG_WRITERS)} commands are refused before they begin"
 
 

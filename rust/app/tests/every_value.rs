@@ -93,8 +93,9 @@ fn fault(assignments: &[&str], key: &str) -> Option<String> {
     let config = match config(assignments) {
         Ok(config) => config,
         Err(refusal) => {
-            // Some errors name the key without the table that it is in.
-            let named = key.rsplit('.').next().is_some_and(|name| refusal.contains(name));
+            // Some errors name the key in words, such as "EMG rate" for `emg.rate_hz`.
+            let said = refusal.to_lowercase();
+            let named = key.rsplit('.').next().is_some_and(|name| name.split('_').any(|word| said.contains(word)));
             return (!named || !refusal.contains("expected")).then(|| format!("is refused by: {refusal}"));
         }
     };
