@@ -18,12 +18,13 @@ mod usage;
 mod window_args;
 
 use clap::{Args, Subcommand};
-use proact_app::{tell, write_whole};
+use proact_app::tell;
 use proact_devices::{
     DeviceError, Recording, Recordings, SampleFile, SourceRegistry, accepted, evaluate, findings_json,
     read_samples,
 };
 use proact_emg::{DriveScore, EmgConfig, FeatureVector, RecordedFault};
+use proact_files::{check_output, write_whole};
 use proact_types::{GestureName, Number};
 pub(crate) use recorded::FaultArgs;
 use std::{
@@ -140,6 +141,7 @@ fn run_command(sources: &SourceRegistry, command: &EmgCommand, json: bool) -> Re
     let text = match command {
         EmgCommand::Evaluate(args) => evaluation(args, json)?,
         EmgCommand::Features(args) => {
+            args.out.as_deref().map_or(Ok(()), check_output)?;
             let text = features(args, json)?;
             if let Some(path) = &args.out {
                 return Ok(write_whole(path, &text)?);

@@ -1,13 +1,13 @@
 use crate::WindowLength;
 use crate::feature::known_names;
-use proact_types::{DegreeOfFreedom, GestureName, MAX_EMG_CHANNELS, MAX_GESTURES};
+use proact_types::{DegreeOfFreedom, GestureName, MAX_EMG_CHANNELS, MAX_GESTURES, number_text};
 
 /// What can be wrong with settings, training data or features.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum EmgError {
     /// No usable sample rate.
-    #[error("EMG rate is {rate_hz} Hz, expected a finite number above zero")]
+    #[error("EMG rate is {} Hz, expected 1 to 1000000", number_text(*rate_hz))]
     Rate {
         /// As given.
         rate_hz: f64,
@@ -298,7 +298,7 @@ pub enum EmgError {
     #[error("the list of EMG features is empty, expected at least one")]
     NoFeatures,
     /// A threshold outside its range.
-    #[error("{name} is {value}, expected {expected}")]
+    #[error("{name} is {}, expected {expected}", number_text(*value))]
     Threshold {
         /// Which one.
         name: &'static str,

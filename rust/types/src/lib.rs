@@ -54,7 +54,7 @@ pub use intention::{Intention, TrunkPosture};
 pub use method::{
     MOST_METHOD_NAME_BYTES, MOST_METHOD_TEXT_BYTES, MethodEvent, MethodHelp, MethodInfo, MethodStyle, Needs,
 };
-pub use numbers::{Number, to_json, to_json_pretty};
+pub use numbers::{Number, number_text, to_json, to_json_pretty};
 pub use plan::{
     AttachedObject, Obstacle, PlanGoal, PlanReply, PlanRequest, PlanStatus, Trajectory, TrajectoryPoint,
 };

@@ -11,12 +11,13 @@ use crate::{
     study::{TrialScores, tables::trials::block_rows},
 };
 use proact_analysis::table::{Cell, Table};
+use proact_files::OutputFile;
 use proact_testbed::TrialResult;
 use serde_json::{Value, json};
 use std::{
     collections::BTreeMap,
     error::Error,
-    fs::{self, File},
+    fs::File,
     io::{BufWriter, Write},
     path::PathBuf,
 };
@@ -92,15 +93,12 @@ pub fn merge(folder: &BatchFolder, all: bool) -> Result<Option<Merged>, Box<dyn 
 
 /// A table that is being written.
 struct TableFile {
-    writer: csv::Writer<BufWriter<File>>,
+    writer: csv::Writer<BufWriter<OutputFile>>,
     columns: usize,
-    partial: PathBuf,
-    path: PathBuf,
 }
 
 struct Output {
-    lines: BufWriter<File>,
-    partial: PathBuf,
+    lines: BufWriter<OutputFile>,
     tables: BTreeMap<&'static str, TableFile>,
     conditions: Vec<String>,
     sweep: Sweep,
@@ -111,32 +109,26 @@ impl Output {
     fn begin(folder: &BatchFolder) -> Result<Self, Box<dyn Error>> {
         let sweep = Sweep::read(&folder.description.vary)?;
         let lines = folder.dir.join(LINES);
-        let partial = lines.with_extension("jsonl.partial");
         let mut tables = BTreeMap::new();
+        let mut paths = BTreeMap::new();
         let empty: Vec<Table> = trials_and_blocks().into_iter().chain(tables_of_scores()).collect();
         for Table { name, columns, .. } in &empty {
             let path = folder.dir.join(format!("{name}.csv"));
-            let partial = path.with_extension("csv.partial");
-            let mut writer = csv::Writer::from_writer(BufWriter::new(File::create(&partial)?));
+            let mut writer = csv::Writer::from_writer(BufWriter::new(OutputFile::create(&path)?));
             writer.write_record(columns.iter().map(|column| column.name).chain(sweep.keys()))?;
-            tables.insert(*name, TableFile { writer, columns: columns.len(), partial, path });
+            tables.insert(*name, TableFile { writer, columns: columns.len() });
+            paths.insert((*name).to_owned(), path);
         }
+        let file = OutputFile::create(&lines)?;
         let merged = Merged {
-            tables: tables.iter().map(|(name, table)| ((*name).to_owned(), table.path.clone())).collect(),
+            tables: paths,
             lines,
             tally: ScoreTally::default(),
             scores: Vec::new(),
             digests: Vec::new(),
         };
         let conditions = folder.description.conditions.clone();
-        Ok(Self {
-            lines: BufWriter::new(File::create(&partial)?),
-            partial,
-            tables,
-            conditions,
-            sweep,
-            merged,
-        })
+        Ok(Self { lines: BufWriter::new(file), tables, conditions, sweep, merged })
     }
 
     fn push(&mut self, line: TrialLine) -> Result<(), Box<dyn Error>> {
@@ -224,13 +216,10 @@ impl Output {
     }
 
     fn finish(self) -> Result<Merged, Box<dyn Error>> {
-        let Self { lines, partial, tables, merged, .. } = self;
-        lines.into_inner()?.sync_all()?;
-        fs::rename(&partial, &merged.lines)?;
-        for TableFile { writer, partial, path, .. } in tables.into_values() {
-            let buffer = writer.into_inner().map_err(|error| error.to_string())?;
-            buffer.into_inner()?.sync_all()?;
-            fs::rename(&partial, &path)?;
+        let Self { lines, tables, merged, .. } = self;
+        lines.into_inner()?.finish()?;
+        for table in tables.into_values() {
+            table.writer.into_inner().map_err(|error| error.to_string())?.into_inner()?.finish()?;
         }
         Ok(merged)
     }

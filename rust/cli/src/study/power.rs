@@ -6,12 +6,12 @@ use proact_app::{
     analysis::collect,
     answer, answer_json,
     study::{self, PowerOfSize, PowerOptions, Study},
-    write_whole,
 };
 use proact_control::MethodRegistry;
+use proact_files::{check_output, write_whole};
 use proact_types::Number;
 use serde_json::json;
-use std::{error::Error, fs, path::PathBuf};
+use std::{error::Error, path::PathBuf};
 
 /// Arguments of `proact study power`.
 #[derive(Debug, Args)]
@@ -50,6 +50,11 @@ pub struct PowerArgs {
 }
 
 pub(super) fn command(methods: &MethodRegistry, args: &PowerArgs, json: bool) -> Result<(), Box<dyn Error>> {
+    if let Some(file) = &args.figure {
+        for ending in ["svg", "png"] {
+            check_output(&file.with_extension(ending))?;
+        }
+    }
     let study = Study::open(&args.study, methods)?;
     let scores = match (&args.effect, &args.from) {
         (Some(file), _) => study::expected_effect(file)?,
@@ -70,8 +75,7 @@ pub(super) fn command(methods: &MethodRegistry, args: &PowerArgs, json: bool) ->
     if let Some(file) = &args.figure {
         let (svg, png) = study::power_figure(&found)?;
         write_whole(&file.with_extension("svg"), &svg)?;
-        let file = file.with_extension("png");
-        fs::write(&file, png).map_err(|error| format!("{}: {error}", file.display()))?;
+        write_whole(&file.with_extension("png"), png)?;
     }
     if json {
         return Ok(answer_json(&json!({ "conditions": study.conditions(), "power": found }))?);
