@@ -9,6 +9,7 @@ mod rehearsal;
 pub(crate) mod tables;
 mod worker;
 
+use conductor::study_place;
 pub use conductor::{
     Conductor, Look, STUDY_FILE, StudyError, TRIALS_FOLDER, check_pseudonym, look, record_name,
 };

@@ -31,6 +31,7 @@ fn a_trial_reads_back_as_it_was_written() {
 
     let trial = Trial::open(&dir).unwrap();
     assert_eq!(*trial.header(), header());
+    assert_eq!(trial.header().writer(), "proact 0.1.0 at commit 0123456789ab");
     let (records, end) = read_inputs(&dir);
     let expected: Vec<_> = (1..=600).map(|t| (t, input(t))).filter(|(t, _)| t % 3 != 0).collect();
     let got: Vec<_> = records.into_iter().map(|r| (r.tick.0, r.input)).collect();

@@ -13,7 +13,7 @@ use proact_analysis::{
     table::{Cell, Column, Table, word},
 };
 use proact_control::MethodRegistry;
-use proact_recording::{Trial, read_result};
+use proact_recording::{RecordingError, Trial, read_result};
 use proact_testbed::TrialResult;
 use std::{
     error::Error,
@@ -113,6 +113,8 @@ pub(super) struct Rows {
     pub(super) blocks: Vec<Vec<Cell>>,
     /// What is missing or wrong.
     pub(super) notes: Vec<String>,
+    /// Why nothing at all may be made of these sources: the result has a key or an outcome that nobody knows.
+    pub(super) refused: Option<String>,
 }
 
 impl Rows {
@@ -175,13 +177,20 @@ pub(super) fn score_all(
     };
     let mut found: Vec<(usize, Result<Rows, String>)> = thread::scope(|scope| {
         let workers: Vec<_> = (0..jobs.max(1)).map(|_| scope.spawn(work)).collect();
-        workers.into_iter().flat_map(|worker| worker.join().unwrap_or_default()).collect()
+        let joined = workers.into_iter().map(|worker| worker.join());
+        joined.flat_map(|rows| rows.unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
     });
     found.sort_by_key(|(place, _)| *place);
     found.into_iter().map(|(_, rows)| rows).collect()
 }
 
 fn rows_of(methods: &MethodRegistry, source: &Source) -> Result<Rows, Box<dyn Error>> {
+    // Before anything else: what is unknown is named, also where the file is not the recorded one any more.
+    if let Source::Counted { dir, .. } | Source::Loose { dir } = source
+        && let Err(error @ RecordingError::Damaged { .. }) = read_result::<TrialResult>(dir)
+    {
+        return Ok(Rows { refused: Some(error.to_string()), ..Rows::default() });
+    }
     match source {
         Source::Counted { key, dir } => {
             let result: TrialResult = read_result(dir)?;
@@ -233,7 +242,7 @@ fn loose(methods: &MethodRegistry, dir: &Path) -> Result<Rows, Box<dyn Error>> {
     let blocks = if result.failure().is_some() {
         Vec::new()
     } else {
-        block_rows(&key, &result.beside, &result.result)
+        block_rows(&key, &result.result)?
     };
     Ok(Rows {
         scores: counted(scores(&key, &trace), &result),
@@ -272,7 +281,7 @@ fn bag(path: &Path) -> Result<Rows, Box<dyn Error>> {
     });
     // What became of an object is known at the end alone.
     let blocks = match result {
-        Some(result) => block_rows(&key, &result.beside, &result.result),
+        Some(result) => block_rows(&key, &result.result)?,
         None => {
             let row = |object| {
                 by_name(BLOCKS, &key, |name| match name {

@@ -184,7 +184,7 @@ impl Output {
         // Of a trial that failed the faults alone say something.
         let scores = match result.failure() {
             None => {
-                for row in block_rows(&key, &result.beside, &result.result) {
+                for row in block_rows(&key, &result.result)? {
                     write("blocks", &mut row.into_iter())?;
                 }
                 scores

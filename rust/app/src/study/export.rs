@@ -2,8 +2,8 @@
 
 use super::{
     STUDY_FILE, Study, TRIALS_FOLDER,
-    conductor::{LookOptions, StudyError, look_with},
-    tables::{armsym_files, counted_trials, tables},
+    conductor::{LookOptions, StudyError, look, look_with},
+    tables::{armsym_files, check_places, counted_trials, tables},
 };
 use crate::analysis::score_study;
 use proact_analysis::table::{Cell, Table};
@@ -257,12 +257,14 @@ fn files(folder: &Path) -> io::Result<BTreeMap<String, PathBuf>> {
 /// its number and how many there are.
 ///
 /// # Errors
-/// A file that exists, a disk that is full, an archive that does not read back as it was written.
+/// A record in the folder of another trial, a file that exists, a disk that is full, an archive that does not read back as it was
+/// written.
 pub fn archive(
     study: &Study,
     out: &Path,
     mut tell: impl FnMut(usize, usize),
 ) -> Result<usize, Box<dyn Error>> {
+    check_places(study, &look(study)?)?;
     let mut file = OutputFile::create_new(out)?;
     let sums = fill(study, &mut file, out, &mut tell)?;
     file.rewind()
