@@ -212,7 +212,11 @@ impl<'a> Streams<'a> {
     /// Its name, and all of it as in `events.jsonl`.
     fn event(&mut self, event: &Event) -> io::Result<()> {
         self.count(self.events);
-        self.file.words(self.events, event.time.as_secs(), &[&kind_of(event)?, &serde_json::to_value(event)?.to_string()])
+        self.file.words(
+            self.events,
+            event.time.as_secs(),
+            &[&kind_of(event)?, &serde_json::to_value(event)?.to_string()],
+        )
     }
 
     fn numbers(&mut self, stream: StreamId, time_secs: f64, values: &[f64]) -> io::Result<()> {

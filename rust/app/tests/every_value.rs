@@ -95,7 +95,8 @@ fn fault(assignments: &[&str], key: &str) -> Option<String> {
         Err(refusal) => {
             // Some errors name the key in words, such as "EMG rate" for `emg.rate_hz`.
             let said = refusal.to_lowercase();
-            let named = key.rsplit('.').next().is_some_and(|name| name.split('_').any(|word| said.contains(word)));
+            let named =
+                key.rsplit('.').next().is_some_and(|name| name.split('_').any(|word| said.contains(word)));
             return (!named || !refusal.contains("expected")).then(|| format!("is refused by: {refusal}"));
         }
     };

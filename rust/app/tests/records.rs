@@ -78,7 +78,8 @@ fn a_record_without_a_key_that_came_later_replays_by_the_text_that_was_recorded(
     let config = TrialConfig::from_toml(&text)?;
     assert_ne!(config.to_toml()?, text, "the key is written today");
     let arm = Arm::recorded(original.dir(), &config)?;
-    let mut testbed = trial::replayed(&Registry::standard().methods, &arm, config, None)?.with_recorded_config(&text);
+    let mut testbed =
+        trial::replayed(&Registry::standard().methods, &arm, config, None)?.with_recorded_config(&text);
     let mut spans: Vec<SpanDigest> = Vec::new();
     for tick in original.ticks()? {
         let (time, input) = tick?;

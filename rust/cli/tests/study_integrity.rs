@@ -94,7 +94,8 @@ fn a_record_in_the_folder_of_another_trial_is_refused_by_name() {
     let folder = dir.join("study").join(ONE);
     let config = folder.join("digests.log");
     let result = fs::read_to_string(folder.join("result.json")).unwrap();
-    let digest = serde_json::from_str::<serde_json::Value>(&result).unwrap()["digest"].as_str().unwrap().to_owned();
+    let digest =
+        serde_json::from_str::<serde_json::Value>(&result).unwrap()["digest"].as_str().unwrap().to_owned();
     let mut journal = rusqlite::Connection::open(dir.join("study/study.sqlite")).unwrap();
     let transaction = journal.transaction().unwrap();
     let changed = transaction

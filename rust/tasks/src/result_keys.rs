@@ -15,7 +15,9 @@ pub struct ResultError {
 }
 
 /// For `deserialize_with`: a value that may be null, under a key that must be there.
-pub(crate) fn present<'de, D: Deserializer<'de>, T: Deserialize<'de>>(from: D) -> Result<Option<T>, D::Error> {
+pub(crate) fn present<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
+    from: D,
+) -> Result<Option<T>, D::Error> {
     Option::deserialize(from)
 }
 
@@ -45,7 +47,8 @@ pub fn check_result(result: &Map<String, Value>) -> Result<(), ResultError> {
     let Some((_, check)) = kind else {
         let got: Vec<&str> = result.keys().map(String::as_str).collect();
         let expected: Vec<String> = KINDS.iter().map(|(keys, _)| keys.join(", ")).collect();
-        let reason = format!("its keys are {}; expected those of a task: {}", got.join(", "), expected.join("; or "));
+        let reason =
+            format!("its keys are {}; expected those of a task: {}", got.join(", "), expected.join("; or "));
         return Err(ResultError { reason });
     };
     check(Value::Object(result.clone())).map_err(readable)
@@ -98,7 +101,13 @@ mod tests {
             let objects: Vec<BodyState> = task.scene().objects.iter().map(|o| still(o.pose)).collect();
             task.meet_arm(&[[-3.0, 3.0]; 7]).unwrap();
             for tick in 1..20_000 {
-                let input = TaskInput { objects: &objects, held: None, fingertips: &[], joints: &[0.0; 7], hand: Point::origin() };
+                let input = TaskInput {
+                    objects: &objects,
+                    held: None,
+                    fingertips: &[],
+                    joints: &[0.0; 7],
+                    hand: Point::origin(),
+                };
                 task.step(SimTime(tick), &input);
             }
             (name.to_owned(), task.result(&objects))

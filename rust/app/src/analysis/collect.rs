@@ -288,10 +288,9 @@ const NUMBERS: [&str; 4] = ["score", "position", "simulated", "value"];
 const MEASURED: [&str; 3] = ["measures", "objects", "phases"];
 
 fn is_number(table: &Table, column: &Column) -> bool {
-    let names = TRIAL_KEY.iter().any(|key| key.name == column.name) || ["block", "phase"].contains(&column.name);
-    !column.unit.is_empty()
-        || NUMBERS.contains(&column.name)
-        || MEASURED.contains(&table.name) && !names
+    let names =
+        TRIAL_KEY.iter().any(|key| key.name == column.name) || ["block", "phase"].contains(&column.name);
+    !column.unit.is_empty() || NUMBERS.contains(&column.name) || MEASURED.contains(&table.name) && !names
 }
 
 /// Refuses what would else vanish from the report: words where a number stands, and an outcome that nobody knows.
@@ -302,7 +301,9 @@ fn check_cell(table: &Table, column: &Column, cell: &Cell) -> Result<(), String>
         ("blocks", "outcome") if !outcomes.contains(&words.as_str()) => {
             Err(format!("outcome {words:?} is unknown, expected one of {}", outcomes.join(", ")))
         }
-        _ if is_number(table, column) => Err(format!("{} is {words:?}, expected a number or nothing", column.name)),
+        _ if is_number(table, column) => {
+            Err(format!("{} is {words:?}, expected a number or nothing", column.name))
+        }
         _ => Ok(()),
     }
 }
@@ -317,7 +318,8 @@ fn read_table(path: &Path, mut table: Table, varied: &[&str]) -> Result<Table, B
         let known: Vec<&str> = table.columns.iter().map(|column| column.name).collect();
         return Err(format!("none of its columns is known, expected {}", known.join(", ")).into());
     }
-    let known = |head: &&str| table.columns.iter().any(|column| column.name == *head) || varied.contains(head);
+    let known =
+        |head: &&str| table.columns.iter().any(|column| column.name == *head) || varied.contains(head);
     if let Some(head) = heads.iter().find(|head| !known(head)) {
         let columns: Vec<&str> = table.columns.iter().map(|column| column.name).collect();
         return Err(format!("column {head:?} is unknown, expected {}", columns.join(", ")).into());

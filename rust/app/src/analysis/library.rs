@@ -31,27 +31,34 @@ impl ReportLibrary {
         let table = &collected.tables["trials"];
         let record = |row: &Vec<_>| table.words(row, "record");
         let number = |row: &Vec<_>, name| {
-            table.number(row, name).ok_or_else(|| format!("{}: the table of trials has no {name} of it", record(row)))
+            table
+                .number(row, name)
+                .ok_or_else(|| format!("{}: the table of trials has no {name} of it", record(row)))
         };
         // A bag does not tell its seed.
         let seed = |row: &Vec<_>| match table.words(row, "seed").as_str() {
             "" => Ok(None),
-            seed => seed.parse::<u64>().map(Some).map_err(|_| format!("{}: seed {seed:?}, expected a whole number", record(row))),
+            seed => seed
+                .parse::<u64>()
+                .map(Some)
+                .map_err(|_| format!("{}: seed {seed:?}, expected a whole number", record(row))),
         };
-        let summary = |row: &Vec<_>| -> Result<TrialSummary, String> { Ok(TrialSummary {
-            name: format!(
-                "{} {} trial {}",
-                participant(table, row),
-                table.words(row, "condition"),
-                table.words(row, "trial")
-            ),
-            method: table.words(row, "method"),
-            setup: table.words(row, "setup"),
-            seed: seed(row)?,
-            seconds: number(row, "seconds")?,
-            // Counts of a task.
-            score: number(row, "score")? as u32,
-        }) };
+        let summary = |row: &Vec<_>| -> Result<TrialSummary, String> {
+            Ok(TrialSummary {
+                name: format!(
+                    "{} {} trial {}",
+                    participant(table, row),
+                    table.words(row, "condition"),
+                    table.words(row, "trial")
+                ),
+                method: table.words(row, "method"),
+                setup: table.words(row, "setup"),
+                seed: seed(row)?,
+                seconds: number(row, "seconds")?,
+                // Counts of a task.
+                score: number(row, "score")? as u32,
+            })
+        };
         // A study names its records from its own folder, a folder of trials from where the command ran.
         let path = |record: String| {
             let inside = collected.folder.join(&record);

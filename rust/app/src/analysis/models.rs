@@ -45,7 +45,9 @@ pub(super) fn fit(out: &Path) -> Result<Result<Option<ReportTable>, String>, Box
         let number = |name: &str, print: &dyn Fn(f64) -> String| -> Result<String, Box<dyn Error>> {
             match text(name)?.as_str() {
                 "" => Ok("–".to_owned()),
-                text => Ok(print(text.parse().map_err(|_| format!("{SCRIPT_FILE} wrote {name} = {text:?}"))?)),
+                text => {
+                    Ok(print(text.parse().map_err(|_| format!("{SCRIPT_FILE} wrote {name} = {text:?}"))?))
+                }
             }
         };
         rows.push(vec![

@@ -239,11 +239,7 @@ fn loose(methods: &MethodRegistry, dir: &Path) -> Result<Rows, Box<dyn Error>> {
         _ => Cell::Missing,
     });
     let OfRecord { trace, flaws } = traces::of_record(methods, dir)?;
-    let blocks = if result.failure().is_some() {
-        Vec::new()
-    } else {
-        block_rows(&key, &result.result)?
-    };
+    let blocks = if result.failure().is_some() { Vec::new() } else { block_rows(&key, &result.result)? };
     Ok(Rows {
         scores: counted(scores(&key, &trace), &result),
         blocks,

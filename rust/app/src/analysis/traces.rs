@@ -90,9 +90,12 @@ pub(super) struct OfRecord {
 /// A record that is damaged, or that cannot be recomputed and has no bag.
 pub(super) fn of_record(methods: &MethodRegistry, dir: &Path) -> Result<OfRecord, Box<dyn Error>> {
     let checked = check_record(dir, true)?;
-    let broken_off = checked.result.as_ref().is_none_or(|result| !matches!(result.ended, TrialEnd::Task | TrialEnd::Failed));
+    let broken_off = checked
+        .result
+        .as_ref()
+        .is_none_or(|result| !matches!(result.ended, TrialEnd::Task | TrialEnd::Failed));
     let mut flaws: Vec<Flaw> = broken_off.then_some(Flaw::Interrupted).into_iter().collect();
-    let recomputed = check_versions(&checked.record.header().versions)
+    let recomputed = check_versions(checked.record.header())
         .map_err(Box::from)
         .and_then(|()| recomputed(methods, dir, checked.clone()));
     let bag = || -> Result<Option<Trace>, Box<dyn Error>> {

@@ -294,7 +294,9 @@ impl Conductor {
         let day = self.progress.days(participant, before).last()?;
         let since = |last: Date| last.until(today).map(|span| i64::from(span.get_days()));
         let Ok(days) = day.parse::<Date>().and_then(since) else {
-            return Some(format!("the session before was on {day:?} by the journal, which is no day before {today}"));
+            return Some(format!(
+                "the session before was on {day:?} by the journal, which is no day before {today}"
+            ));
         };
         let planned = i64::from(fewest)..=i64::from(most);
         (!planned.contains(&days))
@@ -361,7 +363,10 @@ fn written_at(journal: &Journal, entry: &Entry<StudyEvent>) -> Result<Timestamp,
     Ok(entry.at.parse::<Timestamp>().map_err(|error| JournalError::Event {
         path: journal.path().to_owned(),
         id: entry.id,
-        reason: format!("it was written at {:?}, expected a time such as 2026-03-01T12:00:00Z: {error}", entry.at),
+        reason: format!(
+            "it was written at {:?}, expected a time such as 2026-03-01T12:00:00Z: {error}",
+            entry.at
+        ),
     })?)
 }
 

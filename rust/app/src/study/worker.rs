@@ -143,7 +143,13 @@ pub fn simulated_trial(
     let config = session.testbed().config().clone();
     let recorder = match &order.dir {
         Some(dir) => {
-            let recorder = Recorder::create_in_study(dir, (order.bag.as_str(), order.place.clone()), &config, &arm, classifier.as_ref())?;
+            let recorder = Recorder::create_in_study(
+                dir,
+                (order.bag.as_str(), order.place.clone()),
+                &config,
+                &arm,
+                classifier.as_ref(),
+            )?;
             Some(recorder.with_plans(plans)?)
         }
         None => None,

@@ -185,7 +185,9 @@ fn every_answer_in_json_is_written_by_one_function() {
     let files = files();
     let sources = files.iter().filter(|(path, _)| path.starts_with("rust/cli/src/") && path.ends_with(".rs"));
     let offences: Vec<String> = sources
-        .flat_map(|(path, text)| text.lines().filter(|line| prints_json(line)).map(move |line| format!("{path}: {line}")))
+        .flat_map(|(path, text)| {
+            text.lines().filter(|line| prints_json(line)).map(move |line| format!("{path}: {line}"))
+        })
         .collect();
     assert!(offences.is_empty(), "use answer_json:\n{}", offences.join("\n"));
 }

@@ -192,7 +192,13 @@ impl LiveStudy<'_> {
         let config = session.testbed().config().clone();
         let recorder = match &order.dir {
             Some(dir) => {
-                let recorder = Recorder::create_in_study(dir, (order.bag.as_str(), order.place.clone()), &config, &arm, classifier.as_ref())?;
+                let recorder = Recorder::create_in_study(
+                    dir,
+                    (order.bag.as_str(), order.place.clone()),
+                    &config,
+                    &arm,
+                    classifier.as_ref(),
+                )?;
                 Some(recorder.with_plans(plans)?)
             }
             None => None,

@@ -26,7 +26,11 @@ pub(crate) struct MisplacedRecord {
 ///
 /// # Errors
 /// [`MisplacedRecord`] with the first difference; a record that cannot be read.
-pub(super) fn check(counted: &Counted<'_>, record: &Trial, result: &TrialResult) -> Result<(), Box<dyn Error>> {
+pub(super) fn check(
+    counted: &Counted<'_>,
+    record: &Trial,
+    result: &TrialResult,
+) -> Result<(), Box<dyn Error>> {
     let same = |what, got: String, expected: String| match got == expected {
         true => Ok(()),
         false => Err(MisplacedRecord { what, got, expected }),
@@ -77,9 +81,13 @@ impl Counted<'_> {
 pub(super) fn check_all(told: &Told<'_>) -> Result<(), Box<dyn Error>> {
     for counted in told.counted() {
         let dir = told.study.folder.join(&counted.record);
-        let checked = read_trial(&dir).map_err(Into::into).and_then(|(record, result)| check(&counted, &record, &result));
+        let checked = read_trial(&dir)
+            .map_err(Into::into)
+            .and_then(|(record, result)| check(&counted, &record, &result));
         match checked {
-            Err(error) if refuses_the_study(&*error) => return Err(format!("{}: {error}", dir.display()).into()),
+            Err(error) if refuses_the_study(&*error) => {
+                return Err(format!("{}: {error}", dir.display()).into());
+            }
             _ => {}
         }
     }
