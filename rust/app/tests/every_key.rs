@@ -96,6 +96,7 @@ const CASES: &[(&str, &str, &[&str])] = &[
     ("emg.wamp_threshold", "5.0", &["emg.features=WAMP"]),
     ("gesture_source", "recording", &[]),
     ("emg_centring", "[1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]", &[]),
+    ("emg_accepted_faults", "[\"channel 0 only rises\"]", &[]),
     ("intent.changes_at_grasp", "true", &[LONG]),
     ("intent.elsewhere", "0.5", &[FILTERED]),
     ("intent.hysteresis", "1000.0", &["intent.sigma=0.5", LONG]),

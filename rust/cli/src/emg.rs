@@ -291,8 +291,13 @@ mod tests {
         let dir = tempfile::tempdir().expect("a temporary folder can be made");
         for rep in 0..3 {
             for class in [0, 2] {
-                let value =
-                    |k: usize, c: usize| ((k * (7 + 4 * c) + rep) as f64).sin() * (1 + 9 * class) as f64;
+                // Noise: recordings of tones would be copies of each other, or hum.
+                let value = |k: usize, c: usize| {
+                    let seed = ((rep * 10 + class) * 10 + c) * 1000 + k;
+                    let bits = (seed as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(31);
+                    let bits = (bits ^ (bits >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+                    ((bits ^ (bits >> 32)) as f64 / u64::MAX as f64 - 0.5) * (1 + 9 * class) as f64
+                };
                 let text: String = (0..60).map(|k| format!("{},{}\n", value(k, 0), value(k, 1))).collect();
                 let path = dir.path().join(format!("R_{rep}_C_{class}.csv"));
                 File::create(path).and_then(|mut f| f.write_all(text.as_bytes())).expect("writable");

@@ -145,11 +145,11 @@ pub fn prepare_with(
         }
         EmgOrigin::Recording { dir, rate_hz, train_reps, feed_reps, fill, faults } => {
             let recordings = Recordings::open(dir, *rate_hz)?;
-            let findings = recordings.judge(&[&train_reps[..], feed_reps].concat(), *faults)?;
             let missing = recordings.missing();
             if !missing.is_empty() && !fill {
                 return Err(DeviceError::MissingGestures { path: dir.clone(), missing });
             }
+            let findings = recordings.judge(&[&train_reps[..], feed_reps].concat(), *faults)?;
             let label = if missing.is_empty() { "recording" } else { "recording+synthetic" };
             let filled = !missing.is_empty();
             let setup = finish(recordings, train_reps, feed_reps, filled, label, config, seed)?;

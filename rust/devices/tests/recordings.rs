@@ -3,10 +3,10 @@
 #![allow(clippy::disallowed_methods, clippy::unwrap_used)]
 
 use proact_devices::{
-    DeviceError, EmgOrigin, Recording, RecordingFolder, Recordings, SourceOptions, SourceRegistry, evaluate,
+    DeviceError, EmgOrigin, FaultPolicy, Recording, RecordingFolder, Recordings, SourceOptions, SourceRegistry, evaluate,
     prepare,
 };
-use proact_emg::{EmgConfig, ImuChannel, WindowLength};
+use proact_emg::{EmgConfig, ImuChannel, RecordedFault, WindowLength};
 use proact_types::{EmgSample, Gesture, GestureName};
 use std::{fs, path::Path};
 
@@ -19,16 +19,29 @@ fn folder() -> tempfile::TempDir {
 }
 
 /// Two channels of something that varies; the gesture shows in the amplitude.
-fn rows(count: usize, class: usize) -> String {
-    let value =
-        |k: usize, c: usize| ((k * (7 + 4 * c) + class) as f64).sin() * (1.0 + (class * (c + 2)) as f64);
+/// Noise of two channels, louder in each further class; `take` says which.
+fn take(count: usize, class: usize, take: usize) -> String {
+    let value = |k: usize, c: usize| noise((take, class, c), k) * (1.0 + (class * (c + 2)) as f64);
     (0..count).map(|k| format!("{:.3},{:.3}\n", value(k, 0), value(k, 1))).collect()
+}
+
+fn rows(count: usize, class: usize) -> String {
+    take(count, class, 0)
+}
+
+/// Uniform, of standard deviation one.
+fn noise(of: (usize, usize, usize), k: usize) -> f64 {
+    let mut bits = ((((of.0 * 100 + of.1) * 100 + of.2) * 100_000 + k) as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    for shift in [30, 27, 31] {
+        bits = (bits ^ (bits >> shift)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    }
+    (bits as f64 / u64::MAX as f64 - 0.5) * 12_f64.sqrt()
 }
 
 fn write_libemg(dir: &Path, classes: &[usize], suffix: &str) {
     for rep in 0..3 {
         for &class in classes {
-            write(dir, &format!("R_{rep}_C_{class}{suffix}.csv"), &rows(60, class));
+            write(dir, &format!("R_{rep}_C_{class}{suffix}.csv"), &take(60, class, rep));
         }
     }
 }
@@ -135,8 +148,8 @@ fn a_folder_that_lacks_gestures_is_refused_with_the_list_or_filled() {
     let dir = folder();
     write_libemg(dir.path(), &[0, 2, 4], "_EMG");
     let source = |fill| match EmgOrigin::recording(dir.path()).at_rate(Some(200.0)) {
-        EmgOrigin::Recording { dir, rate_hz, train_reps, feed_reps, .. } => {
-            EmgOrigin::Recording { dir, rate_hz, train_reps, feed_reps, fill }
+        EmgOrigin::Recording { dir, rate_hz, train_reps, feed_reps, faults, .. } => {
+            EmgOrigin::Recording { dir, rate_hz, train_reps, feed_reps, fill, faults }
         }
         EmgOrigin::Synthetic => EmgOrigin::Synthetic,
     };
@@ -164,6 +177,7 @@ fn repetitions_that_do_not_exist_or_are_too_short_are_refused() {
             train_reps: train.to_vec(),
             feed_reps: feed.to_vec(),
             fill: false,
+            faults: FaultPolicy::Refuse,
         };
         prepare(&source, 1).map(|setup| setup.label).map_err(|e| e.to_string())
     };
@@ -190,7 +204,7 @@ fn a_trial_takes_the_rate_that_the_folder_says_or_the_one_asked_for() {
     assert!(error.contains("does not say its rate") && error.contains("--emg-rate HZ"), "{error}");
     assert_eq!(rate(Some(300.0)), Ok((300.0, 300.0, 30)));
 
-    let long = |rep: usize, class: usize| rows(400, 5 * rep + class);
+    let long = |rep: usize, class: usize| take(400, class, rep);
     for rep in 0..3 {
         for class in 0..5 {
             write(dir.path(), &format!("R_{rep}_C_{class}.csv"), &long(rep, class));
@@ -314,12 +328,14 @@ fn an_inertial_measurement_unit_is_kept_beside_the_electrodes_and_read_only_wher
     assert!(error.contains("names no channels of an inertial measurement unit"), "{error}");
 }
 
-/// The layout is that of LibEMG's `_3DCDataset`; the samples are made up.
+/// The names are those of the data set's files, which an earlier version did not find; the samples are made up.
 #[test]
 fn a_participant_of_the_3dc_data_set_is_read_as_libemg_does() {
     let dir = folder();
     for set in ["train", "test"] {
-        fs::create_dir(dir.path().join(set)).unwrap();
+        let (emg, imu) = (dir.path().join(set).join("EMG"), dir.path().join(set).join("IMU"));
+        fs::create_dir_all(&emg).unwrap();
+        fs::create_dir(&imu).unwrap();
         for (repetition, class) in (0..2_usize).flat_map(|r| (0..11_usize).map(move |c| (r, c))) {
             let set_part = usize::from(set == "test");
             let row = |k: usize| {
@@ -330,9 +346,9 @@ fn a_participant_of_the_3dc_data_set_is_read_as_libemg_does() {
                 (0..10).map(value).collect::<Vec<_>>().join(",") + "\n"
             };
             let text: String = (0..600).map(row).collect();
-            write(&dir.path().join(set), &format!("EMG_gesture_{repetition}_{class}.txt"), &text);
+            write(&emg, &format!("3dc_EMG_gesture_{repetition}_{class}.txt"), &text);
             // Its armband has an inertial measurement unit, too, which LibEMG does not read.
-            write(&dir.path().join(set), &format!("IMU_gesture_{repetition}_{class}.txt"), "1,2,3\n");
+            write(&imu, &format!("3dc_IMU_gesture_{repetition}_{class}.txt"), "(0, 0, 0, 0)\n");
         }
     }
     let read = Recordings::open(dir.path(), None).unwrap();
@@ -342,7 +358,7 @@ fn a_participant_of_the_3dc_data_set_is_read_as_libemg_does() {
     let repetitions: Vec<u32> =
         read.items.iter().filter(|r| r.gesture == grip).map(|r| r.repetition).collect();
     assert_eq!(repetitions, [0, 1, 2, 3], "the test follows the training");
-    assert!(read.find(grip, 2).unwrap().path.ends_with("test/EMG_gesture_0_7.txt"));
+    assert!(read.find(grip, 2).unwrap().path.ends_with("test/EMG/3dc_EMG_gesture_0_7.txt"));
     let config = EmgConfig {
         channels: 10,
         rest: read.rest,
@@ -354,7 +370,67 @@ fn a_participant_of_the_3dc_data_set_is_read_as_libemg_does() {
     // Nine windows of each of 22 recordings.
     assert_eq!((result.windows, result.classes.len()), (198, 11));
     assert!(result.accuracy > 0.8, "{}", result.accuracy);
-    write(&dir.path().join("train"), "EMG_gesture_0_11.txt", "1,2,3,4,5,6,7,8,9,10\n");
+    write(&dir.path().join("train/EMG"), "3dc_EMG_gesture_0_11.txt", "1,2,3,4,5,6,7,8,9,10\n");
     let error = Recordings::open(dir.path(), None).unwrap_err().to_string();
-    assert!(error.contains("EMG_gesture_0_11.txt") && error.contains("class 11"), "{error}");
+    assert!(error.contains("3dc_EMG_gesture_0_11.txt") && error.contains("class 11"), "{error}");
+}
+
+/// 200 Hz were assumed for recordings of 1000 Hz whose metadata calls the rate by another name.
+#[test]
+fn a_rate_is_found_under_its_usual_names_and_an_unknown_name_is_a_finding() {
+    let dir = folder();
+    for (rep, class) in (0..3).flat_map(|rep| (0..2).map(move |class| (rep, class))) {
+        let row = |k: usize| {
+            let values = (0..8).map(|c| format!("{:.0}", 20.0 * noise((rep, class, c), k)));
+            values.collect::<Vec<_>>().join(",") + "\n"
+        };
+        let text: String = (0..400).map(row).collect();
+        write(dir.path(), &format!("R_{rep}_C_{class}.csv"), &text);
+    }
+    for key in ["sample_rate", "SamplingFrequency", "sampling-rate-hz", "sfreq", "EMG_rate"] {
+        write(dir.path(), "metadata.json", &format!("{{\"{key}\": 1000}}"));
+        let read = Recordings::open(dir.path(), None).unwrap();
+        assert_eq!((read.rate_hz, read.notes.len()), (1000.0, 0), "{key}");
+        assert_eq!(read.judge(&[], FaultPolicy::Refuse).unwrap(), [], "{key}");
+    }
+    for (text, key) in [
+        (r#"{"acquisition_freq": 1000}"#, "acquisition_freq"),
+        (r#"{"device": {"name": "x", "sampling_rate": "1000 Hz"}}"#, "device.sampling_rate"),
+        (r#"{"f": 2048}"#, "f"),
+    ] {
+        write(dir.path(), "metadata.json", text);
+        let read = Recordings::open(dir.path(), None).unwrap();
+        assert!(read.notes.iter().any(|note| note.contains("is unknown and not used")), "{:?}", read.notes);
+        let error = read.judge(&[], FaultPolicy::Refuse).unwrap_err().to_string();
+        assert!(error.contains(key) && error.contains("200 Hz is assumed"), "{error}");
+        let found = read.judge(&[], FaultPolicy::Accept).unwrap();
+        assert!(matches!(found.as_slice(), [RecordedFault::RateKey { .. }]), "{found:?}");
+        // The rate is asked for, or the key is another's.
+        let asked = Recordings::open(dir.path(), Some(1000.0)).unwrap();
+        assert_eq!(asked.judge(&[], FaultPolicy::Refuse).unwrap(), []);
+    }
+    write(dir.path(), "metadata.json", r#"{"subject": "p7", "age": 31, "num_trials": 3}"#);
+    let read = Recordings::open(dir.path(), None).unwrap();
+    assert_eq!((read.notes.len(), read.judge(&[], FaultPolicy::Refuse).unwrap()), (3, vec![]));
+    write(dir.path(), "metadata.json", r#"{"fs": 200, "sampling_rate": 1000}"#);
+    let error = Recordings::open(dir.path(), None).unwrap_err().to_string();
+    assert!(error.contains("expected one rate"), "{error}");
+}
+
+#[test]
+fn real_recordings_of_six_people_have_no_finding() {
+    let beside = || std::path::PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared");
+    let shared = std::env::var_os("PROACT_SHARED").map_or_else(beside, std::path::PathBuf::from);
+    let Ok(people) = fs::read_dir(shared.join("data/emg/myo_readings")) else {
+        println!("skipped: ../shared not found");
+        return;
+    };
+    let folders = people.map(|entry| entry.unwrap().path()).filter(|path| path.is_dir());
+    let mut count = 0;
+    for folder in folders.chain([shared.join("data/emg/libemg_tests_myo")]) {
+        let read = Recordings::open(&folder, None).unwrap();
+        assert_eq!(read.judge(&[], FaultPolicy::Accept).unwrap(), [], "{}", folder.display());
+        count += 1;
+    }
+    assert_eq!(count, 16);
 }

@@ -1,6 +1,6 @@
 //! Feed, pipeline and gaze together: what a trial sees.
 
-use proact_devices::{EmgOrigin, EmgSetup, GazeSource, Recordings, SyntheticModel, prepare};
+use proact_devices::{EmgOrigin, EmgSetup, FaultPolicy, GazeSource, Recordings, SyntheticModel, prepare};
 use proact_emg::EmgPipeline;
 use proact_types::{EmgSample, Gesture, GestureName, Point, SimTime, Vector};
 use std::path::PathBuf;
@@ -96,6 +96,7 @@ fn a_set_without_hand_open_works_when_filled() {
         train_reps: vec![0, 1],
         feed_reps: vec![2],
         fill,
+        faults: FaultPolicy::Refuse,
     };
     let message = prepare(&source(false), 1).expect_err("no hand_open").to_string();
     assert!(message.contains("no recording of hand_open;"), "{message}");

@@ -167,14 +167,14 @@ pub enum RecordedFault {
 
 impl RecordedFault {
     /// Red: nothing should be trained on it or tested with it. Amber is said and used all the same: a channel that is dead or hums in no
-    /// more than half of the recordings, and slow channels that are most of all.
+    /// more than half of the recordings, a noisy one, and slow channels that are at least half of all.
     pub fn light(&self) -> Light {
         match self {
             RecordedFault::Channel { light, recordings, of, .. } if 2 * recordings.len() <= *of => {
                 (*light).min(Light::Amber)
             }
             RecordedFault::Channel { light, .. } => *light,
-            RecordedFault::Slow { most: true, .. } => Light::Amber,
+            RecordedFault::Slow { most: true, .. } | RecordedFault::Noisy { .. } => Light::Amber,
             _ => Light::Red,
         }
     }

@@ -15,7 +15,7 @@ const MOST_PLACES: usize = 4;
 const FEWEST_VOTES: usize = 4;
 /// Shifts that have at least a third of the patterns of the best one: a tone fits itself at each of its periods, a copy at few.
 const MOST_SHIFTS: usize = 4;
-/// Share of the variance of a stretch that a copy explains. Independent electrodes explain a few hundredths.
+/// Share of the power of the changes of a stretch that a copy explains. Independent electrodes explain a few hundredths.
 const EXPLAINED: f64 = 0.98;
 /// The same for most of the channels, each by itself: those that hardly move are rounded.
 const ALIKE: f64 = 0.8;
@@ -196,16 +196,15 @@ fn bits(channels: &[&[f64]], steps: &[f64], place: usize) -> f64 {
     channels.iter().zip(steps).map(of).sum()
 }
 
-/// Share of the variance of `later` that `earlier` explains, each channel with a gain and an offset of its own.
+/// Share of the changes of `later` that those of `earlier` explain, each channel with a gain of its own.
 fn explained(earlier: &[&[f64]], later: &[&[f64]]) -> f64 {
     let (mut sum, mut weight) = (0.0, 0.0);
     let (mut moving, mut alike) = (0, 0);
     for (a, b) in earlier.iter().zip(later) {
-        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-        let (mean_a, mean_b) = (mean(a), mean(b));
         let (mut aa, mut bb, mut ab) = (0.0, 0.0, 0.0);
-        for (x, y) in a.iter().zip(*b) {
-            let (x, y) = (x - mean_a, y - mean_b);
+        // Of the changes: a level that drifts alike in both is no copy.
+        for (a, b) in a.windows(2).zip(b.windows(2)) {
+            let (x, y) = (a[1] - a[0], b[1] - b[0]);
             (aa, bb, ab) = (aa + x * x, bb + y * y, ab + x * y);
         }
         if aa > 0.0 && bb > 0.0 {

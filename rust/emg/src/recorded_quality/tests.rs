@@ -166,7 +166,8 @@ fn a_copy_is_found_whatever_its_gain_offset_shift_and_stamps() {
     let mut stamped =
         changed(|recording, k, row| [&[100.0 * recording as f64 + 0.005 * k as f64], row].concat());
     for k in 0..600 {
-        stamped[5].2[k].channels[1..].clone_from_slice(&stamped[1].2[k].channels.clone()[1..]);
+        let original = stamped[1].2[k].channels.clone();
+        stamped[5].2[k].channels[1..].copy_from_slice(&original[1..]);
     }
     let faults = check(&stamped);
     assert!(
