@@ -90,6 +90,8 @@ def of_each_kind():
         made = run("demo", "--headless", "--set", "limit_secs=2", "--out", folder / "trial")
         demand(made.returncode == 0, made.stderr)
         demand(run("study", "new", folder / "pilot").returncode == 0, "no study could be made")
+        # More than fits on the small disks.
+        shutil.copy(folder / "trial" / "trial.bag", folder / "pilot")
         rows = [",".join(str(row * (k + 3) % 17) for k in range(8)) for row in range(20_000)]
         (folder / "samples.csv").write_text("\n".join(rows) + "\n")
     return folder
