@@ -63,7 +63,8 @@ impl FromStr for MocapAxes {
                 ("up", "y") => axes.up = Some(UpAxis::Y),
                 ("up", "z") => axes.up = Some(UpAxis::Z),
                 ("metres_per_unit", _) => {
-                    axes.metres_per_unit = Some(number().filter(|metres| *metres > 0.0).ok_or_else(wrong)?);
+                    axes.metres_per_unit =
+                        Some(number().filter(|metres| (1e-6..=1e6).contains(metres)).ok_or_else(wrong)?);
                 }
                 ("heading_deg", _) => {
                     let degrees = number().filter(|degrees| degrees.abs() <= 360.0).ok_or_else(wrong)?;

@@ -1,5 +1,5 @@
-//! Every number of a trial's configuration, at values that nobody means: each is refused by name, or a trial of it runs
-//! without a panic, and ends.
+//! Every number of a trial's configuration, at values that no trial needs: each is refused by name with its range, or a trial
+//! of it runs with finite numbers and ends.
 #![allow(clippy::disallowed_methods, clippy::unwrap_used)] // A test with threads and a clock.
 
 use proact_app::trial;
@@ -17,20 +17,52 @@ use std::{
 };
 
 /// What a number is set to.
-const VALUES: [&str; 9] = ["nan", "-1.0", "0.0", "1e-300", "1e300", "inf", "-1", "0", "9223372036854775807"];
+const VALUES: [&str; 14] = [
+    "nan",
+    "-1.0",
+    "0.0",
+    // Above zero, and as good as zero to divide by: a braking distance over 1e-310 rad/s^2 was no number, and a panic.
+    "5e-324",
+    "-5e-324",
+    "1e-310",
+    "1e-30",
+    "1e300",
+    "-1e300",
+    "1.7976931348623157e308",
+    "inf",
+    "-1",
+    "0",
+    "9223372036854775807",
+];
 /// What a list of numbers is set to.
-const LISTS: [&str; 5] = ["[]", "[nan, nan, nan]", "[-1e300, 1e300, 1e300]", "[1, 2]", "[0.0]"];
+const LISTS: [&str; 7] = [
+    "[]",
+    "[nan, nan, nan]",
+    "[-1e300, 1e300, 1e300]",
+    "[1, 2]",
+    "[0.0]",
+    "[5e-324, 5e-324]",
+    "[1e-310, 5e-324, -1e-310]",
+];
 /// A trial is this long: long enough for a plan and a movement.
 const TICKS: u64 = 2500;
 /// None of these trials takes a second; a machine under load may take many.
 const PATIENCE: Duration = Duration::from_secs(120);
 
 /// Trials between which all sections of a configuration are there.
-const BASES: [&[&str]; 4] = [
+const BASES: [&[&str]; 6] = [
     &["method=D"],
     &["method=A", "profile.jog={ pace = \"message\", nominal_ms = 50, joint_state_ms = 20 }"],
     &["method=B", "profile.blend={}", "physics.grasp_rule=original", "physics.joint_control=original_gains"],
     &["method=D", "intent_model=filtered", "planner.deadline_secs=1.0", "physics.engine=ode"],
+    &[
+        "method=A",
+        "profile.limiter={ acceleration_rad_per_s2 = 4.0 }",
+        "profile.jog.steps={ slow_ms = 250, slow = 0.4, fast_after_ms = 600, fast = 2.0 }",
+        "profile.jog.ramp={ up_ms = 400, falls = 2.0 }",
+        "physics.mass_set={ scaled = 2.0 }",
+    ],
+    &["method=A", "profile.jog.proportional={ rest = 0.05, full = 0.9 }"],
 ];
 
 fn config(assignments: &[&str]) -> Result<TrialConfig, String> {
@@ -56,29 +88,41 @@ fn cases(prefix: &str, table: &toml::Table, found: &mut Vec<(String, Vec<&'stati
     }
 }
 
-/// Why the trial is refused; nothing if it runs.
-fn run(assignments: &[&str]) -> Option<String> {
+/// What is wrong with a trial of this value of `key`; nothing if it is refused in a sentence or runs.
+fn fault(assignments: &[&str], key: &str) -> Option<String> {
     let config = match config(assignments) {
         Ok(config) => config,
-        Err(refusal) => return Some(refusal),
+        Err(refusal) => {
+            // Some errors name the key in words, such as "EMG rate" for `emg.rate_hz`.
+            let said = refusal.to_lowercase();
+            let named =
+                key.rsplit('.').next().is_some_and(|name| name.split('_').any(|word| said.contains(word)));
+            return (!named || !refusal.contains("expected")).then(|| format!("is refused by: {refusal}"));
+        }
     };
-    let mut session = match trial::simulated(config, &EmgOrigin::Synthetic) {
-        Ok(assembly) => assembly.session,
-        Err(refusal) => return Some(refusal.to_string()),
-    };
+    // What is not in its own right wrong may be refused by what it has to fit.
+    let mut session = trial::simulated(config, &EmgOrigin::Synthetic).ok()?.session;
     for _ in 0..TICKS {
-        match session.step(false) {
-            Ok(step) if step.output.finished => break,
-            Ok(_) => {}
-            Err(refusal) => return Some(refusal.to_string()),
+        let step = match session.step(false) {
+            Ok(step) => step,
+            Err(refusal) => return Some(format!("stops the trial: {refusal}")),
+        };
+        let testbed = session.testbed();
+        let state = testbed.plant().state();
+        let numbers = testbed.targets().iter().chain(&state.position).chain(&state.velocity);
+        if !numbers.chain(testbed.posterior()).all(|value| value.is_finite()) {
+            return Some(format!("gives numbers that are not finite at {} ms", step.time.0));
+        }
+        if step.output.finished {
+            break;
         }
     }
     None
 }
 
 #[test]
-fn no_number_of_a_configuration_makes_a_trial_panic_or_hang() {
-    let mut all: Vec<(Vec<&str>, String)> = Vec::new();
+fn every_number_of_a_configuration_is_refused_with_its_range_or_gives_a_trial_of_finite_numbers() {
+    let mut all: Vec<(Vec<&str>, String, &str)> = Vec::new();
     let mut seen = std::collections::BTreeSet::new();
     for base in BASES {
         let text = config(base).unwrap().to_toml().unwrap();
@@ -86,7 +130,7 @@ fn no_number_of_a_configuration_makes_a_trial_panic_or_hang() {
         cases("", &toml::from_str(&text).unwrap(), &mut found);
         for (key, values) in found {
             if seen.insert(key.clone()) {
-                all.extend(values.iter().map(|value| (base.to_vec(), format!("{key}={value}"))));
+                all.extend(values.iter().map(|value| (base.to_vec(), key.clone(), *value)));
             }
         }
     }
@@ -95,19 +139,21 @@ fn no_number_of_a_configuration_makes_a_trial_panic_or_hang() {
     let next = AtomicUsize::new(0);
     let work = || {
         let mut bad = Vec::new();
-        while let Some((base, assignment)) = all.get(next.fetch_add(1, Ordering::Relaxed)) {
+        while let Some((base, key, value)) = all.get(next.fetch_add(1, Ordering::Relaxed)) {
             // What allocates without bound ends the process: the last line tells what it was.
+            let assignment = format!("{key}={value}");
             eprintln!("{assignment}");
             let asked: Vec<String> = base.iter().map(|&a| a.to_owned()).chain([assignment.clone()]).collect();
+            let key = key.clone();
             let (done, wait) = channel();
             thread::spawn(move || {
                 let asked: Vec<&str> = asked.iter().map(String::as_str).collect();
-                let ended = catch_unwind(AssertUnwindSafe(|| run(&asked)));
-                done.send(ended.is_ok()).ok();
+                done.send(catch_unwind(AssertUnwindSafe(|| fault(&asked, &key)))).ok();
             });
             match wait.recv_timeout(PATIENCE) {
-                Ok(true) => {}
-                Ok(false) => bad.push(format!("{assignment} panics (with {base:?})")),
+                Ok(Ok(None)) => {}
+                Ok(Ok(Some(fault))) => bad.push(format!("{assignment} {fault} (with {base:?})")),
+                Ok(Err(_)) => bad.push(format!("{assignment} panics (with {base:?})")),
                 Err(_) => bad.push(format!("{assignment} does not end (with {base:?})")),
             }
         }

@@ -1,3 +1,5 @@
+use proact_types::number_text;
+
 /// Why a method cannot be built.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -59,7 +61,7 @@ pub enum ControlError {
     #[error("the profile is unreadable: {0}")]
     Text(String),
     /// A number is outside its range.
-    #[error("profile: {key} = {got}, expected {expected}")]
+    #[error("profile: {key} = {}, expected {expected}", number_text(*got))]
     Value {
         /// Such as `joint_jog.speed_rad_per_s`.
         key: &'static str,

@@ -66,7 +66,7 @@ impl JogProfile {
 pub struct ProportionalSpeed {
     /// Efforts up to here stand still, 0 to 1.
     pub rest: f64,
-    /// From this effort on the speed is whole, above `rest` and at most 1.
+    /// From this effort on the speed is whole, at least 0.001 above `rest` and at most 1.
     pub full: f64,
 }
 
@@ -77,8 +77,9 @@ impl ProportionalSpeed {
         if !(0.0..1.0).contains(&rest) {
             return refused("jog.proportional.rest", rest, "0 and below 1");
         }
-        if !(full > rest && full <= 1.0) {
-            return refused("jog.proportional.full", full, "above jog.proportional.rest and at most 1");
+        if !(full >= rest + 0.001 && full <= 1.0) {
+            let expected = "at least 0.001 above jog.proportional.rest and at most 1";
+            return refused("jog.proportional.full", full, expected);
         }
         Ok(())
     }
@@ -127,7 +128,7 @@ impl VelocityRamp {
 pub struct JogSteps {
     /// Slow for so long.
     pub slow_ms: u64,
-    /// Share of the speed until then, above 0 and at most 1.
+    /// Share of the speed until then, 0.001 to 1.
     pub slow: f64,
     /// Fast from here on.
     pub fast_after_ms: u64,
@@ -143,8 +144,8 @@ impl JogSteps {
     fn check(&self) -> Result<(), ControlError> {
         let JogSteps { slow_ms, slow, fast_after_ms, fast } = *self;
         let refused = |key, got, expected| Err(ControlError::Value { key, got, expected });
-        if !(slow > 0.0 && slow <= 1.0) {
-            return refused("jog.steps.slow", slow, "above 0 and at most 1");
+        if !(0.001..=1.0).contains(&slow) {
+            return refused("jog.steps.slow", slow, "0.001 to 1");
         }
         if !(1.0..=4.0).contains(&fast) {
             return refused("jog.steps.fast", fast, "1 to 4");

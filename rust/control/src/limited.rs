@@ -94,6 +94,10 @@ impl<M: ControlMethod> Limited<M> {
                 stretch = stretch.max(over(first.abs().max(last.abs()), self.acceleration).sqrt());
             }
         }
+        // A speed or step so great that no finite time is long enough.
+        if !(stretch * path.duration_secs()).is_finite() {
+            return None;
+        }
         if stretch > 1.0 {
             for point in &mut path.points {
                 point.time_secs *= stretch;

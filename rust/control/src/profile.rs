@@ -338,12 +338,17 @@ impl Profile {
             }
         }
         match self.gaze_assisted {
-            GazeAssistedProfile::LockOnce(rules) => positive.extend([
-                ("gaze_assisted.base_moved_m", rules.base_moved_m),
-                ("gaze_assisted.base_turned_rad", rules.base_turned_rad),
-                // Zero switches it off.
-                ("gaze_assisted.snap_radius_m + 1", rules.snap_radius_m + 1.0),
-            ]),
+            GazeAssistedProfile::LockOnce(rules) => {
+                let radius = rules.snap_radius_m;
+                if !(0.0..=10.0).contains(&radius) {
+                    let (key, expected) = ("gaze_assisted.snap_radius_m", "0 to 10, where 0 switches it off");
+                    return Err(ControlError::Value { key, got: radius, expected });
+                }
+                positive.extend([
+                    ("gaze_assisted.base_moved_m", rules.base_moved_m),
+                    ("gaze_assisted.base_turned_rad", rules.base_turned_rad),
+                ]);
+            }
             GazeAssistedProfile::ToggleLocks(rules) => positive.extend([
                 ("gaze_assisted.upper_m", rules.upper_m),
                 ("gaze_assisted.fore_m", rules.fore_m),
@@ -374,8 +379,9 @@ impl Profile {
                 }
             }
         }
-        if let Some(&(key, got)) = positive.iter().find(|(_, v)| !(v.is_finite() && *v > 0.0)) {
-            return Err(ControlError::Value { key, got, expected: "a finite number above 0" });
+        // Wide enough for any use, and such that no quotient of two of them overflows.
+        if let Some(&(key, got)) = positive.iter().find(|(_, value)| !(1e-6..=1e6).contains(value)) {
+            return Err(ControlError::Value { key, got, expected: "0.000001 to 1000000" });
         }
         let signs = joint.joints.iter().map(|j| j.we_sign).chain(hand.axes.iter().map(|a| a.we_sign));
         if let Some(sign) = signs.into_iter().find(|sign| sign.abs() != 1) {

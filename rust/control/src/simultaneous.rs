@@ -44,8 +44,8 @@ impl Simultaneous {
 
     pub(crate) fn check(&self) -> Result<(), ControlError> {
         let refused = |key, got, expected| Err(ControlError::Value { key, got, expected });
-        if !(self.hand_at > 0.0 && self.hand_at <= 1.0) {
-            return refused("jog.simultaneous.hand_at", self.hand_at, "above 0 and at most 1");
+        if !(0.001..=1.0).contains(&self.hand_at) {
+            return refused("jog.simultaneous.hand_at", self.hand_at, "0.001 to 1");
         }
         if !(self.hand_below >= 0.0 && self.hand_below < self.hand_at) {
             let expected = "at least 0 and below jog.simultaneous.hand_at";

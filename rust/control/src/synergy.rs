@@ -98,13 +98,13 @@ impl Synergy {
         let follower = subset.find(model, &settings.follower.clone().unwrap_or_else(first))?;
         let speed = settings.speed_rad_per_s;
         let refused = |key, got, expected| Err(ControlError::Value { key, got, expected });
-        if !(speed > 0.0 && speed <= 10.0) {
-            return refused("synergy.speed_rad_per_s", speed, "above 0 and at most 10");
+        if !(0.001..=10.0).contains(&speed) {
+            return refused("synergy.speed_rad_per_s", speed, "0.001 to 10");
         }
         if let SynergyRule::Linear { gain } = settings.rule
-            && !(gain.abs() > 0.0 && gain.abs() <= 10.0)
+            && !(0.001..=10.0).contains(&gain.abs())
         {
-            return refused("synergy.rule.linear.gain", gain, "-10 to 10, other than 0");
+            return refused("synergy.rule.linear.gain", gain, "-10 to -0.001 or 0.001 to 10");
         }
         let limits = model.joints[model.arm[follower]].limits;
         Ok(Self {

@@ -397,7 +397,7 @@ fn steps_that_make_no_sense_are_refused_with_what_was_expected() {
     let keys = JogSteps::KEYS;
     for slow in [0.0, -0.4, 1.1, f64::NAN] {
         let text = refusal(JogSteps { slow, ..keys });
-        assert!(text.contains("jog.steps.slow") && text.contains("above 0 and at most 1"), "{text}");
+        assert!(text.contains("jog.steps.slow") && text.contains("0.001 to 1"), "{text}");
     }
     for fast in [0.9, 4.1, f64::INFINITY] {
         let text = refusal(JogSteps { fast, ..keys });

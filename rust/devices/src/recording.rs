@@ -3,7 +3,7 @@ use crate::{
     metadata::Metadata,
     sample_file::{SampleFile, read_rows, read_samples},
 };
-use proact_emg::ImuChannel;
+use proact_emg::{ImuChannel, RATES_HZ};
 use proact_types::{ChannelValues, EmgSample, Gesture, GestureName};
 use std::{
     collections::BTreeSet,
@@ -141,8 +141,8 @@ impl Recordings {
     }
 
     fn open_of(dir: &Path, asked_hz: Option<f64>, with_imu: bool) -> Result<Recordings, DeviceError> {
-        if let Some(value) = asked_hz.filter(|rate_hz| !(rate_hz.is_finite() && *rate_hz > 0.0)) {
-            let expected = "a finite number of samples per second above zero";
+        if let Some(value) = asked_hz.filter(|rate_hz| !RATES_HZ.contains(rate_hz)) {
+            let expected = "1 to 1000000 samples per second";
             return Err(DeviceError::Parameter { name: "EMG rate", value, expected });
         }
         let names = list(dir)?;

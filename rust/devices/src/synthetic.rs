@@ -165,8 +165,8 @@ impl SyntheticEmg {
         mut rng: ChaCha8Rng,
     ) -> Result<SyntheticEmg, DeviceError> {
         for (name, value) in [("EMG rate", rate_hz), ("amplitude scale", scale)] {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(DeviceError::Parameter { name, value, expected: "a finite number above zero" });
+            if !(1e-6..=1e6).contains(&value) {
+                return Err(DeviceError::Parameter { name, value, expected: "0.000001 to 1000000" });
             }
         }
         let most = model.channels();

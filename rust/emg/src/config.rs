@@ -5,7 +5,7 @@ use crate::{
 };
 use proact_types::{EmgSample, GestureName, MAX_EMG_CHANNELS};
 use serde::{Deserialize, Serialize};
-use std::num::NonZeroU32;
+use std::{num::NonZeroU32, ops::RangeInclusive};
 
 /// A length of the EMG stream.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -194,6 +194,9 @@ impl Default for EmgConfig {
     }
 }
 
+/// Sample rates that a stream can have, Hz: far below and above any EMG.
+pub const RATES_HZ: RangeInclusive<f64> = 1.0..=1e6;
+
 /// LibEMG's threshold of rejection.
 pub const DEFAULT_REJECTION: f64 = 0.9;
 /// LibEMG's number of votes.
@@ -283,7 +286,7 @@ impl EmgConfig {
     /// # Errors
     /// The first [`EmgError`] found.
     pub fn check(&self) -> Result<(), EmgError> {
-        if !(self.rate_hz.is_finite() && self.rate_hz > 0.0) {
+        if !RATES_HZ.contains(&self.rate_hz) {
             return Err(EmgError::Rate { rate_hz: self.rate_hz });
         }
         if !(1..=MAX_EMG_CHANNELS).contains(&self.channels) {

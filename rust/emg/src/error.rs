@@ -1,13 +1,13 @@
 use crate::WindowLength;
 use crate::feature::known_names;
-use proact_types::{DegreeOfFreedom, GestureName, MAX_EMG_CHANNELS, MAX_GESTURES};
+use proact_types::{DegreeOfFreedom, GestureName, MAX_EMG_CHANNELS, MAX_GESTURES, number_text};
 
 /// What can be wrong with settings, training data or features.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum EmgError {
     /// No usable sample rate.
-    #[error("EMG rate is {rate_hz} Hz, expected a finite number above zero")]
+    #[error("EMG rate is {} Hz, expected 1 to 1000000", number_text(*rate_hz))]
     Rate {
         /// As given.
         rate_hz: f64,
@@ -34,8 +34,9 @@ pub enum EmgError {
     },
     /// A window or an increment of no usable length.
     #[error(
-        "{length:?} is {samples} samples at {rate_hz} Hz; a window needs at least 3, 5 with SAMPEN or FUZZYEN, 6 with AR4 or CC, an \
-         increment at least 1, neither may exceed 600000"
+        "{length:?} is {} samples at {rate_hz} Hz, expected at least 3 for a window, 5 with SAMPEN or FUZZYEN, 6 with AR4 or CC, \
+         at least 1 for an increment, and at most 600000 for either",
+        number_text(*samples)
     )]
     Length {
         /// As given.
@@ -48,7 +49,7 @@ pub enum EmgError {
     /// Windows come too rarely for the allowed age.
     #[error(
         "the stream would count as stale after {max_age_millis} ms, but windows come only every \
-         {increment_millis} ms; raise max_age_millis or shorten the increment"
+         {increment_millis} ms, expected no more than max_age_millis: raise it or shorten the increment"
     )]
     Age {
         /// As given.
@@ -298,7 +299,7 @@ pub enum EmgError {
     #[error("the list of EMG features is empty, expected at least one")]
     NoFeatures,
     /// A threshold outside its range.
-    #[error("{name} is {value}, expected {expected}")]
+    #[error("{name} is {}, expected {expected}", number_text(*value))]
     Threshold {
         /// Which one.
         name: &'static str,

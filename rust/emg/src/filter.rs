@@ -1,6 +1,6 @@
 use crate::EmgError;
 use nalgebra::Complex;
-use proact_types::EmgSample;
+use proact_types::{EmgSample, number_text};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 use std::{f64::consts::PI, fmt, str::FromStr};
 
@@ -53,6 +53,8 @@ pub enum EmgFilter {
 const DEFAULT_ORDER: usize = 4;
 /// Beyond this the poles of narrow bands lie too close together for doubles.
 const LARGEST_ORDER: usize = 8;
+/// Lowest frequency of a filter, Hz; slower than any recording is long.
+const LEAST_HZ: f64 = 0.001;
 /// LibEMG's width of its common notch.
 const DEFAULT_WIDTH_HZ: f64 = 3.0;
 /// Most filters of a stream.
@@ -70,10 +72,11 @@ impl EmgFilter {
 
     fn check(&self, rate_hz: f64) -> Result<(), EmgError> {
         let refused = |reason: String| Err(EmgError::Filter { filter: self.to_string(), reason });
-        if let Some(bad) = self.numbers().into_iter().find(|hz| !(*hz > 0.0 && *hz < rate_hz / 2.0)) {
+        let half = rate_hz / 2.0;
+        if let Some(bad) = self.numbers().into_iter().find(|hz| !(LEAST_HZ..half).contains(hz)) {
+            let bad = number_text(bad);
             return refused(format!(
-                "{bad} Hz does not lie between 0 and half the rate, {} Hz",
-                rate_hz / 2.0
+                "{bad} Hz does not lie between {LEAST_HZ} Hz and half the rate, {half} Hz"
             ));
         }
         match *self {
@@ -401,7 +404,9 @@ mod tests {
             let filter = text.parse().expect("written right");
             FilterBank::new(&[filter], 1000.0, 1).expect_err("must be refused").to_string()
         };
-        assert!(refused("lowpass:500").contains("500 Hz does not lie between 0 and half the rate, 500 Hz"));
+        assert!(
+            refused("lowpass:500").contains("500 Hz does not lie between 0.001 Hz and half the rate, 500 Hz")
+        );
         assert!(refused("bandpass:90-20").contains("the lower frequency must come first"));
         assert!(refused("highpass:20:9").contains("order 9, expected 1 to 8"));
         assert!(refused("notch:-50").contains("-50 Hz"));

@@ -88,7 +88,7 @@ pub use calibration::{
 pub use classifier::{ClassPosterior, Classifier, EffortScale, Prediction};
 pub use config::{
     BridgeConfig, DEFAULT_MAJORITY, DEFAULT_REJECTION, EmgConfig, LARGEST_MAJORITY, LdaNormalisation, Priors,
-    RuleKind, WindowLength,
+    RATES_HZ, RuleKind, WindowLength,
 };
 pub use decision::{Decision, DecisionRule, MajorityVote};
 pub use discriminant::{ClassifierKind, Site};

@@ -326,10 +326,10 @@ impl HoldTest {
 }
 
 pub(crate) fn positive(name: &'static str, value: f64) -> Result<(), EmgError> {
-    if value.is_finite() && value > 0.0 {
+    if (1e-6..=1e6).contains(&value) {
         return Ok(());
     }
-    Err(EmgError::Threshold { name, value, expected: "a finite number above zero" })
+    Err(EmgError::Threshold { name, value, expected: "0.000001 to 1000000" })
 }
 
 #[cfg(test)]

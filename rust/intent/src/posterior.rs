@@ -1,5 +1,5 @@
 use nalgebra::Unit;
-use proact_types::{GazeSample, ObjectId, Point, TaskContext};
+use proact_types::{GazeSample, ObjectId, Point, TaskContext, number_text};
 use serde::{Deserialize, Serialize};
 
 /// Probability of each object being meant, in the order of the scene; sums to one.
@@ -103,7 +103,7 @@ pub enum IntentError {
         value: String,
     },
     /// An option is outside its range.
-    #[error("intent option {key} = {got}, expected {expected}")]
+    #[error("intent option {key} = {}, expected {expected}", number_text(*got))]
     Option {
         /// Such as `sigma`.
         key: &'static str,

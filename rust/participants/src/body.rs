@@ -1,5 +1,5 @@
 use nalgebra::{Translation3, UnitQuaternion};
-use proact_types::{Point, Pose, SimTime, TICK_SECS, TrunkPosture, Vector};
+use proact_types::{Point, Pose, SimTime, TICK_SECS, TrunkPosture, Vector, number_text};
 use serde::{Deserialize, Serialize};
 
 /// Peak speed of a minimum-jerk movement over its mean speed.
@@ -69,13 +69,13 @@ impl Body {
             ("setup.body.axial_max_deg", self.axial_max_deg),
         ] {
             if !(0.0..=90.0).contains(&degrees) {
-                return refused(key, degrees.to_string(), "0 to 90");
+                return refused(key, number_text(degrees), "0 to 90");
             }
         }
         if !(0.1..=1000.0).contains(&self.speed_max_deg_per_s) {
             return refused(
                 "setup.body.speed_max_deg_per_s",
-                self.speed_max_deg_per_s.to_string(),
+                number_text(self.speed_max_deg_per_s),
                 "0.1 to 1000",
             );
         }

@@ -1,5 +1,5 @@
 use crate::{Arrangements, ConditionOrder, PlanError, PlannedTrial, Schedule};
-use proact_types::Instruction;
+use proact_types::{Instruction, number_text};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -364,10 +364,10 @@ impl Plan {
 
     fn check_choice(&self, place: &str, choice: &TrialChoice) -> Result<(), PlanError> {
         match choice.limit_secs {
-            Some(limit) if !(limit > 0.0 && limit <= 60.0 * LONGEST_STEP) => Err(PlanError::value(
+            Some(limit) if !(0.001..=60.0 * LONGEST_STEP).contains(&limit) => Err(PlanError::value(
                 format!("{place}.limit_secs"),
-                limit,
-                format!("more than 0 and at most {}", 60.0 * LONGEST_STEP),
+                number_text(limit),
+                format!("0.001 to {}", 60.0 * LONGEST_STEP),
             )),
             _ => Ok(()),
         }

@@ -263,7 +263,7 @@ fn what_is_wrong_with_a_plan_is_said_in_one_sentence() {
             "unknown variant `chance`",
         ),
         ("name = \"B\"", "name = \"A\"", "two conditions are called \"A\""),
-        ("limit_secs = 300", "limit_secs = -1", "trial.limit_secs is -1, expected more than 0"),
+        ("limit_secs = 300", "limit_secs = -1", "trial.limit_secs is -1, expected 0.001 to"),
         (
             "do = \"calibrate_gaze\", minutes = 2",
             "do = \"calibrate_gaze\", minutes = nan",

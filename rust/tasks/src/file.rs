@@ -4,7 +4,7 @@ use crate::{
     goal_files::{MoveFile, PosturesFile, ReachesFile},
     heap::OF_HEAP,
 };
-use proact_types::{Briefing, Destination, MAX_OBJECTS, ObjectId, Order, Scene};
+use proact_types::{Briefing, Destination, MAX_OBJECTS, ObjectId, Order, Scene, number_text};
 use serde::{Deserialize, Serialize};
 
 /// Why there is no task.
@@ -228,11 +228,9 @@ impl TaskFile {
         }
         self.check_parts()?;
         let Briefing { practice_secs, limit_secs, order, destination, .. } = &self.briefing;
-        if !(*limit_secs > 0.0 && *limit_secs <= 3600.0) {
-            return wrong(
-                "briefing.limit_secs",
-                format!("{limit_secs}, expected more than 0 and at most 3600"),
-            );
+        if !(0.001..=3600.0).contains(limit_secs) {
+            let got = number_text(*limit_secs);
+            return wrong("briefing.limit_secs", format!("{got}, expected 0.001 to 3600"));
         }
         if !(0.0..*limit_secs).contains(practice_secs) {
             let reason =

@@ -4,7 +4,7 @@ use crate::{
     SceneFile, TaskError,
     scene::{KindFile, ObjectFile},
 };
-use proact_types::Shape;
+use proact_types::{Shape, number_text};
 use serde::{Deserialize, Serialize};
 
 /// Objects in rows (along x, the nearest first) and columns (along y, the most lateral first), numbered row by row from 1.
@@ -149,9 +149,10 @@ impl GridChoice {
             let Shape::Box { size } = &mut grid.kind.shape else {
                 return Err(TaskError::Scene(format!("width {width} m of {}, which is no box", grid.name)));
             };
-            if !(width.is_finite() && width > 0.0) {
+            if !(0.001..=10.0).contains(&width) {
+                let width = number_text(width);
                 return Err(TaskError::Scene(format!(
-                    "width {width} m of {}, expected a number above 0",
+                    "width {width} m of {}, expected 0.001 to 10",
                     grid.name
                 )));
             }

@@ -7,7 +7,7 @@ use proact_emg::{Classifier, EmgConfig};
 use proact_intent::{IntentModelName, IntentOptions, IntentProgram};
 use proact_participants::{Body, ParticipantOptions};
 use proact_tasks::{DEFAULT_TASK, Task, TaskChoice, Wearer};
-use proact_types::{GestureCommands, GestureName, GestureTableError};
+use proact_types::{GestureCommands, GestureName, GestureTableError, number_text};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 
@@ -426,8 +426,8 @@ impl TrialConfig {
     /// [`ConfigError::Value`] naming the first key that is out of range.
     pub fn check(&self) -> Result<(), ConfigError> {
         let bad = |key, got: String, expected| Err(ConfigError::Value { key, got, expected });
-        if !(self.limit_secs > 0.0 && self.limit_secs <= 3600.0) {
-            return bad("limit_secs", self.limit_secs.to_string(), "more than 0 and at most 3600");
+        if !(0.001..=3600.0).contains(&self.limit_secs) {
+            return bad("limit_secs", number_text(self.limit_secs), "0.001 to 3600");
         }
         if !(1..=10_000).contains(&self.plan_latency_ms) {
             return bad("plan_latency_ms", self.plan_latency_ms.to_string(), "1 to 10000");

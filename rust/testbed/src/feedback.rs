@@ -1,5 +1,5 @@
 use crate::ConfigError;
-use proact_types::{Cue, Tone, Vibration};
+use proact_types::{Cue, Tone, Vibration, number_text};
 use serde::{Deserialize, Serialize};
 
 /// Most mappings of a trial.
@@ -131,14 +131,18 @@ impl FeedbackMapping {
                 | Self::Pressure { full_n, threshold_n, rate_hz } => (*full_n, *threshold_n, *rate_hz),
             };
             let (full, threshold, rate) = force;
-            if !(full > 0.0 && full <= 1000.0) {
-                return bad("feedback.full_n", full.to_string(), "more than 0 and at most 1000");
+            if !(0.001..=1000.0).contains(&full) {
+                return bad("feedback.full_n", number_text(full), "0.001 to 1000");
             }
             if !(0.0..full).contains(&threshold) {
-                return bad("feedback.threshold_n", threshold.to_string(), "0 or more, and less than full_n");
+                return bad(
+                    "feedback.threshold_n",
+                    number_text(threshold),
+                    "0 or more, and less than full_n",
+                );
             }
             if !(1.0..=MOST_RATE_HZ).contains(&rate) {
-                return bad("feedback.rate_hz", rate.to_string(), "1 to 60");
+                return bad("feedback.rate_hz", number_text(rate), "1 to 60");
             }
         }
         Ok(())

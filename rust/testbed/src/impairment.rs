@@ -2,7 +2,7 @@
 //! display. What comes out is what is logged, so that a replay needs none of it.
 
 use crate::ConfigError;
-use proact_types::{DisplayFrame, InputSign, InputSource, MAX_TICK_SAMPLES, SimTime, TickInput};
+use proact_types::{DisplayFrame, InputSign, InputSource, MAX_TICK_SAMPLES, SimTime, TickInput, number_text};
 use rand::{RngExt as _, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -77,13 +77,13 @@ impl LinkImpairment {
                 }
             }
             if !(0.0..=1.0).contains(loss) {
-                return bad("impairments.loss", loss.to_string(), "0 to 1");
+                return bad("impairments.loss", number_text(*loss), "0 to 1");
             }
             // A gesture is said once, when it changes: one that is lost would leave the arm in motion.
             if *link == ImpairedLink::Gestures && *loss > 0.0 {
                 return bad(
                     "impairments.loss",
-                    loss.to_string(),
+                    number_text(*loss),
                     "0 for gestures, whose connection loses nothing",
                 );
             }

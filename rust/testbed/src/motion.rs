@@ -5,7 +5,7 @@ use crate::ConfigError;
 use proact_arm::{ArmModel, Couplings, JointLimits};
 use proact_control::{MotionCommand, MotionState};
 use proact_localization::FollowSpeeds;
-use proact_types::{JointVector, TICK_SECS, Trajectory, joints};
+use proact_types::{JointVector, TICK_SECS, Trajectory, joints, number_text};
 use serde::{Deserialize, Serialize};
 
 /// Peak over mean speed of a minimum-jerk movement.
@@ -53,7 +53,7 @@ impl MotionConfig {
         ] {
             if !(0.01..=20.0).contains(&got) {
                 let expected = "0.01 to 20";
-                return Err(ConfigError::Value { key, got: got.to_string(), expected });
+                return Err(ConfigError::Value { key, got: number_text(got), expected });
             }
         }
         Ok(())

@@ -1,4 +1,5 @@
 use crate::ConfigError;
+use proact_types::number_text;
 use serde::{Deserialize, Serialize};
 
 /// The physics' part of a trial's configuration.
@@ -47,7 +48,7 @@ impl PhysicsConfig {
             if allowed.contains(&got) {
                 return Ok(());
             }
-            Err(ConfigError::Value { key, got: got.to_string(), expected })
+            Err(ConfigError::Value { key, got: number_text(got), expected })
         };
         // Damping, friction and blocks are not scaled: a light arm is too weak for a block, and gains that were chosen for
         // these masses let heavier ones fall.

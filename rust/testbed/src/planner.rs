@@ -1,4 +1,5 @@
 use crate::ConfigError;
+use proact_types::number_text;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::{collections::BTreeMap, fmt, str::FromStr};
 
@@ -143,7 +144,7 @@ impl PlannerOptions {
     /// [`ConfigError::Value`] naming the first bad one.
     pub fn check(&self) -> Result<(), ConfigError> {
         let refused =
-            |key, got: f64, expected| Err(ConfigError::Value { key, got: got.to_string(), expected });
+            |key, got: f64, expected| Err(ConfigError::Value { key, got: number_text(got), expected });
         // The least of each is far below any use: with less, a path would have more points than memory holds.
         let search = &self.search;
         for (key, value, range, expected) in [

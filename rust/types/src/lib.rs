@@ -26,6 +26,7 @@ mod input;
 mod instruction;
 mod intention;
 mod method;
+mod number;
 mod plan;
 mod safety;
 mod scene;
@@ -53,6 +54,7 @@ pub use intention::{Intention, TrunkPosture};
 pub use method::{
     MOST_METHOD_NAME_BYTES, MOST_METHOD_TEXT_BYTES, MethodEvent, MethodHelp, MethodInfo, MethodStyle, Needs,
 };
+pub use number::number_text;
 pub use plan::{
     AttachedObject, Obstacle, PlanGoal, PlanReply, PlanRequest, PlanStatus, Trajectory, TrajectoryPoint,
 };

@@ -15,7 +15,7 @@ use proact_devices::{
     },
     stream,
 };
-use proact_types::{Gesture, GestureName};
+use proact_types::{Gesture, GestureName, number_text};
 use std::{
     error::Error,
     io::Write,
@@ -103,8 +103,10 @@ fn parse_held(text: &str) -> Result<Held, String> {
     let (name, secs) = text.split_once(':').unwrap_or((text, "2"));
     let gesture = name.parse::<GestureName>().map_err(|e| e.to_string())?;
     match secs.parse::<f64>() {
-        Ok(secs) if secs.is_finite() && secs > 0.0 => Ok(Held { gesture, secs }),
-        _ => Err(format!("{text:?} holds {name} for {secs:?}, expected seconds above zero, as in {name}:2")),
+        Ok(secs) if (0.001..=1e6).contains(&secs) => Ok(Held { gesture, secs }),
+        _ => Err(format!(
+            "{text:?} holds {name} for {secs:?}, expected 0.001 to 1000000 seconds, as in {name}:2"
+        )),
     }
 }
 
@@ -113,8 +115,8 @@ fn parse_held(text: &str) -> Result<Held, String> {
 /// # Errors
 /// Recordings that cannot be replayed, impossible options, or a port that is taken.
 pub(super) fn run(args: &SimulateArgs, json: bool) -> Result<(), Box<dyn Error>> {
-    if args.seconds.is_some_and(|s| !(s.is_finite() && s > 0.0)) {
-        return Err("--seconds expects a finite number above zero".into());
+    if let Some(seconds) = args.seconds.filter(|seconds| !(0.001..=1e9).contains(seconds)) {
+        return Err(format!("--seconds is {}, expected 0.001 to 1000000000", number_text(seconds)).into());
     }
     let (feed, rate_hz, channels) = feed(args)?;
     if let Some(name) = &args.lsl {
@@ -306,7 +308,7 @@ mod tests {
     fn gestures_without_a_name_or_a_time_are_refused() {
         assert_eq!(parse_held("hand_open"), Ok(Held { gesture: Gesture::HandOpen.into(), secs: 2.0 }));
         assert!(parse_held(":2").unwrap_err().contains("name of a gesture"));
-        assert!(parse_held("hand_close:0").unwrap_err().contains("seconds above zero"));
-        assert!(parse_held("hand_close:NaN").unwrap_err().contains("seconds above zero"));
+        assert!(parse_held("hand_close:0").unwrap_err().contains("0.001 to 1000000 seconds"));
+        assert!(parse_held("hand_close:NaN").unwrap_err().contains("0.001 to 1000000 seconds"));
     }
 }

@@ -17,7 +17,7 @@ use proact_devices::{
 use proact_emg::{
     DecisionRule, EmgConfig, EmgError, EmgModel, EmgOutput, Light, QualityConfig, QualityMonitor,
 };
-use proact_types::{Drives, EmgSample, Gesture, GestureName, MAX_GESTURES, SimTime};
+use proact_types::{Drives, EmgSample, Gesture, GestureName, MAX_GESTURES, SimTime, number_text};
 use serde_json::json;
 use std::{
     error::Error,
@@ -80,8 +80,8 @@ pub struct StreamArgs {
 /// # Errors
 /// A source that cannot be opened, a model that does not fit it, or a file that cannot be written.
 pub(super) fn run(sources: &SourceRegistry, args: &StreamArgs, json: bool) -> Result<(), Box<dyn Error>> {
-    if args.seconds.is_some_and(|s| !(s.is_finite() && s > 0.0)) {
-        return Err("--seconds expects a finite number above zero".into());
+    if let Some(seconds) = args.seconds.filter(|seconds| !(0.001..=1e9).contains(seconds)) {
+        return Err(format!("--seconds is {}, expected 0.001 to 1000000000", number_text(seconds)).into());
     }
     // So that a recording ends well.
     let stop = interrupt_flag()?;

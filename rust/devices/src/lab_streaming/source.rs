@@ -4,7 +4,7 @@ use crate::{
     amplifier::{is_emg, is_imu, microvolts_of},
 };
 use lsl::{ChannelFormat, StreamInfo, StreamInlet};
-use proact_emg::ImuChannel;
+use proact_emg::{ImuChannel, RATES_HZ};
 use proact_types::{EmgSample, MAX_EMG_CHANNELS};
 use std::{
     sync::mpsc::RecvTimeoutError,
@@ -260,8 +260,8 @@ impl Chosen {
 /// What the stream is, if it can be used.
 fn checked(stream: &StreamInfo) -> Result<SourceInfo, String> {
     let (rate_hz, channels) = (stream.nominal_srate(), stream.channel_count());
-    if !(rate_hz.is_finite() && rate_hz > 0.0) {
-        return Err(format!("its nominal rate is {rate_hz}, expected samples per second above zero"));
+    if !RATES_HZ.contains(&rate_hz) {
+        return Err(format!("its nominal rate is {rate_hz}, expected 1 to 1000000 samples per second"));
     }
     if !(1..=MAX_EMG_CHANNELS as i32).contains(&channels) {
         return Err(format!("it has {channels} channels, expected 1 to {MAX_EMG_CHANNELS}"));

@@ -1,5 +1,6 @@
 use super::{EmgPacket, SampleSource, SourceCounts, SourceEvent, SourceInfo};
 use crate::{DeviceError, Recordings};
+use proact_emg::RATES_HZ;
 use proact_types::{ChannelValues, EmgSample, GestureName};
 use std::time::{Duration, Instant};
 
@@ -36,8 +37,8 @@ impl PlaybackSource {
         packet_samples: usize,
         pacing: Pacing,
     ) -> Result<PlaybackSource, DeviceError> {
-        if !(rate_hz.is_finite() && rate_hz > 0.0) {
-            let expected = "a finite number of samples per second above zero";
+        if !RATES_HZ.contains(&rate_hz) {
+            let expected = "1 to 1000000 samples per second";
             return Err(DeviceError::Parameter { name: "EMG rate", value: rate_hz, expected });
         }
         if packet_samples == 0 {
