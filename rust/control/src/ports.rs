@@ -43,6 +43,14 @@ pub enum KinematicsError {
         /// Its value.
         value: f64,
     },
+    /// Finite values went in, and the result is beyond what a number can hold.
+    #[error("{what} {index} is beyond the range of numbers; expected smaller joint speeds and accelerations")]
+    Overflow {
+        /// Such as `torque of joint`.
+        what: &'static str,
+        /// Which one.
+        index: usize,
+    },
     /// The library refused.
     #[error("KDL: {0}")]
     Library(String),

@@ -153,7 +153,11 @@ impl Kinematics {
         let mut torque = zeros(self.moving);
         ffi::inverse_dynamics(self.inner.pin_mut(), q, qd, qdd, &gravity.data.0[0], &mut torque)
             .map_err(library)?;
-        Ok(torque)
+        // Speeds are squared on the way.
+        match torque.iter().position(|value| !value.is_finite()) {
+            Some(joint) => Err(KinematicsError::Overflow { what: "torque of joint", index: joint }),
+            None => Ok(torque),
+        }
     }
 
     /// Puts a body into the hand, fixed to the tip: `body.pose` is `tip_from_body` with the origin at the centre

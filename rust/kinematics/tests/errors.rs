@@ -82,6 +82,18 @@ fn values_that_kdl_would_compute_with_silently_are_refused_by_place() {
 }
 
 #[test]
+fn torques_beyond_the_range_of_numbers_are_an_error() {
+    // They were infinite, and null in the answer of a query.
+    let mut arm = Kinematics::new(&model()).expect("it is an arm");
+    let (rest, mut fast) = (zeros(27), zeros(27));
+    fast[0] = 1e200;
+    let down = Vector::new(0.0, 0.0, -9.80665);
+    let error = arm.inverse_dynamics(&rest, &fast, &rest, &down).expect_err("it overflows").to_string();
+    assert!(error.contains("torque of joint 0 is beyond the range of numbers"), "{error}");
+    assert!(arm.inverse_dynamics(&rest, &rest, &rest, &down).is_ok(), "a refusal leaves the arm usable");
+}
+
+#[test]
 fn a_model_that_is_no_arm_is_refused_by_name() {
     let empty = |model: &mut ArmModel| {
         model.links.clear();

@@ -43,6 +43,16 @@ pub enum JournalError {
         /// The file.
         path: PathBuf,
     },
+    /// The file was made, and its first page never came on the disk.
+    #[error(
+        "{} is empty: the program that made it ended before anything was on the disk, as on a full one. Nothing was \
+         recorded and nothing is lost; make room and run the study again",
+        path.display()
+    )]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
     /// It is of another program.
     #[error("{} has format {got}, expected {JOURNAL_FORMAT}: another version of the program wrote it", path.display())]
     Format {
@@ -160,8 +170,16 @@ impl Journal {
         let format = self.db.pragma_query_value(None, "user_version", |row| row.get::<_, i64>(0));
         match format.map_err(failed(&self.path))? {
             JOURNAL_FORMAT => Ok(()),
+            0 if self.is_empty().map_err(failed(&self.path))? => {
+                Err(JournalError::Empty { path: self.path.clone() })
+            }
             got => Err(JournalError::Format { path: self.path.clone(), got }),
         }
+    }
+
+    /// Whether nothing was ever written to the file.
+    fn is_empty(&self) -> rusqlite::Result<bool> {
+        self.db.query_row("SELECT count(*) = 0 FROM sqlite_schema", [], |row| row.get(0))
     }
 
     /// The file.
@@ -358,6 +376,17 @@ mod tests {
         Connection::open(&path).unwrap().pragma_update(None, "user_version", 99).unwrap();
         let error = Journal::open(&path).unwrap_err();
         assert!(error.to_string().contains("has format 99, expected 1"), "{error}");
+    }
+
+    #[test]
+    fn a_file_that_a_full_disk_left_empty_is_told_and_taken_up() {
+        // It was of "format 0, another version of the program wrote it".
+        let (_dir, path) = place();
+        File::create(&path).unwrap();
+        let error = Journal::read(&path).unwrap_err().to_string();
+        assert!(error.contains("is empty") && error.contains("run the study again"), "{error}");
+        Journal::open(&path).unwrap();
+        Journal::read(&path).unwrap();
     }
 
     #[test]

@@ -52,7 +52,13 @@ impl Trial {
         let own = [CONFIG_FILE, INPUTS_FILE, DIGESTS_FILE, EVENTS_FILE, RESULT_FILE];
         let manifest = manifest::check(dir, &own);
         let finished = !matches!(manifest, Ok(false));
-        let header = read_header(dir, log.header())?;
+        let header = match (read_header(dir, log.header()), &manifest) {
+            // A swapped log lists the hashes of another trial; only the manifest names the log itself.
+            (Err(RecordingError::Changed { .. }), Err(RecordingError::Changed { dir, files })) => {
+                return Err(RecordingError::Changed { dir: dir.clone(), files: files.clone() });
+            }
+            (header, _) => header?,
+        };
         let mut inputs = 0;
         let mut stop = None;
         for record in &mut log {
@@ -204,13 +210,14 @@ impl Trial {
 fn read_header(dir: &Path, head: &LogHeader) -> Result<TrialHeader, RecordingError> {
     let mut files = std::collections::BTreeMap::new();
     let mut changed = Vec::new();
+    let not_of_it = |name: &str| format!("{name} is not the one that {INPUTS_FILE} was begun with");
     for (name, sum) in &head.files {
         let path = dir.join(name);
         match files::read(&path, MOST_TEXT_BYTES) {
             Ok(bytes) if manifest::hash_of(&bytes) == *sum => {
                 files.insert(name.clone(), bytes);
             }
-            Ok(_) => changed.push(format!("{name} has changed")),
+            Ok(_) => changed.push(not_of_it(name)),
             Err(error) if error.kind() == ErrorKind::NotFound => changed.push(format!("{name} is missing")),
             Err(source) => return Err(RecordingError::Io { action: "read", path, source }),
         }

@@ -6,7 +6,7 @@ mod common;
 use common::{Digest, digest, event, header, input, write_trial};
 use proact_recording::{
     CONFIG_FILE, DIGESTS_FILE, EVENTS_FILE, INPUTS_FILE, MANIFEST_FILE, RESULT_FILE, RecordingError, Trial,
-    TrialWriter, seal,
+    TrialHeader, TrialWriter, seal,
 };
 use proact_types::SimTime;
 use std::{fs, path::Path, process::Command};
@@ -162,7 +162,10 @@ fn a_change_in_what_a_digest_vouches_for_is_refused_in_an_interrupted_trial_too(
         for bad in [b"".as_slice(), &good[1..]] {
             fs::write(&path, bad).unwrap();
             let error = Trial::open(&dir).unwrap_err().to_string();
-            assert!(error.contains(&format!("{name} has changed")), "{error}");
+            assert!(
+                error.contains(&format!("{name} is not the one that {INPUTS_FILE} was begun with")),
+                "{error}"
+            );
         }
         fs::remove_file(&path).unwrap();
         let error = Trial::open(&dir).unwrap_err().to_string();
@@ -214,6 +217,23 @@ fn a_finished_trial_is_refused_when_any_of_its_files_is_not_as_it_was() {
         fs::write(&path, &good).unwrap();
         Trial::open(&dir).unwrap();
     }
+}
+
+#[test]
+fn an_input_log_of_another_trial_is_named_itself() {
+    // Named were the files whose hashes the foreign log has, which were all as they had been written.
+    let place = tempfile::tempdir().unwrap();
+    let (dir, other) = (place.path().join("trial"), place.path().join("other"));
+    write_trial(&dir, 600);
+    let config_toml = "# another trial\nmethod = \"A\"\n".to_owned();
+    TrialWriter::create(&other, &TrialHeader { config_toml, ..header() }).unwrap();
+    fs::copy(other.join(INPUTS_FILE), dir.join(INPUTS_FILE)).unwrap();
+    let error = Trial::open(&dir).unwrap_err().to_string();
+    assert!(error.contains("as it was recorded: inputs.log has changed; expected"), "{error}");
+    // Without a manifest either file may be the foreign one.
+    fs::remove_file(dir.join(MANIFEST_FILE)).unwrap();
+    let error = Trial::open(&dir).unwrap_err().to_string();
+    assert!(error.contains("config.toml is not the one that inputs.log was begun with"), "{error}");
 }
 
 #[test]

@@ -204,6 +204,12 @@ fn a_bad_line_is_answered_and_the_stream_goes_on() {
             "{\"op\": \"inverse_dynamics\", \"q\": [0], \"qd\": [0], \"qdd\": [0]}",
             "q has 1 values, expected 7",
         ),
+        // It was answered by null for each torque.
+        (
+            "{\"op\": \"inverse_dynamics\", \"q\": [0, 0, 0, 0, 0, 0, 0], \"qd\": [1e200, 0, 0, 0, 0, 0, 0], \
+             \"qdd\": [0, 0, 0, 0, 0, 0, 0]}",
+            "torque of joint 0 is beyond the range of numbers",
+        ),
         (
             "{\"op\": \"ik\", \"position\": [0, 0, 0], \"quaternion\": [0, 0, 0, 2]}",
             "has length 2, expected 1",

@@ -471,12 +471,22 @@ pub(super) fn look_with(study: &Study, options: &LookOptions<'_>) -> Result<Look
     Ok(Look { progress, entries, simulated: before.is_some_and(|before| before.simulated.is_some()) })
 }
 
-fn check_pseudonym(id: &str) -> Result<(), StudyError> {
+/// Whether a new participant can be called `id`.
+///
+/// # Errors
+/// [`StudyError::Person`].
+pub fn check_pseudonym(id: &str) -> Result<(), StudyError> {
     let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
     if !id.is_empty() && id.len() <= 32 && id.chars().all(plain) {
         return Ok(());
     }
+    let shown: String = id.chars().take(40).collect();
+    let rest = if shown.len() < id.len() {
+        format!("... ({} characters)", id.chars().count())
+    } else {
+        String::new()
+    };
     Err(StudyError::Person(format!(
-        "the participant is called {id:?}, expected a pseudonym of 1 to 32 letters, digits, - and _"
+        "the participant is called {shown:?}{rest}, expected a pseudonym of 1 to 32 letters, digits, - and _"
     )))
 }

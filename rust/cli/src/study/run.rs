@@ -7,7 +7,7 @@ use proact_app::{
     LiveArmband, Registry, answer,
     study::{
         Conductor, ExportOptions, LiveStudy, People, RehearsalOptions, Rehearsed, Study, StudyEquipment,
-        export, opening, rehearse, work as work_on,
+        check_pseudonym, export, opening, rehearse, work as work_on,
     },
     tell,
     use_log::UseLog,
@@ -64,6 +64,10 @@ pub struct RunArgs {
 }
 
 pub(super) fn command(registry: &Registry, args: &RunArgs, json: bool) -> Result<bool, Box<dyn Error>> {
+    // Before the page starts.
+    if let Some(id) = args.participant.as_deref().filter(|_| args.new) {
+        check_pseudonym(id)?;
+    }
     let interrupted = interrupt_flag()?;
     let study = Study::open(&args.study, &registry.methods)?;
     let (conductor, found) = Conductor::take_up(study.clone(), args.simulated.then_some(args.people))?;

@@ -59,6 +59,9 @@ pub(super) fn query(_: &Path) -> Run {
         for line in answers.split(|b| *b == b'\n').filter(|line| !line.is_empty()) {
             let answer: serde_json::Value = serde_json::from_slice(line).expect("answers are JSON");
             assert!(answer.is_object(), "{answer}");
+            let numbers =
+                answer["tau"].as_array().is_none_or(|tau| tau.iter().all(serde_json::Value::is_number));
+            assert!(numbers, "{answer}");
         }
     })
 }
