@@ -3,7 +3,7 @@
 
     tests/scenarios/faults.py PATH_OF_PROACT [NAME...]
 
-Disk full, disk read-only, file limit, clock jump, half-open sockets, slow readers, floods of UDP, one core taken away,
+Disk full, disk read-only, folder that may not be written, file limit, clock jump, half-open sockets, slow readers, floods of UDP, one core taken away,
 standard output closed or full. docs/reliability.md has the promises. Faults that this machine cannot be given (no
 user namespaces, no libfaketime) are said to be skipped. Exit code 0 only if all others passed.
 """
@@ -80,6 +80,141 @@ def disk_read_only():
     done = in_mount('mount -o remount,ro "$dir" && "$proact" demo --headless --out "$dir/t"; echo "exit $?"', "size=6m")
     demand("Read-only file system" in done.stderr and "exit 1" in done.stdout, done.stdout + done.stderr)
     return done.stderr.strip()
+
+
+def of_each_kind():
+    """A trial, a study with a plan and a table of samples, from which each kind of file can be made."""
+    folder = work / "made"
+    if not folder.exists():
+        folder.mkdir()
+        made = run("demo", "--headless", "--set", "limit_secs=2", "--out", folder / "trial")
+        demand(made.returncode == 0, made.stderr)
+        demand(run("study", "new", folder / "pilot").returncode == 0, "no study could be made")
+        # More than fits on the small disks.
+        shutil.copy(folder / "trial" / "trial.bag", folder / "pilot")
+        rows = [",".join(str(row * (k + 3) % 17) for k in range(8)) for row in range(20_000)]
+        (folder / "samples.csv").write_text("\n".join(rows) + "\n")
+    return folder
+
+
+def disk_full_outputs():
+    """A file that does not fit is named; the one that was there before stays, and nothing else is left beside it."""
+    made = of_each_kind()
+    writers = {
+        "features": f'emg features --csv "{made}/samples.csv" --window 20 --increment 5 --unit samples --out',
+        "xdf": f'export "{made}/trial" --xdf',
+        "archive": f'study archive "{made}/pilot" --out',
+        "tables": f'study export "{made}/pilot" --out',
+    }
+    for name, words in writers.items():
+        # What is to be new cannot be there before.
+        old = 'echo old > "$dir/out";' if name == "features" else ""
+        show = 'ls -A "$dir"; cat "$dir/out"' if old else 'ls -A "$dir"'
+        # With room for the beginning of each, so that the file can be made.
+        fill = 'dd if=/dev/zero of="$dir/fill" bs=1k 2>"$dir/../dd"; truncate -s -12K "$dir/fill";'
+        done = in_mount(f'{old} {fill} "$proact" {words} "$dir/out"; echo "exit $?"; {show}', "size=64k")
+        demand("exit 1" in done.stdout and "No space left on device" in done.stderr, f"{name}: {done.stdout}{done.stderr}")
+        demand("mounted/out" in done.stderr, f"{name} does not name the file: {done.stderr}")
+        if old:
+            demand(done.stdout.endswith("fill\nout\nold\n"), f"{name}: {done.stdout}")
+        elif name != "tables":
+            demand(done.stdout.endswith("exit 1\nfill\n"), f"{name}: {done.stdout}")
+    return f"{', '.join(writers)} name the file"
+
+
+def study_on_a_full_disk():
+    """Made on a full disk, a study is not there, or says what happened; with room it goes on."""
+    fill = 'dd if=/dev/zero of="$dir/fill" bs=1k 2>"$dir/../dd"'
+    steps = [
+        '"$proact" study new "$dir/s"',
+        fill,
+        '"$proact" study new "$dir/none"',
+        'ls -d "$dir/none"',
+        '"$proact" study run "$dir/s" --simulated',
+        '"$proact" study status "$dir/s"',
+        'rm "$dir/fill"',
+        '"$proact" study new "$dir/none"',
+        ': > "$dir/none/plan.toml"; "$proact" study status "$dir/none"',
+    ]
+    done = in_mount("; ".join(f'{{ {step}; }}; echo "exit $?"' for step in steps), "size=64k")
+    codes = [line.split()[1] for line in done.stdout.splitlines() if line.startswith("exit")]
+    demand(codes == ["0", "1", "1", "2", "1", "1", "0", "0", "1"], f"{codes}: {done.stdout}{done.stderr}")
+    demand("none/plan.toml: No space left on device" in done.stderr, done.stderr)
+    demand("study.sqlite is empty: the program that made it ended" in done.stderr, done.stderr)
+    demand("the plan is empty, so it was not written to its end" in done.stderr, done.stderr)
+    return "each says what happened"
+
+
+# Each would work for minutes, or wait for a person, if it were not refused before.
+LONG_WRITERS = [
+    "emg train --source synthetic --secs 60 --out $dir/new",
+    "emg train --source synthetic --secs 60 --out $made/new.json --save $dir/new",
+    "emg test --source synthetic --model $made/none.json --tests trial --adapt $dir/new",
+    "demo --headless --out $dir/new",
+    "serve --no-browser --port 0 --out $dir/new",
+    "simulate --out $dir/new --participants 100",
+    "compare A B --out $dir/new --participants 100",
+    "participants fit --out $dir/new",
+    "participants predict --out $dir/new",
+    "analyze $made/trial --out $dir/new",
+    "study export $made/pilot --out $dir/new",
+    "study archive $made/pilot --out $dir/new",
+    "study power $made/pilot --from $made/trial --figure $dir/new",
+    "study new $dir/new",
+    "export $made/trial --xdf $dir/new",
+    "localize record $made/none.csv --out $dir/new",
+    "bench growth --charts $dir/new",
+    "model size mpl_right --stature 1.7 --out $dir/new",
+    "reference $dir/new",
+    "man $dir/new",
+]
+
+
+def refused_outputs(run_with, why):
+    begun = []
+    for words in LONG_WRITERS:
+        try:
+            done = run_with(f'"$proact" {words}; echo "exit $?"')
+        except subprocess.TimeoutExpired:
+            begun.append(f"{words}: it began")
+            continue
+        if "exit 1" not in done.stdout or why not in done.stderr:
+            begun.append(f"{words}: {done.stdout}{done.stderr}")
+    demand(not begun, "\n".join(begun))
+    return f"{len(LONG_WRITERS)} commands are refused before they begin"
+
+
+def read_only_outputs():
+    """Refused before any work."""
+    made = of_each_kind()
+
+    def run_with(script):
+        return in_mount(f'mount -o remount,ro "$dir"; made="{made}"; {script}', "size=64k")
+
+    return refused_outputs(run_with, "Read-only file system")
+
+
+def outputs_without_permission():
+    """The same for a folder that this user may not write to."""
+    made = of_each_kind()
+    folder = work / "forbidden"
+    folder.mkdir()
+    folder.chmod(0o555)
+    prefix = []
+    if os.getuid() == 0:
+        # Root may write anywhere.
+        prefix = ["setpriv", "--reuid", "65534", "--regid", "65534", "--clear-groups"]
+        for path in [work, made, *made.rglob("*")]:
+            path.chmod(0o755 if path.is_dir() else 0o644)
+        if subprocess.run([*prefix, proact, "--version"], capture_output=True).returncode != 0:
+            raise Skipped("no other user can run the program here")
+    environment = {**os.environ, "dir": str(folder), "made": str(made), "proact": str(proact)}
+
+    def run_with(script):
+        command = [*prefix, "sh", "-c", script]
+        return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
+
+    return refused_outputs(run_with, "Permission denied")
 
 
 def file_limit():
@@ -246,7 +381,8 @@ def one_core():
 
 
 FAULTS = [
-    disk_full, disk_read_only, file_limit, output_closed, clock_jump, half_open, slow_readers, udp_flood, one_core
+    disk_full, disk_read_only, disk_full_outputs, study_on_a_full_disk, read_only_outputs, outputs_without_permission,
+    file_limit, output_closed, clock_jump, half_open, slow_readers, udp_flood, one_core
 ]
 wanted = sys.argv[2:]
 failed = False

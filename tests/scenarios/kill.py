@@ -3,11 +3,12 @@
 
     tests/scenarios/kill.py PATH_OF_PROACT [--points N] [--seed S]
 
-N points for each of `demo`, `serve` and `emg train`: most by SIGKILL, every fourth by SIGTERM, SIGHUP or SIGINT, which
+N points for each of `demo`, `serve`, `emg train` and `emg features`: most by SIGKILL, every fourth by SIGTERM, SIGHUP or SIGINT, which
 must end a record as it should. After each: `replay` agrees and `analyze` ends with exit code 0, up to the last digest;
 every event that a page was shown and a digest counts is in the record, and nothing that was shown is older than 0.2 s
 behind it; the bag's last message is at most 0.2 s older than the last digest; of a training every repetition that was
-told to be kept is whole in its folder, and a model is whole or not there. Exit code 0 only if all of it holds.
+told to be kept is whole in its folder, and a model is whole or not there; of a file that is replaced the old or the new one is
+there, whole. Exit code 0 only if all of it holds.
 """
 
 import argparse
@@ -34,7 +35,7 @@ signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
 parser.add_argument("proact", type=pathlib.Path)
-parser.add_argument("--points", type=int, default=10, help="for each of the three programs (default: %(default)s)")
+parser.add_argument("--points", type=int, default=10, help="for each of the four programs (default: %(default)s)")
 parser.add_argument("--seed", type=int, default=1, help="of the moments (default: %(default)s)")
 options = parser.parse_args()
 work = pathlib.Path(tempfile.mkdtemp(prefix="proact-kill-"))
@@ -169,6 +170,25 @@ def train(number, rng):
     return len(rows)
 
 
+def features(number, rng):
+    samples, out = work / f"samples{number}.csv", work / f"features{number}.csv"
+    rows, window = 40_000, 20
+    samples.write_text("\n".join(",".join(str(row * (k + 3) % 17) for k in range(8)) for row in range(rows)) + "\n")
+    old = "old\n" * 1000
+    out.write_text(old)
+    command = [options.proact, "emg", "features", "--csv", samples, "--out", out]
+    command += ["--window", str(window), "--increment", "1", "--unit", "samples"]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    time.sleep(rng.uniform(0.0, 1.0))
+    process.send_signal(rng.choice([signal.SIGKILL, *GENTLE]))
+    process.wait(timeout=60)
+    text = out.read_text()
+    count = len(text.splitlines())
+    demand(text == old or (count == rows - window + 1 and text.endswith("\n")), f"{out} is neither old nor new: {count} lines")
+    samples.unlink()
+    return count
+
+
 def points(program):
     rng = random.Random(f"{options.seed} {program.__name__}")
     found = []
@@ -180,11 +200,11 @@ def points(program):
     return program.__name__, found, None
 
 
-with concurrent.futures.ThreadPoolExecutor(max_workers=3) as pool:
-    done = list(pool.map(points, [demo, serve, train]))
+with concurrent.futures.ThreadPoolExecutor(max_workers=4) as pool:
+    done = list(pool.map(points, [demo, serve, train, features]))
 failed = False
 for name, found, error in done:
-    unit = "repetitions kept" if name == "train" else "ms in the record"
+    unit = {"train": "repetitions kept", "features": "lines"}.get(name, "ms in the record")
     print(f"{name:6} {len(found)} points, {min(found, default=0)} to {max(found, default=0)} {unit}")
     if error:
         failed = True
