@@ -26,6 +26,6 @@ pub use charts::{ChartError, growth_curve, power_curve};
 pub use collect::{Collected, collect};
 pub use leaders::{Lead, Leader, leader_board};
 pub use library::ReportLibrary;
-pub use report::{ReportOptions, WrittenReport, report, report_folder};
+pub use report::{ReportOptions, WrittenReport, check_report_folder, report, report_folder};
 pub use sweeps::{SweepReport, sweep_report};
 pub use training_figures::{TrainingFigure, training_figures};

@@ -1,6 +1,7 @@
 //! Calibrations of headset and shoulder on disk: TOML with date, sources and a hash, one file of each kind in a folder.
 
-use crate::{MarkedHeadset, write_whole};
+use crate::MarkedHeadset;
+use proact_files::{make_folder, write_whole};
 use proact_localization::{CalibrationVerdict, ShoulderCalibration, ShoulderVerdict};
 use proact_testbed::Setup;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
@@ -140,8 +141,7 @@ impl<T: Calibrated> SavedCalibration<T> {
         let text = self
             .text()
             .map_err(|error| CalibrationFileError::Text { path: path.clone(), reason: error.to_string() })?;
-        std::fs::create_dir_all(dir).map_err(disk)?;
-        write_whole(&path, &text).map_err(|error| disk(io::Error::other(error)))?;
+        make_folder(dir).and_then(|()| write_whole(&path, &text)).map_err(|error| disk(error.into()))?;
         Ok(path)
     }
 

@@ -4,8 +4,6 @@
 //! binding them, the working directory by writing into it. Nothing is changed; what is written is removed.
 
 use std::env;
-use std::fs;
-use std::io::Write;
 use std::net::{TcpListener, TcpStream, ToSocketAddrs};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -15,6 +13,7 @@ use crate::{
     libraries::{LIBRARIES, loaded_libraries, output_of},
 };
 use proact_devices::{SourceName, motion_capture::OpenedCapture};
+use proact_files::check_folder;
 use serde::Serialize;
 
 /// Port of the page. When it is taken the program uses the next free one.
@@ -280,19 +279,11 @@ fn port(name: &str, number: u16, when_taken: &str) -> Check {
 /// Whether a file can be made in the folder, where trials are written unless `--out` says otherwise.
 fn writable(folder: &Path) -> Check {
     let shown = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf()).display().to_string();
-    // The process number keeps two doctors in one folder apart.
-    let probe = folder.join(format!(".proact-doctor-{}", std::process::id()));
-    let written = fs::OpenOptions::new()
-        .write(true)
-        .create_new(true)
-        .open(&probe)
-        .and_then(|mut file| file.write_all(b"proact"))
-        .and_then(|()| fs::remove_file(&probe));
-    match written {
+    match check_folder(folder) {
         Ok(()) => Check::ok("working directory", format!("{shown} can be written to")),
         Err(error) => Check::fail(
             "working directory",
-            format!("{shown}: {error}"),
+            error.to_string(),
             "trials cannot be written here: change to another folder, or give --out DIR",
         ),
     }
@@ -332,6 +323,7 @@ fn ros_master(uri: Option<&str>) -> Check {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     #[test]
     fn a_taken_port_is_a_warning_and_a_free_one_is_not() {

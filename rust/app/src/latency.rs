@@ -3,10 +3,10 @@
 //! Wall clock where computers are waited for, trial time where the trial itself takes it: in real time the two pass alike. What
 //! a person's own muscles do, nobody knows; the rows that begin with a muscle are those of simulated people.
 
-use crate::write_whole;
 use arrayvec::ArrayVec;
 use hdrhistogram::Histogram;
 use proact_bridge::{LatencyRow, LatencyStage, PictureAge};
+use proact_files::write_whole;
 use proact_testbed::{Session, Step, stages::StageName};
 use proact_types::{Gesture, SimTime};
 use serde::Serialize;
@@ -229,7 +229,7 @@ impl Latency {
         }
         let text = serde_json::to_string_pretty(&Table { stages: self.rows() });
         let text = text.map_err(|error| format!("cannot write {LATENCY_FILE}: {error}"))?;
-        write_whole(&dir.join(LATENCY_FILE), &format!("{text}\n"))
+        Ok(write_whole(&dir.join(LATENCY_FILE), format!("{text}\n"))?)
     }
 
     fn note(&mut self, stage: LatencyStage, took: Duration) {

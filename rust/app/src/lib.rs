@@ -73,7 +73,6 @@ pub mod use_log;
 pub mod vmpl;
 pub mod vmpl_ghost;
 mod wearer;
-mod whole;
 mod worn_headset;
 mod xdf;
 
@@ -113,8 +112,6 @@ pub use trial_choice::{DEFAULT_METHOD, TrialContext, sets_emg, trial_config};
 pub use trial_markers::TrialMarkers;
 pub use trunk_log::{TRUNK_FILE, read_trunk, trunk_text};
 pub use wearer::{Held, wearer_codes};
-pub(crate) use whole::claim_folder;
-pub use whole::write_whole;
 pub use worn_headset::{MarkedHeadset, WornHeadset};
 pub use xdf::{ExportedStream, ExportedXdf, export_xdf};
 

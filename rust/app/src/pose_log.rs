@@ -1,7 +1,7 @@
 //! Poses of all bodies on one clock, in a file that calibrations are made from.
 
-use crate::write_whole;
 use proact_devices::motion_capture::{write_pose, write_pose_header};
+use proact_files::write_whole;
 use proact_localization::{ClockOffset, Nanos, RawBodyPose};
 use proact_types::Pose;
 use std::{
@@ -82,6 +82,6 @@ impl PoseLog {
         let mut text = String::new();
         write_pose_header(&mut text);
         self.poses.iter().for_each(|pose| write_pose(&mut text, pose));
-        write_whole(&self.path, &text)
+        Ok(write_whole(&self.path, &text)?)
     }
 }

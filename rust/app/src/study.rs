@@ -9,7 +9,9 @@ mod rehearsal;
 pub(crate) mod tables;
 mod worker;
 
-pub use conductor::{Conductor, Look, STUDY_FILE, StudyError, TRIALS_FOLDER, look, record_name};
+pub use conductor::{
+    Conductor, Look, STUDY_FILE, StudyError, TRIALS_FOLDER, check_pseudonym, look, record_name,
+};
 pub use export::{ExportOptions, Exported, archive, export};
 pub(crate) use export::{codebook_csv, table_csv};
 pub use live::{LiveStudy, OnScreen, OpenPerson, StudyEquipment, opening};
@@ -22,6 +24,7 @@ pub use worker::{TrialDone, TrialOrder, TrialScores, Worker, WorkerError, simula
 
 use crate::trial_choice::{TrialContext, trial_config};
 use proact_control::MethodRegistry;
+use proact_files::{make_folder, write_whole};
 use proact_study::{
     ArmSymCondition, Form, Happening, Plan, PlanError, PlannedStep, ProtocolStep, SHIPPED, SHIPPED_FORMS,
     Schedule, TrialChoice, plan_from_armsym,
@@ -115,6 +118,11 @@ impl Study {
         change: impl FnOnce(Plan) -> Result<Plan, PlanError>,
     ) -> Result<Self, Box<dyn Error>> {
         let failed = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
+        if text.trim().is_empty() {
+            let what = "the plan is empty, so it was not written to its end, as on a full disk: put a copy of it there, or \
+                        remove the folder and make the study again with proact study new";
+            return Err(failed(&what).into());
+        }
         let plan = Plan::from_text(&text).and_then(change).map_err(|error| failed(&error))?;
         let mut arrangements: Option<Vec<String>> = None;
         for (k, condition) in plan.conditions.iter().enumerate() {
@@ -261,13 +269,18 @@ fn own_name(folder: &Path) -> &str {
 /// Makes `folder` and writes a plan into it.
 fn write_new(folder: &Path, text: &str) -> Result<PathBuf, Box<dyn Error>> {
     Plan::from_text(text).map_err(|error| format!("{}: {error}", folder.display()))?;
-    fs::create_dir(folder).map_err(|error| match error.kind() {
-        io::ErrorKind::AlreadyExists => {
-            format!("{} exists already; a study has a folder of its own", folder.display())
-        }
-        _ => format!("{}: {error}", folder.display()),
-    })?;
+    let existed = fs::symlink_metadata(folder).is_ok();
+    // An empty folder may be what a killed program left.
+    if existed && !fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_none()) {
+        return Err(format!("{} exists already; a study has a folder of its own", folder.display()).into());
+    }
+    make_folder(folder)?;
     let file = folder.join(PLAN_FILE);
-    fs::write(&file, text).map_err(|error| format!("{}: {error}", file.display()))?;
+    write_whole(&file, text).inspect_err(|_| {
+        // The error of the file is the one to report.
+        if !existed {
+            let _ = fs::remove_dir(folder);
+        }
+    })?;
     Ok(file)
 }

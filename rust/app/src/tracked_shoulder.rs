@@ -2,13 +2,14 @@
 
 use crate::{
     Calibrations, Followable, LimbBodies, MocapAxes, ReachMap, TRUNK_FILE, TrackedBody, TrackedLimb,
-    TrackedLimbError, WornHeadset, tell, trunk_text, write_whole,
+    TrackedLimbError, WornHeadset, tell, trunk_text,
 };
 use nalgebra::UnitQuaternion;
 use proact_arm::Side;
 use proact_bridge::{CalibrationInUse, ControllerPose, ReachPicture, TrackingReport};
 use proact_devices::DeviceError;
 use proact_devices::motion_capture::{LEFT_CONTROLLER, OpenedCapture, RIGHT_CONTROLLER};
+use proact_files::write_whole;
 use proact_http::Repeats;
 use proact_localization::{FilterProfile, Nanos, RawBodyPose};
 use proact_testbed::Session;
@@ -119,7 +120,10 @@ impl TrackedShoulder {
     /// What the disk refuses.
     pub fn keep_trunk(&mut self, dir: &Path) -> Result<(), String> {
         let poses = self.trunk.as_mut().map(|trunk| std::mem::take(&mut trunk.poses)).unwrap_or_default();
-        if poses.is_empty() { Ok(()) } else { write_whole(&dir.join(TRUNK_FILE), &trunk_text(&poses)) }
+        if poses.is_empty() {
+            return Ok(());
+        }
+        Ok(write_whole(&dir.join(TRUNK_FILE), trunk_text(&poses))?)
     }
 
     /// Finds what is in reach in a trial that is about to begin.

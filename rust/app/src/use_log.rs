@@ -138,6 +138,8 @@ impl UseLog {
     pub fn open(path: &Path) -> io::Result<UseLog> {
         let mut file = OpenOptions::new().create(true).append(true).read(true).open(path)?;
         let mut last = [b'\n'];
+        // Of a pipe or device there is no end to look at, and no disk to wait for.
+        let regular = file.metadata()?.is_file();
         if file.metadata()?.len() > 0 {
             file.seek(SeekFrom::End(-1))?;
             file.read_exact(&mut last)?;
@@ -150,7 +152,8 @@ impl UseLog {
         let write = move || {
             for line in lines {
                 // One call a line, so that none is mixed with another program's.
-                if let Err(error) = file.write_all(line.as_bytes()).and_then(|()| file.sync_data()) {
+                let sync = |()| if regular { file.sync_data() } else { Ok(()) };
+                if let Err(error) = (&file).write_all(line.as_bytes()).and_then(sync) {
                     tell(format_args!("use log {shown}: {error}; this minute is lost"));
                 }
             }

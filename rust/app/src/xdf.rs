@@ -3,6 +3,7 @@
 use crate::replay::{Opened, ReplayOptions, never_begun, open_trial};
 use proact_control::MethodRegistry;
 use proact_emg::{EmgConfig, EmgOutput};
+use proact_files::OutputFile;
 use proact_recording::{
     Trial,
     xdf::{StreamId, XdfChannel, XdfStream, XdfWriter},
@@ -12,7 +13,6 @@ use proact_types::{EmgSample, Event, GazeSample, Pose, SimTime};
 use serde::Serialize;
 use std::{
     error::Error,
-    fs::{self, File},
     io::{self, BufWriter},
     path::Path,
 };
@@ -57,22 +57,17 @@ pub fn export_xdf(methods: &MethodRegistry, dir: &Path, file: &Path) -> Result<E
         )
         .into());
     }
-    let failed = |error: io::Error| match error.kind() {
-        io::ErrorKind::AlreadyExists => {
-            format!("{} exists and is left alone; name another file", file.display())
-        }
-        _ => format!("{}: {error}", file.display()),
-    };
-    let out = BufWriter::new(File::create_new(file).map_err(failed)?);
-    let exported = write(methods, dir, out);
-    if exported.is_err() {
-        // Half a file would be taken for a short trial.
-        let _ = fs::remove_file(file);
-    }
-    exported
+    let mut out = OutputFile::create_new(file)?;
+    let exported = write(methods, dir, BufWriter::new(&mut out))?;
+    out.finish()?;
+    Ok(exported)
 }
 
-fn write(methods: &MethodRegistry, dir: &Path, out: BufWriter<File>) -> Result<ExportedXdf, Box<dyn Error>> {
+fn write(
+    methods: &MethodRegistry,
+    dir: &Path,
+    out: BufWriter<&mut OutputFile>,
+) -> Result<ExportedXdf, Box<dyn Error>> {
     let options = ReplayOptions { methods: methods.clone(), ..ReplayOptions::default() };
     let Opened { record, config, mut testbed, recorded, result, .. } = open_trial(dir, &options)?;
     let last = record.end();
@@ -109,7 +104,7 @@ fn write(methods: &MethodRegistry, dir: &Path, out: BufWriter<File>) -> Result<E
 
 /// The streams of a trial as they grow.
 struct Streams<'a> {
-    file: XdfWriter<BufWriter<File>>,
+    file: XdfWriter<BufWriter<&'a mut OutputFile>>,
     written: Vec<ExportedStream>,
     emg: Option<(&'a EmgConfig, StreamId, StreamId)>,
     gaze: StreamId,
@@ -123,7 +118,7 @@ struct Streams<'a> {
 
 impl<'a> Streams<'a> {
     fn begin(
-        out: BufWriter<File>,
+        out: BufWriter<&'a mut OutputFile>,
         note: &str,
         testbed: &Testbed,
         emg: Option<&'a EmgConfig>,

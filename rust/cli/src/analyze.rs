@@ -75,12 +75,13 @@ fn report(methods: &MethodRegistry, args: &AnalyzeArgs) -> Result<(), Box<dyn Er
     let jobs = args.jobs.map_or(cores, usize::from);
     let scoring = bar(!args.json, 0, "{elapsed} {bar:40} {pos} of {len} trials scored");
     scoring.enable_steady_tick(std::time::Duration::from_millis(500));
+    let out = args.out.clone().unwrap_or_else(|| analysis::report_folder(&args.dir));
+    analysis::check_report_folder(&out)?;
     let collected = analysis::collect(methods, &args.dir, jobs, &|done, all| {
         scoring.set_length(all as u64);
         scoring.set_position(done as u64);
     })?;
     scoring.finish_and_clear();
-    let out = args.out.clone().unwrap_or_else(|| analysis::report_folder(&args.dir));
     let drawing = bar(!args.json, 0, "{elapsed} {bar:40} {pos} of {len} figures");
     let written = analysis::report(
         &collected,

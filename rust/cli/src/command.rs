@@ -10,6 +10,7 @@ use clap::{
 use proact_app::query::{self, QueryOptions};
 use proact_app::{Registry, answer, libraries::library_versions, tell};
 use proact_bench::PlanningBench;
+use proact_files::{make_folder, write_whole};
 use proact_types::MethodInfo;
 use std::{
     collections::BTreeMap,
@@ -274,14 +275,13 @@ fn act(registry: &Registry, command: Command) -> Result<bool, Box<dyn Error>> {
                         format!("the stage {} has no charts: --charts is for growth", args.stage).into()
                     );
                 }
-                std::fs::create_dir_all(folder)
-                    .map_err(|error| format!("no charts can be written to {}: {error}", folder.display()))?;
+                make_folder(folder)?;
             }
             let report = proact_bench::run(&args.stage, args.problems())?;
             for (folder, chart) in
                 args.charts.iter().flat_map(|folder| report.charts.iter().map(move |chart| (folder, chart)))
             {
-                std::fs::write(folder.join(&chart.name).with_extension("svg"), &chart.svg)?;
+                write_whole(&folder.join(&chart.name).with_extension("svg"), &chart.svg)?;
             }
             if args.json {
                 answer(serde_json::to_string(&report)?)?;

@@ -18,11 +18,12 @@ mod usage;
 mod window_args;
 
 use clap::{Args, Subcommand};
-use proact_app::{tell, write_whole};
+use proact_app::tell;
 use proact_devices::{
     DeviceError, Recording, Recordings, SampleFile, SourceRegistry, evaluate, read_samples,
 };
 use proact_emg::{DriveScore, EmgConfig, FeatureVector};
+use proact_files::{check_output, write_whole};
 use proact_types::GestureName;
 use std::{
     error::Error,
@@ -129,6 +130,7 @@ pub(crate) fn run(sources: &SourceRegistry, command: &EmgCommand, json: bool) ->
     let text = match command {
         EmgCommand::Evaluate(args) => evaluation(args, json)?,
         EmgCommand::Features(args) => {
+            args.out.as_deref().map_or(Ok(()), check_output)?;
             let text = features(args, json)?;
             if let Some(path) = &args.out {
                 return Ok(write_whole(path, &text)?);

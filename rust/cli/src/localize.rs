@@ -10,6 +10,7 @@ use proact_devices::{
     SourceName,
     motion_capture::{CaptureLink, OpenedCapture},
 };
+use proact_files::{check_folder, check_output};
 use proact_localization::{
     CalibrationOptions, PlacementProfile, ShoulderCalibration, ShoulderOptions, calibrate, calibrate_shoulder,
 };
@@ -167,6 +168,7 @@ fn record(registry: &Registry, args: &RecordArgs, json: bool) -> Result<bool, Bo
     if !(args.seconds > 0.0 && args.seconds <= 600.0) {
         return Err(format!("--seconds is {}, expected above 0 and at most 600", args.seconds).into());
     }
+    check_output(&args.out)?;
     let interrupted = interrupt_flag()?;
     let mut opened = OpenedCapture::open(&registry.captures, &args.source)?;
     let mut log = PoseLog::new(&args.out);
@@ -203,6 +205,7 @@ fn record(registry: &Registry, args: &RecordArgs, json: bool) -> Result<bool, Bo
 }
 
 fn headset(args: &HeadsetArgs, json: bool) -> Result<bool, Box<dyn Error>> {
+    check_folder(&args.folder.calibrations)?;
     let axes = args.mocap_axes.unwrap_or_default();
     let recorded = RecordedBodies::open(&args.poses)?;
     // The head is in the page's world, which is in metres with z up.
@@ -235,6 +238,7 @@ fn headset(args: &HeadsetArgs, json: bool) -> Result<bool, Box<dyn Error>> {
 }
 
 fn shoulder(args: &ShoulderArgs, json: bool) -> Result<bool, Box<dyn Error>> {
+    check_folder(&args.folder.calibrations)?;
     let axes = args.mocap_axes.unwrap_or_default();
     let profile = PlacementProfile::named(&args.profile)
         .ok_or_else(|| format!("no profile {:?}; expected study_1, study_2 or original", args.profile))?;

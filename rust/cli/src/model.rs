@@ -8,10 +8,12 @@ use proact_description::{
     ArmFolder, DescriptionError, Imported, Report, check, collect_meshes, import, parse, parse_urdf,
     read_text, settings_text, to_urdf, with_pinch,
 };
+use proact_files::{OutputFile, WriteError, check_folder, check_output, make_folder, write_whole};
 use serde_json::json;
 use std::{
     error::Error,
     fs,
+    io::Write,
     path::{Path, PathBuf},
 };
 
@@ -159,6 +161,7 @@ fn run_check(args: &CheckArgs, json: bool) -> Result<bool, Box<dyn Error>> {
 }
 
 fn run_import(args: &ImportArgs, json: bool) -> Result<bool, Box<dyn Error>> {
+    check_folder(&args.out)?;
     let srdf = args.srdf.as_deref().map(read_text).transpose()?;
     match import(&read_text(&args.file)?, srdf.as_deref()) {
         Ok(imported) => {
@@ -206,6 +209,9 @@ fn run_grasps(args: &GraspsArgs, json: bool) -> Result<bool, Box<dyn Error>> {
         let arm = args.arm.display();
         format!("{arm} has no SRDF file, which says what the hand is: give one with --srdf")
     })?;
+    if args.write {
+        check_output(&path)?;
+    }
     let srdf = read_text(&path)?;
     let model = parse(&read_text(&urdf)?, &srdf)?;
     let pinch = match find_pinch(&model, args.width / 1e3, args.friction) {
@@ -224,10 +230,7 @@ fn run_grasps(args: &GraspsArgs, json: bool) -> Result<bool, Box<dyn Error>> {
         let text = with_pinch(&srdf, &model, &pinch, &note(&pinch, args))?;
         // What is written must be what can be read.
         parse(&read_text(&urdf)?, &text)?;
-        let part = path.with_extension("srdf.part");
-        fs::write(&part, text)
-            .and_then(|()| fs::rename(&part, &path))
-            .map_err(|error| format!("cannot write {}: {error}", path.display()))?;
+        write_whole(&path, text)?;
     }
     if json {
         answer(json!({
@@ -293,9 +296,6 @@ fn write(
     // The robot's name comes from a file; only harmless characters may reach the file system.
     let harmless = |c: char| if c.is_ascii_alphanumeric() || "_-".contains(c) { c } else { '_' };
     let name: String = imported.model.name.chars().map(harmless).collect();
-    let failed = |path: &Path, error: std::io::Error| {
-        format!("cannot write {}: {error}. Choose another folder with --out", path.display())
-    };
     let mut model = imported.model.clone();
     let (meshes, missing) = collect_meshes(&mut model, &name, file);
     let mut files = vec![
@@ -306,26 +306,24 @@ fn write(
     files.extend(meshes.into_iter().map(|(name, bytes)| (format!("meshes/{name}"), bytes)));
     let made_folder = !folder.exists();
     let deepest = if files.len() > 3 { folder.join("meshes") } else { folder.to_owned() };
-    fs::create_dir_all(&deepest).map_err(|error| failed(folder, error))?;
+    let failed = |error: WriteError| format!("{error}. Choose another folder with --out");
+    make_folder(&deepest).map_err(failed)?;
     let path = |(name, _): &(String, Vec<u8>)| folder.join(name);
-    let part = |(name, _): &(String, Vec<u8>)| folder.join(format!("{name}.part"));
     if let Some(taken) = files.iter().map(path).find(|path| path.exists() && !force) {
         let taken = taken.display();
         return Err(
             format!("{taken} exists already. Add --force to replace it, or choose another --out").into()
         );
     }
-    let written = files
-        .iter()
-        .try_for_each(|file| fs::write(part(file), &file.1).map_err(|error| failed(&part(file), error)));
-    let placed = written.and_then(|()| {
-        files.iter().try_for_each(|file| {
-            fs::rename(part(file), path(file)).map_err(|error| failed(&path(file), error))
-        })
-    });
+    let grow = |file: &(String, Vec<u8>)| {
+        let mut grown = OutputFile::create(&path(file)).map_err(failed)?;
+        grown.write_all(&file.1).map_err(|error| format!("{error}. Choose another folder with --out"))?;
+        Ok(grown)
+    };
+    let grown: Result<Vec<OutputFile>, String> = files.iter().map(grow).collect();
+    let placed = grown.and_then(|grown| grown.into_iter().try_for_each(OutputFile::finish).map_err(failed));
     if let Err(error) = placed {
         // What is left over says nothing to anyone; the error that matters is the first.
-        files.iter().for_each(|file| drop(fs::remove_file(part(file))));
         if made_folder {
             drop(fs::remove_dir(&deepest));
             drop(fs::remove_dir(folder));

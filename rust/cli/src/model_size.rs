@@ -4,6 +4,7 @@ use clap::Args;
 use proact_app::answer;
 use proact_arm::{SegmentLengths, VisualGeometry, sized_for};
 use proact_description::{ArmFolder, to_urdf};
+use proact_files::{check_folder, followed, make_folder, write_whole};
 use serde_json::json;
 use std::{error::Error, fs, path::PathBuf};
 
@@ -26,6 +27,7 @@ pub struct SizeArgs {
 /// # Errors
 /// An arm that cannot be stretched, a folder that is there already, a file that cannot be written.
 pub fn run(args: &SizeArgs, json: bool) -> Result<bool, Box<dyn Error>> {
+    check_folder(&args.out)?;
     let folder = match ArmFolder::shipped(&args.arm) {
         Some(folder) => folder,
         None => ArmFolder::read(args.arm.as_ref())?,
@@ -46,7 +48,7 @@ pub fn run(args: &SizeArgs, json: bool) -> Result<bool, Box<dyn Error>> {
         }
         meshes.push((file, bytes));
     }
-    let out = &args.out;
+    let out = &followed(&args.out)?;
     let failed = |error: std::io::Error| {
         format!("cannot write {}: {error}. Choose another folder with --out", out.display())
     };
@@ -56,14 +58,14 @@ pub fn run(args: &SizeArgs, json: bool) -> Result<bool, Box<dyn Error>> {
     // Only a whole folder gets the name that was asked for.
     let part = out.with_extension("part");
     let write = || {
-        fs::create_dir_all(part.join("meshes"))?;
-        fs::write(part.join("arm.urdf"), to_urdf(&model))?;
-        folder.srdf.iter().try_for_each(|text| fs::write(part.join("arm.srdf"), text))?;
+        make_folder(&part.join("meshes"))?;
+        write_whole(&part.join("arm.urdf"), to_urdf(&model))?;
+        folder.srdf.iter().try_for_each(|text| write_whole(&part.join("arm.srdf"), text))?;
         folder
             .settings
             .iter()
-            .try_for_each(|text| fs::write(part.join("arm.toml"), without_aliases(text)))?;
-        meshes.iter().try_for_each(|(file, bytes)| fs::write(part.join("meshes").join(file), bytes))?;
+            .try_for_each(|text| write_whole(&part.join("arm.toml"), without_aliases(text)))?;
+        meshes.iter().try_for_each(|(file, bytes)| write_whole(&part.join("meshes").join(file), bytes))?;
         fs::rename(&part, out)
     };
     write().map_err(failed)?;

@@ -10,8 +10,9 @@ use proact_app::{
         population_at_start, predict, seeds_of,
     },
     paper::PaperResults,
-    tell, write_whole,
+    tell,
 };
+use proact_files::{make_folder, write_whole};
 use proact_participants::Population;
 use serde_json::json;
 use std::{error::Error, fs, path::PathBuf};
@@ -137,7 +138,7 @@ fn predict_paper(registry: &Registry, args: &PredictArgs) -> Result<bool, Box<dy
     let interrupted = interrupt_flag()?;
     let population = Population::standard();
     let seeds = if args.seeds.is_empty() { seeds_of(&population)?.to_vec() } else { args.seeds.clone() };
-    fs::create_dir_all(&args.out)?;
+    make_folder(&args.out)?;
     let people = args.participants as usize;
     let mut plan: Vec<(u64, bool)> = seeds.iter().take(args.whole).map(|seed| (*seed, true)).collect();
     plan.extend(seeds.iter().map(|seed| (*seed, false)));

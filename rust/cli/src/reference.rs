@@ -3,9 +3,10 @@
 use clap::Args;
 use proact_app::tell;
 use proact_emg::EmgConfig;
+use proact_files::{make_folder, write_whole};
 use proact_participants::ParticipantOptions;
 use proact_testbed::{Setup, TrialConfig};
-use std::{error::Error, fmt::Write, fs, path::PathBuf};
+use std::{error::Error, fmt::Write, path::PathBuf};
 
 /// Files of values with a comment for each: unit, what it does, where it comes from.
 const COMMENTED: [(&str, &str); 4] = [
@@ -33,10 +34,9 @@ pub(crate) fn command(mut command: clap::Command, args: &ReferenceArgs) -> Resul
     );
     add_command(&mut commands, &command)?;
     let configuration = configuration()?;
-    fs::create_dir_all(&args.folder)
-        .and_then(|()| fs::write(args.folder.join("commands.md"), commands))
-        .and_then(|()| fs::write(args.folder.join("configuration.md"), configuration))
-        .map_err(|error| format!("the reference cannot be written to {}: {error}", args.folder.display()))?;
+    make_folder(&args.folder)?;
+    write_whole(&args.folder.join("commands.md"), commands)?;
+    write_whole(&args.folder.join("configuration.md"), configuration)?;
     tell(format_args!("commands.md and configuration.md are in {}", args.folder.display()));
     Ok(true)
 }

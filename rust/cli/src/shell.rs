@@ -2,7 +2,8 @@
 
 use clap::{Args, ValueEnum};
 use proact_app::{answer, tell};
-use std::{error::Error, fs, path::PathBuf};
+use proact_files::make_folder;
+use std::{error::Error, path::PathBuf};
 
 /// Arguments of `proact completions`.
 #[derive(Debug, Args)]
@@ -54,9 +55,8 @@ pub(crate) fn completions(
 
 /// Writes the manual pages of `command`.
 pub(crate) fn man(command: clap::Command, args: &ManArgs) -> Result<bool, Box<dyn Error>> {
-    let written =
-        fs::create_dir_all(&args.folder).and_then(|()| clap_mangen::generate_to(command, &args.folder));
-    written
+    make_folder(&args.folder)?;
+    clap_mangen::generate_to(command, &args.folder)
         .map_err(|error| format!("manual pages cannot be written to {}: {error}", args.folder.display()))?;
     tell(format_args!("manual pages are in {}", args.folder.display()));
     Ok(true)

@@ -1,5 +1,6 @@
 use crate::{DeviceError, Recording, Recordings, metadata::Metadata};
 use proact_emg::{Calibration, ImuChannel};
+use proact_files::{make_folder, write_whole};
 use proact_types::{ChannelValues, GestureName, MOST_TEXT_BYTES, read_text};
 use std::{
     collections::BTreeSet,
@@ -32,7 +33,7 @@ impl RecordingFolder {
         rest: GestureName,
         imu: &[ImuChannel],
     ) -> Result<Self, DeviceError> {
-        std::fs::create_dir_all(dir).map_err(unwritten(dir))?;
+        make_folder(dir).map_err(|error| unwritten(dir)(error.into()))?;
         let gestures: Vec<GestureName> =
             gestures.iter().copied().collect::<BTreeSet<_>>().into_iter().collect();
         let named = gestures
@@ -196,14 +197,8 @@ impl RecordingFolder {
 
     /// Puts a whole file in the place of one, on the disk.
     fn replace(&self, name: &str, text: &str) -> Result<(), DeviceError> {
-        let (path, partial) = (self.dir.join(name), self.dir.join(format!("{name}.partial")));
-        let write = || {
-            let mut file = File::create(&partial)?;
-            file.write_all(text.as_bytes())?;
-            file.sync_all()?;
-            std::fs::rename(&partial, &path)
-        };
-        write().map_err(unwritten(&path))
+        let path = self.dir.join(name);
+        write_whole(&path, text).map_err(|error| unwritten(&path)(error.into()))
     }
 }
 

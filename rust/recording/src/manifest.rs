@@ -1,6 +1,6 @@
 //! `SHA256SUMS`: a hash of every file of a finished record, as `sha256sum -c SHA256SUMS` checks it too.
 
-use crate::{MANIFEST_FILE, RecordingError, files, trial_writer::write_atomically};
+use crate::{MANIFEST_FILE, RecordingError, files, trial_writer::write_file};
 use proact_types::MOST_TEXT_BYTES;
 use sha2::{Digest, Sha256};
 use std::{
@@ -31,7 +31,7 @@ pub fn seal(dir: &Path) -> Result<(), RecordingError> {
         let sum = hash(&path).map_err(RecordingError::io("read", &path))?;
         text += &format!("{sum}  {name}\n");
     }
-    write_atomically(dir, MANIFEST_FILE, text.as_bytes())
+    write_file(&dir.join(MANIFEST_FILE), text.as_bytes())
 }
 
 /// Compares the files in `dir` with the manifest. False if there is none.

@@ -4,6 +4,7 @@ use crate::{
     input_log::{InputLogWriter, LogHeader},
     manifest,
 };
+use proact_files::{make_folder, write_whole};
 use proact_types::{Event, EventKind, SimTime, TickInput};
 use serde::{Deserialize, Serialize};
 use std::{
@@ -74,7 +75,8 @@ impl TrialWriter {
     /// Nothing that was made is then left behind, but for parent directories.
     pub fn create(dir: &Path, header: &TrialHeader) -> Result<Self, RecordingError> {
         let existed = dir.exists();
-        fs::create_dir_all(dir).map_err(RecordingError::io("create the trial directory", dir))?;
+        make_folder(dir)
+            .map_err(|error| RecordingError::io("create the trial directory", dir)(error.into()))?;
         let mut entries = fs::read_dir(dir).map_err(RecordingError::io("read", dir))?;
         if entries.next().is_some() {
             return Err(RecordingError::OutputExists { dir: dir.to_owned() });
@@ -192,7 +194,7 @@ impl TrialWriter {
         self.inputs.finish(end)?;
         self.events.finish()?;
         self.digests.finish()?;
-        write_atomically(&self.dir, RESULT_FILE, &json)?;
+        write_file(&self.dir.join(RESULT_FILE), &json)?;
         manifest::seal(&self.dir)?;
         Ok(self.dir)
     }
@@ -203,21 +205,9 @@ impl TrialWriter {
     }
 }
 
-/// Writes a file under a temporary name, to the disk, and only then gives it its name.
-pub(crate) fn write_atomically(dir: &Path, name: &str, bytes: &[u8]) -> Result<(), RecordingError> {
-    let (path, temporary) = (dir.join(name), dir.join(format!("{name}.tmp")));
-    let write = || {
-        let mut file = File::create(&temporary)?;
-        file.write_all(bytes)?;
-        file.sync_all()?;
-        fs::rename(&temporary, &path)
-    };
-    write().map_err(|source| {
-        // The first error is the one to report.
-        let _ = fs::remove_file(&temporary);
-        RecordingError::Io { action: "write", path, source }
-    })?;
-    sync_dir(dir)
+/// Writes a file of a record as a whole.
+pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), RecordingError> {
+    write_whole(path, bytes).map_err(|error| RecordingError::io("write", path)(error.into()))
 }
 
 /// A new name is on the disk only when the directory is.

@@ -1,7 +1,7 @@
 //! Mixed and ordinal models, by R where it is there.
 
 use super::summaries::{ReportTable, chance, printed};
-use crate::write_whole;
+use proact_files::write_whole;
 use std::{collections::BTreeMap, error::Error, path::Path, process::Command};
 
 /// The script, which is written beside the tables that it reads.

@@ -10,11 +10,8 @@ use super::{
     models,
     summaries::{self, ReportTable},
 };
-use crate::{
-    claim_folder,
-    study::{codebook_csv, table_csv},
-    write_whole,
-};
+use crate::study::{codebook_csv, table_csv};
+use proact_files::{WriteError, check_claim, claim_folder, make_folder, write_whole};
 use proact_recording::Trial;
 use std::{
     collections::BTreeMap,
@@ -25,6 +22,7 @@ use std::{
 
 /// The page: a folder with it is one that an analysis wrote.
 const PAGE: &str = "report.html";
+const HOLDS: &str = "report";
 const UNFINISHED: &str =
     "<!doctype html><title>report</title><p>This report was not finished. Run proact analyze again.</p>\n";
 /// What is in it: observations, tables of the report, figures.
@@ -94,7 +92,7 @@ pub fn report(
     };
     let folder = |name: &str| -> Result<PathBuf, Box<dyn Error>> {
         let folder = out.join(name);
-        fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+        make_folder(&folder)?;
         Ok(folder)
     };
 
@@ -130,7 +128,7 @@ pub fn report(
         let (file, png) = charts.files(&svg).map_err(|error| format!("{}: {error}", figure.name))?;
         let path = drawn.join(format!("{}.svg", figure.name));
         write_whole(&path, &file)?;
-        fs::write(path.with_extension("png"), png).map_err(|error| format!("{}: {error}", path.display()))?;
+        write_whole(&path.with_extension("png"), png)?;
         report.figures.insert(figure.name.to_owned(), path);
         pictures.push((figure.name, svg));
     }
@@ -216,9 +214,17 @@ pub(super) fn printed_csv(table: &ReportTable) -> Result<String, Box<dyn Error>>
     Ok(String::from_utf8(writer.into_inner()?)?)
 }
 
+/// Refuses a folder that [`report`] would not take, before anything is scored.
+///
+/// # Errors
+/// As [`report`].
+pub fn check_report_folder(folder: &Path) -> Result<(), WriteError> {
+    check_claim(folder, PAGE, HOLDS)
+}
+
 /// Makes the folder, or takes one that an analysis wrote.
 fn claim(folder: &Path) -> Result<(), Box<dyn Error>> {
-    claim_folder(folder, PAGE, "report")?;
+    claim_folder(folder, PAGE, HOLDS)?;
     let page = folder.join(PAGE);
     let failed = |error: io::Error| format!("{}: {error}", folder.display());
     // Until all is written, and known as ours by it if this is killed.

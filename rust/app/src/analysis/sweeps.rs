@@ -5,12 +5,10 @@ use super::{
     html::{self, Head, Part},
     summaries::{ReportTable, printed},
 };
-use crate::{
-    batch::{BatchFolder, ConditionSummary, Merged, NO_EVIDENCE, Sweep},
-    write_whole,
-};
+use crate::batch::{BatchFolder, ConditionSummary, Merged, NO_EVIDENCE, Sweep};
+use proact_files::{make_folder, write_whole};
 use serde_json::json;
-use std::{collections::BTreeMap, error::Error, fs, path::PathBuf};
+use std::{collections::BTreeMap, error::Error, path::PathBuf};
 
 /// More heat maps than this are not looked at; the table has all.
 const MOST_MAPS: usize = 24;
@@ -77,7 +75,7 @@ pub fn sweep_report(folder: &BatchFolder, merged: &Merged) -> Result<Option<Swee
     }
     let figures = figures(&sweep, &keys, &points);
     let out = folder.dir.join("sweep");
-    fs::create_dir_all(&out).map_err(|error| format!("{}: {error}", out.display()))?;
+    make_folder(&out)?;
     let path = folder.dir.join("sweep.csv");
     write_whole(&path, &super::report::printed_csv(&table)?)?;
     let mut report = SweepReport { page: out.join("report.html"), figures: BTreeMap::new(), table: path };
@@ -88,7 +86,7 @@ pub fn sweep_report(folder: &BatchFolder, merged: &Merged) -> Result<Option<Swee
         let (file, png) = charts.files(&svg)?;
         let path = out.join(format!("{name}.svg"));
         write_whole(&path, &file)?;
-        fs::write(path.with_extension("png"), png).map_err(|error| format!("{}: {error}", path.display()))?;
+        write_whole(&path.with_extension("png"), png)?;
         report.figures.insert(name.clone(), path);
         drawn.push((name, title, svg));
     }

@@ -1,7 +1,8 @@
 //! The folder of a batch: what it is, and a file for each shard to which each trial is a line.
 
 use super::{BatchDescription, BatchError, BatchTrial};
-use crate::{study::TrialScores, write_whole};
+use crate::study::TrialScores;
+use proact_files::{make_folder, write_whole};
 use proact_recording::{FileLock, hash_of};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
@@ -104,7 +105,7 @@ impl BatchFolder {
     /// # Errors
     /// [`BatchError`]: a folder of another batch, by what differs; one that is not empty and holds no batch.
     pub fn take_up(dir: &Path, asked: BatchDescription) -> Result<Self, BatchError> {
-        fs::create_dir_all(dir).map_err(failed(dir))?;
+        make_folder(dir).map_err(|error| failed(dir)(error.into()))?;
         let path = dir.join(DESCRIPTION);
         let mut names = Vec::new();
         for entry in fs::read_dir(dir).map_err(failed(dir))? {
@@ -118,8 +119,7 @@ impl BatchFolder {
         let _lock = Self::locked(dir)?;
         if !path.is_file() {
             let text = serde_json::to_string_pretty(&asked).map_err(|e| failed(&path)(e.into()))?;
-            write_whole(&path, &(text + "\n"))
-                .map_err(|reason| BatchError::File { path: path.clone(), reason })?;
+            write_whole(&path, text + "\n").map_err(|error| failed(&path)(error.into()))?;
             return Ok(Self { dir: dir.to_owned(), description: asked });
         }
         let found = Self::open(dir)?;

@@ -11,12 +11,13 @@ use crate::{
     study::{TrialScores, tables::trials::block_rows},
 };
 use proact_analysis::table::{Cell, Table};
+use proact_files::OutputFile;
 use proact_testbed::TrialResult;
 use serde_json::{Value, json};
 use std::{
     collections::BTreeMap,
     error::Error,
-    fs::{self, File},
+    fs::File,
     io::{BufWriter, Write},
     path::PathBuf,
 };
@@ -91,15 +92,10 @@ pub fn merge(folder: &BatchFolder, all: bool) -> Result<Option<Merged>, Box<dyn 
 }
 
 /// A table that is being written.
-struct TableFile {
-    writer: csv::Writer<BufWriter<File>>,
-    partial: PathBuf,
-    path: PathBuf,
-}
+type TableFile = csv::Writer<BufWriter<OutputFile>>;
 
 struct Output {
-    lines: BufWriter<File>,
-    partial: PathBuf,
+    lines: BufWriter<OutputFile>,
     tables: BTreeMap<&'static str, TableFile>,
     conditions: Vec<String>,
     sweep: Sweep,
@@ -110,32 +106,26 @@ impl Output {
     fn begin(folder: &BatchFolder) -> Result<Self, Box<dyn Error>> {
         let sweep = Sweep::read(&folder.description.vary)?;
         let lines = folder.dir.join(LINES);
-        let partial = lines.with_extension("jsonl.partial");
         let mut tables = BTreeMap::new();
+        let mut paths = BTreeMap::new();
         let empty: Vec<Table> = trials_and_blocks().into_iter().chain(tables_of_scores()).collect();
         for Table { name, columns, .. } in &empty {
             let path = folder.dir.join(format!("{name}.csv"));
-            let partial = path.with_extension("csv.partial");
-            let mut writer = csv::Writer::from_writer(BufWriter::new(File::create(&partial)?));
-            writer.write_record(columns.iter().map(|column| column.name).chain(sweep.keys()))?;
-            tables.insert(*name, TableFile { writer, partial, path });
+            let mut table = csv::Writer::from_writer(BufWriter::new(OutputFile::create(&path)?));
+            table.write_record(columns.iter().map(|column| column.name).chain(sweep.keys()))?;
+            tables.insert(*name, table);
+            paths.insert((*name).to_owned(), path);
         }
+        let file = OutputFile::create(&lines)?;
         let merged = Merged {
-            tables: tables.iter().map(|(name, table)| ((*name).to_owned(), table.path.clone())).collect(),
+            tables: paths,
             lines,
             tally: ScoreTally::default(),
             scores: Vec::new(),
             digests: Vec::new(),
         };
         let conditions = folder.description.conditions.clone();
-        Ok(Self {
-            lines: BufWriter::new(File::create(&partial)?),
-            partial,
-            tables,
-            conditions,
-            sweep,
-            merged,
-        })
+        Ok(Self { lines: BufWriter::new(file), tables, conditions, sweep, merged })
     }
 
     fn push(&mut self, line: TrialLine) -> Result<(), Box<dyn Error>> {
@@ -159,7 +149,7 @@ impl Output {
         let mut write = |name: &str, row: &mut dyn Iterator<Item = Cell>| -> Result<(), Box<dyn Error>> {
             let Some(table) = self.tables.get_mut(name) else { return Ok(()) };
             let cells = row.map(|cell| cell.to_string());
-            table.writer.write_record(cells.chain(values.iter().map(|(_, value)| (*value).to_owned())))?;
+            table.write_record(cells.chain(values.iter().map(|(_, value)| (*value).to_owned())))?;
             Ok(())
         };
         let of_trial = |name: &str| -> Cell {
@@ -215,13 +205,10 @@ impl Output {
     }
 
     fn finish(self) -> Result<Merged, Box<dyn Error>> {
-        let Self { lines, partial, tables, merged, .. } = self;
-        lines.into_inner()?.sync_all()?;
-        fs::rename(&partial, &merged.lines)?;
-        for TableFile { writer, partial, path, .. } in tables.into_values() {
-            let buffer = writer.into_inner().map_err(|error| error.to_string())?;
-            buffer.into_inner()?.sync_all()?;
-            fs::rename(&partial, &path)?;
+        let Self { lines, tables, merged, .. } = self;
+        lines.into_inner()?.finish()?;
+        for table in tables.into_values() {
+            table.into_inner().map_err(|error| error.to_string())?.into_inner()?.finish()?;
         }
         Ok(merged)
     }

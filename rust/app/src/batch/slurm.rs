@@ -1,10 +1,10 @@
 //! Batches on a cluster that Slurm schedules: a job array, of which each task runs a shard.
 
 use super::{BatchError, Shard};
-use crate::write_whole;
+use proact_files::{make_folder, write_whole};
 use std::{
     fmt::Write,
-    fs, io,
+    io,
     path::{Path, PathBuf},
     process::Command,
 };
@@ -71,8 +71,9 @@ pub fn submit(job: &SlurmJob) -> Result<(PathBuf, String), BatchError> {
             "{option:?} is no option of sbatch, expected one such as --partition=long"
         )));
     }
-    fs::create_dir_all(&folder).map_err(|error| failed(error.to_string()))?;
-    write_whole(&path, &job.script()).map_err(&failed)?;
+    make_folder(&folder)
+        .and_then(|()| write_whole(&path, job.script()))
+        .map_err(|error| failed(error.to_string()))?;
     let number = sbatch(&path).map_err(&failed)?;
     Ok((path, number))
 }

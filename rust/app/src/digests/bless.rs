@@ -1,4 +1,5 @@
 use super::{Difference, Platform, Store, Tally, TrialEntry, differences, with_line};
+use proact_files::write_whole;
 use std::{error::Error, fmt, fs, path::Path};
 
 /// What a blessing changed.
@@ -77,7 +78,7 @@ pub fn bless(repository: &Path, reason: &str) -> Result<Blessed, Box<dyn Error>>
     };
     let log = with_line(&log, &line).ok_or("CHANGELOG.md has no section \"## Unreleased\"")?;
     store.write(&platform, &run)?;
-    fs::write(&changelog, log).map_err(|error| format!("cannot write {}: {error}", changelog.display()))?;
+    write_whole(&changelog, log)?;
     let first_of = (!known).then_some(platform);
     Ok(Blessed { different, tally, first_of, line: Some(line), trials: run.len() })
 }

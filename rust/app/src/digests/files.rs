@@ -1,4 +1,5 @@
 use super::{Platform, TrialDigest, TrialEntry, TrialOutcome};
+use proact_files::write_whole;
 use proact_testbed::{Digest, Field, SpanDigest};
 use proact_types::SimTime;
 use serde::Deserialize;
@@ -106,7 +107,8 @@ impl Store {
         for (name, text) in
             [(platform.file_name(), print(platform, trials)), (OUTCOMES_FILE.into(), outcomes)]
         {
-            fs::write(self.dir.join(&name), text).map_err(|error| self.io("write", &name, error))?;
+            write_whole(&self.dir.join(&name), text)
+                .map_err(|error| self.io("write", &name, error.into()))?;
         }
         Ok(())
     }

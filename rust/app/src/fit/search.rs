@@ -148,7 +148,7 @@ pub fn fit(
         options.participants,
         proact_recording::hash_of(toml::to_string(start)?.as_bytes())
     );
-    std::fs::create_dir_all(dir)?;
+    proact_files::make_folder(dir)?;
     let mut journal = FitJournal::take_up(&dir.join("journal.jsonl"), &of)?;
     for _ in 0..journal.evaluations().len() * evaluation.count() {
         progress(1, None);

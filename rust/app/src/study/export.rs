@@ -5,9 +5,9 @@ use super::{
     conductor::{LookOptions, StudyError, look_with},
     tables::{armsym_files, tables},
 };
-use crate::{claim_folder, write_whole};
 use proact_analysis::table::{Cell, Table};
 use proact_control::MethodRegistry;
+use proact_files::{OutputFile, check_claim, claim_folder, make_folder, write_whole};
 use proact_recording::{
     MANIFEST_FILE,
     journal::{Journal, JournalError},
@@ -18,7 +18,7 @@ use std::{
     collections::BTreeMap,
     error::Error,
     fs::{self, File},
-    io::{self, Write},
+    io::{self, BufReader, BufWriter, Seek, Write},
     path::{Path, PathBuf},
 };
 use zip::{CompressionMethod, ZipArchive, ZipWriter, write::SimpleFileOptions};
@@ -29,6 +29,9 @@ const TABLES_FOLDER: &str = "tables";
 const ARMSYM_FOLDER: &str = "armsym";
 /// What each column is: the first file of an export.
 const CODEBOOK: &str = "codebook.csv";
+const HOLDS: &str = "export";
+/// All tables in one file of SQLite.
+const TABLES_FILE: &str = "tables.sqlite";
 
 /// What is exported.
 #[derive(Clone, Debug, Default)]
@@ -61,10 +64,11 @@ pub struct Exported {
 /// # Errors
 /// A record that cannot be read, a folder that is not empty and is none of ours, a full disk.
 pub fn export(study: &Study, options: &ExportOptions) -> Result<Exported, Box<dyn Error>> {
+    let folder = options.out.clone().unwrap_or_else(|| study.folder.join(TABLES_FOLDER));
+    check_claim(&folder, CODEBOOK, HOLDS)?;
     let numbered = |participant: usize| (!options.keep_ids).then(|| format!("P{participant:02}"));
     let look = look_with(study, &LookOptions { rename: &numbered })?;
     let made = tables(study, &look, options.raw)?;
-    let folder = options.out.clone().unwrap_or_else(|| study.folder.join(TABLES_FOLDER));
     claim(&folder)?;
     // The codebook first: by it the next export knows the folder as its own, whatever ends this one.
     let mut texts =
@@ -79,15 +83,17 @@ pub fn export(study: &Study, options: &ExportOptions) -> Result<Exported, Box<dy
     if let Some(methods) = &options.armsym {
         armsym_files(study, &look, methods, |files| {
             let own = folder.join(ARMSYM_FOLDER).join(&files.subject).join(format!("trial_{}", files.trial));
-            fs::create_dir_all(&own).map_err(|error| format!("{}: {error}", own.display()))?;
+            make_folder(&own)?;
             write_whole(&own.join("trialdata.json"), &serde_json::to_string(&files.events)?)?;
             Ok(write_whole(&own.join("Joint_Data.csv"), &files.joints)?)
         })?;
     }
-    let (tables_file, partial) = (folder.join("tables.sqlite"), folder.join("tables.sqlite.partial"));
-    remove(&partial)?;
-    Journal::write_tables(&partial, &made)?;
-    fs::rename(&partial, &tables_file).map_err(|error| format!("{}: {error}", tables_file.display()))?;
+    // SQLite makes files of its own beside the one that it writes.
+    let scratch = folder.join(format!(".{TABLES_FILE}"));
+    remove(&scratch)?;
+    Journal::write_tables(&scratch, &made)?;
+    write_whole(&folder.join(TABLES_FILE), fs::read(&scratch)?)?;
+    remove(&scratch)?;
     seal(&folder)?;
     let in_study_file = match put_into_study(study, &made) {
         Err(StudyError::Journal(JournalError::InUse { .. } | JournalError::Missing { .. })) => false,
@@ -107,7 +113,7 @@ fn put_into_study(study: &Study, tables: &[Table]) -> Result<(), StudyError> {
 
 /// Makes a folder, or takes one that an export wrote, of which what goes with its old state alone is removed.
 fn claim(folder: &Path) -> Result<(), Box<dyn Error>> {
-    claim_folder(folder, CODEBOOK, "export")?;
+    claim_folder(folder, CODEBOOK, HOLDS)?;
     // Without checksums until all is written again, and without samples that were not asked for this time.
     for name in [MANIFEST_FILE, "raw_gaze.csv", "raw_shoulder.csv"] {
         remove(&folder.join(name))?;
@@ -253,23 +259,20 @@ pub fn archive(
     out: &Path,
     mut tell: impl FnMut(usize, usize),
 ) -> Result<usize, Box<dyn Error>> {
-    let failed = |error: &dyn std::fmt::Display| format!("{}: {error}", out.display());
-    let file = File::options().write(true).create_new(true).open(out).map_err(|error| failed(&error))?;
-    let written = fill(study, file, out, &mut tell);
-    match written.and_then(|sums| check(out, &sums).map(|()| sums.len())) {
-        Ok(count) => Ok(count),
-        Err(error) => {
-            // Half an archive is worse than none.
-            let _ = fs::remove_file(out);
-            Err(failed(&error).into())
-        }
-    }
+    let mut file = OutputFile::create_new(out)?;
+    let sums = fill(study, &mut file, out, &mut tell)?;
+    file.rewind()
+        .map_err(Box::from)
+        .and_then(|()| check(&mut file, &sums))
+        .map_err(|error: Box<dyn Error>| format!("{}: {error}", out.display()))?;
+    file.finish()?;
+    Ok(sums.len())
 }
 
 /// Writes all files; their hashes by name.
 fn fill(
     study: &Study,
-    file: File,
+    file: &mut OutputFile,
     out: &Path,
     tell: &mut dyn FnMut(usize, usize),
 ) -> Result<BTreeMap<String, String>, Box<dyn Error>> {
@@ -292,7 +295,7 @@ fn fill(
         let method = if bag { CompressionMethod::Stored } else { CompressionMethod::Deflated };
         SimpleFileOptions::default().compression_method(method).large_file(true)
     };
-    let mut zip = ZipWriter::new(file);
+    let mut zip = ZipWriter::new(BufWriter::new(file));
     let mut hashes = BTreeMap::new();
     let all = found.len() + 1;
     for (k, (name, path)) in found.iter().enumerate() {
@@ -306,14 +309,14 @@ fn fill(
     let text: String = hashes.iter().map(|(name, hash)| format!("{hash}  {name}\n")).collect();
     zip.start_file(format!("{prefix}/{MANIFEST_FILE}"), options(MANIFEST_FILE))?;
     zip.write_all(text.as_bytes())?;
-    zip.finish()?.sync_all()?;
+    zip.finish()?.flush()?;
     tell(all, all);
     Ok(hashes.into_iter().map(|(name, hash)| (format!("{prefix}/{name}"), hash)).collect())
 }
 
 /// Reads an archive again.
-fn check(out: &Path, hashes: &BTreeMap<String, String>) -> Result<(), Box<dyn Error>> {
-    let mut zip = ZipArchive::new(File::open(out)?)?;
+fn check(file: &mut OutputFile, hashes: &BTreeMap<String, String>) -> Result<(), Box<dyn Error>> {
+    let mut zip = ZipArchive::new(BufReader::new(file))?;
     for (name, expected) in hashes {
         let got = sha256(zip.by_name(name)?)?;
         if got != *expected {

@@ -1,7 +1,7 @@
 //! What follows from the band check before a calibration.
 
-use proact_app::write_whole;
 use proact_emg::{BandProposal, EmgError, EmgModel, FeatureVector, RotationReport, extract};
+use proact_files::write_whole;
 use proact_types::{EmgSample, Gesture, GestureName};
 use serde_json::{Value, json};
 use std::{error::Error, path::Path};

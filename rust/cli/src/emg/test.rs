@@ -9,7 +9,6 @@ use indicatif::ProgressBar;
 use proact_app::{
     CentredStream, answer,
     source::{read_model, takes_imu},
-    write_whole,
 };
 use proact_bridge::{CalibrationView, GestureTest, TestKind};
 use proact_devices::{SourceEvent, SourceRegistry, open_pipeline, stream};
@@ -17,6 +16,7 @@ use proact_emg::{
     Adaptation, AdaptationConfig, CursorConfig, CursorEvent, CursorTest, EmgOutput, EmgPipeline, HoldConfig,
     HoldTest, SequenceConfig, SequenceTest,
 };
+use proact_files::{check_output, is_replaced, write_whole};
 use proact_types::{GestureName, SimTime};
 use rand::seq::SliceRandom;
 use serde_json::{Value, json};
@@ -130,9 +130,10 @@ pub(super) fn run(sources: &SourceRegistry, args: &TestArgs, json: bool) -> Resu
         if !args.tests.contains(&TestName::Trial) {
             return Err("--adapt learns from the longer trial; name it with --tests".into());
         }
-        if out.exists() {
+        if out.exists() && is_replaced(out) {
             return Err(format!("{} is there already; name another file with --adapt", out.display()).into());
         }
+        check_output(out)?;
     }
     let stop = interrupt_flag()?;
     let source = args.source.open(sources, args.rate, takes_imu(&args.model)?)?;

@@ -10,13 +10,14 @@ use super::{
     trained,
 };
 use crate::interrupt::interrupt_flag;
-use proact_app::{answer, source::read_model, tell, write_whole};
+use proact_app::{answer, source::read_model, tell};
 use proact_devices::{EmgPacket, Recording, RecordingFolder, SourceInfo, SourceRegistry, try_process};
 use proact_emg::{
     BandProposal, Calibration, CalibrationConfig, CalibrationEvent, CalibrationReport, EmgConfig, EmgModel,
     Phase, RecordedFault, RotationReport, accuracy_at, check_rotation,
 };
-use proact_types::{EmgSample, Gesture, GestureName};
+use proact_files::{check_output, is_replaced, write_whole};
+use proact_types::{EmgSample, Gesture, GestureName, number_text};
 use serde_json::{Value, json};
 use std::{
     error::Error,
@@ -37,17 +38,19 @@ const MOST_REFUSALS: usize = 6;
 /// A source or a place that cannot be used, a band that is red or turned, an accuracy that is not reached: the model is
 /// written all the same then, and so are the recordings.
 pub(super) fn run(sources: &SourceRegistry, args: &TrainArgs, json: bool) -> Result<(), Box<dyn Error>> {
-    if !(args.patience.is_finite() && args.patience > 0.0) {
-        return Err(format!("--patience is {}, expected seconds above zero", args.patience).into());
+    if !(0.001..=1e6).contains(&args.patience) {
+        let patience = number_text(args.patience);
+        return Err(format!("--patience is {patience}, expected 0.001 to 1000000 seconds").into());
     }
     // Asked before anybody holds a gesture.
-    if args.out.exists() && !args.replace {
+    if args.out.exists() && is_replaced(&args.out) && !args.replace {
         return Err(format!(
             "{} is there already; name another file with --out, or --replace it",
             args.out.display()
         )
         .into());
     }
+    check_output(&args.out)?;
     if args.resume.is_none() && (args.save.is_some() || args.source.source.file().is_none()) {
         check_empty(&args.folder())?;
     }

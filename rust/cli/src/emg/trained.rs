@@ -2,10 +2,11 @@
 
 use proact_app::{
     analysis::{TrainingFigure, training_figures},
-    answer, tell, write_whole,
+    answer, tell,
 };
 use proact_devices::{DeviceError, Evaluation, Recording, Recordings, leave_one_out, train_process};
 use proact_emg::{CalibrationReport, DriveScore, EmgConfig, EmgModel, Repetition, feature_space};
+use proact_files::{is_replaced, write_whole};
 use proact_types::{EmgSample, GestureName};
 use serde_json::{Value, json};
 use std::{
@@ -85,8 +86,11 @@ pub(super) fn draw(
             Vec::new()
         }
     };
-    for figure in &figures {
-        write_whole(&plot_path(out, figure), &figure.svg)?;
+    // Nothing stands beside a model that goes through a pipe.
+    if is_replaced(out) {
+        for figure in &figures {
+            write_whole(&plot_path(out, figure), &figure.svg)?;
+        }
     }
     Ok(figures)
 }
@@ -98,7 +102,8 @@ fn plot_path(out: &Path, figure: &TrainingFigure) -> PathBuf {
 /// Where the figures are, by name, for the command's answer.
 pub(super) fn plots(out: &Path, figures: &[TrainingFigure]) -> Value {
     let path = |figure: &TrainingFigure| plot_path(out, figure).display().to_string().into();
-    Value::Object(figures.iter().map(|figure| (figure.name.to_owned(), path(figure))).collect())
+    let drawn = figures.iter().filter(|_| is_replaced(out));
+    Value::Object(drawn.map(|figure| (figure.name.to_owned(), path(figure))).collect())
 }
 
 /// The answer as the calibration page gets it, with the figures themselves.

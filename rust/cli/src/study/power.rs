@@ -6,11 +6,11 @@ use proact_app::{
     analysis::collect,
     answer,
     study::{self, PowerOfSize, PowerOptions, Study},
-    write_whole,
 };
 use proact_control::MethodRegistry;
+use proact_files::{check_output, write_whole};
 use serde_json::json;
-use std::{error::Error, fs, path::PathBuf};
+use std::{error::Error, path::PathBuf};
 
 /// Arguments of `proact study power`.
 #[derive(Debug, Args)]
@@ -49,6 +49,11 @@ pub struct PowerArgs {
 }
 
 pub(super) fn command(methods: &MethodRegistry, args: &PowerArgs, json: bool) -> Result<(), Box<dyn Error>> {
+    if let Some(file) = &args.figure {
+        for ending in ["svg", "png"] {
+            check_output(&file.with_extension(ending))?;
+        }
+    }
     let study = Study::open(&args.study, methods)?;
     let scores = match (&args.effect, &args.from) {
         (Some(file), _) => study::expected_effect(file)?,
@@ -69,8 +74,7 @@ pub(super) fn command(methods: &MethodRegistry, args: &PowerArgs, json: bool) ->
     if let Some(file) = &args.figure {
         let (svg, png) = study::power_figure(&found)?;
         write_whole(&file.with_extension("svg"), &svg)?;
-        let file = file.with_extension("png");
-        fs::write(&file, png).map_err(|error| format!("{}: {error}", file.display()))?;
+        write_whole(&file.with_extension("png"), png)?;
     }
     if json {
         return Ok(answer(json!({ "conditions": study.conditions(), "power": found }).to_string())?);

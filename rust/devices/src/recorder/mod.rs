@@ -7,13 +7,13 @@ mod edf;
 use crate::{DeviceError, EmgPacket, SourceInfo};
 use proact_types::{EmgSample, MOST_RECORDING_BYTES, read_bytes};
 use std::{
-    fs::{File, OpenOptions},
+    fs::File,
     io::{self, BufWriter},
     path::{Path, PathBuf},
 };
 
 /// Writes a stream to a file while it runs. What was written is on disk within about a second, so that a crash costs
-/// no more than that. An existing file is never replaced.
+/// no more than that. An existing file is never replaced; a pipe or device is written to.
 #[derive(Debug)]
 pub struct EmgRecorder {
     path: PathBuf,
@@ -46,7 +46,7 @@ impl EmgRecorder {
         let ending = ending.filter(|e| e == "csv" || e == "edf");
         let Some(ending) = ending else { return Err(DeviceError::RecordFormat { path: path.to_owned() }) };
         let failed = |source| DeviceError::Write { path: path.to_owned(), source };
-        let file = OpenOptions::new().write(true).create_new(true).open(path).map_err(failed)?;
+        let file = proact_files::create_growing(path).map_err(failed)?;
         let file = BufWriter::new(file);
         let file = match ending.as_str() {
             "csv" => csv::CsvWriter::begin(file, info).map(Format::Csv),

@@ -4,13 +4,14 @@ use super::{
     LiveStudy, StepEnd,
     state::{Now, Wish},
 };
-use crate::{LiveArmband, write_whole};
+use crate::LiveArmband;
 use proact_bridge::{NowWhat, ParticipantScreen, PromptScreen, StudyRequest};
 use proact_devices::{EmgPacket, RecordingFolder, SampleSource, SourceEvent, SourceOptions};
 use proact_emg::{
     Calibration, CalibrationConfig, CalibrationEvent, EmgConfig, EmgModel, EmgPipeline, Phase, QualityConfig,
     SequenceConfig, SequenceTest, WindowLength, ZeroLevel,
 };
+use proact_files::write_whole;
 use proact_study::{Spot, StudyEvent};
 use proact_types::{Gesture, GestureName, SimTime};
 use std::{
