@@ -109,7 +109,7 @@ pub(crate) fn load(
         });
         traced.map(|traced| (taken, traced)).map_err(|error| error.to_string())
     });
-    let (taken, Retraced { config, events, result, recorded, divergence }) = loaded.map_err(refused)?;
+    let (taken, Retraced { config, events, result, recorded, divergence, .. }) = loaded.map_err(refused)?;
     let told = PyDict::new(py);
     told.set_item("joints", taken.joints)?;
     told.set_item("objects", taken.objects)?;

@@ -8,7 +8,9 @@ use proact_recording::{
     FLUSH_TICKS, INPUTS_FILE, InputLog, InputRecord, LogEnd, RESULT_FILE, RecordingError, Trial, TrialWriter,
     read_result,
 };
-use proact_types::{EmgSample, Event, EventKind, ObjectId, Pose, SimTime, TickInput, Vector, WindowAnswer};
+use proact_types::{
+    EmgSample, Event, EventKind, ExternalAnswer, ObjectId, Pose, SimTime, TickInput, Vector, WindowAnswer,
+};
 use std::{fs, path::Path};
 
 fn read_inputs(dir: &Path) -> (Vec<InputRecord>, Result<Option<LogEnd>, RecordingError>) {
@@ -63,7 +65,12 @@ fn what_other_programs_answered_is_kept_beside_the_tick_it_belongs_to() {
     let dir = place.path().join("trial");
     let windows =
         [vec![], vec![WindowAnswer::Line("rest".to_owned()), WindowAnswer::Late { deadline_ms: 50 }]];
-    let intents = [None, Some(Ok("[1, 0]".to_owned())), Some(Err("it has ended".to_owned()))];
+    let intents = [
+        None,
+        Some(ExternalAnswer::Line("[1, 0]".to_owned())),
+        Some(ExternalAnswer::Failed("it has ended".to_owned())),
+        Some(ExternalAnswer::Missed("no answer within 50 ms".to_owned())),
+    ];
     let news = [None, Some(Ok(())), Some(Err("division by zero".to_owned()))];
     let mut given = Vec::new();
     for decoder in &windows {
