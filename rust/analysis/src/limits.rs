@@ -1,4 +1,4 @@
-//! Values that no arm and no person can produce: where a table has one, the table is wrong, not the person fast.
+//! The largest values that an arm or a person can produce. A larger one in a table is an error of the table.
 
 use crate::table::{Cell, Table};
 
@@ -55,7 +55,7 @@ const LIMITS: &[Limit] = &[
     of_body("trunk_turn_deg", BODY_TURN_DEG, "degrees"),
 ];
 
-/// A value in a table that cannot be.
+/// A value in a table beyond its limit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Impossible {
     /// Its row.

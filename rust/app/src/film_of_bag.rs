@@ -4,6 +4,9 @@
 //! selection and grasp. Which blocks are on target is judged by our task from their poses. The head is the headset's
 //! own, put into `world` by the frames in the bag; without these it is where the eye is and looks where the eye looks.
 
+mod received;
+
+use self::received::{HELD_MS, Received, unwrapped};
 use crate::{Arm, tell};
 use proact_arm::{ArmModel, JointLimits};
 use proact_bridge::{PageContent, RecordedTrial};
@@ -20,7 +23,7 @@ use proact_types::{
     BodyState, DisplayFrame, Event, EventKind, GazeSample, Gesture, GestureName, HandState, HandView, Object,
     ObjectId, PlannerView, Point, Pose, SimTime, TargetView, Vector, zeros,
 };
-use std::{collections::HashMap, error::Error, f64::consts::TAU, path::Path};
+use std::{collections::HashMap, error::Error, path::Path};
 
 /// From one frame to the next, milliseconds.
 const PERIOD_MS: u64 = 33;
@@ -105,7 +108,7 @@ pub(crate) fn watch(
 ) -> Result<Watched, Box<dyn Error>> {
     let mut film = Film::new(arm, method_of(path), task, period_ms);
     let end = read_bag(path, |message| film.take(message))?;
-    if !film.joints_seen() && !film.objects_seen() {
+    if !film.received.any_joint() && !film.received.any_object() {
         film.topics.sort();
         return Err(format!(
             "the bag holds neither {} nor {}, which are shown; its topics: {}",
@@ -116,7 +119,7 @@ pub(crate) fn watch(
         .into());
     }
     film.finish(&end);
-    let missing = film.missing();
+    let missing = film.received.missing(film.arm, film.task.scene());
     let Film { frames, scored, task, bodies, decisions, .. } = film;
     Ok(Watched { frames, scored, missing, task, bodies, decisions, end })
 }
@@ -134,9 +137,6 @@ pub(crate) fn method_of(path: &Path) -> String {
 /// What lies still at the end of a bag goes on lying there: a trial ends when its last block has rested for long enough, which a
 /// recorder that sees each hundredth of a second, or a fiftieth, learns after the end. Milliseconds.
 const REST_MS: u64 = 500;
-/// State of the arm or of an object that is older than this is not scored, milliseconds: 25 messages of the original's 50 Hz. A gap
-/// in the bag is a gap in the trace, not a hand that stands still.
-const HELD_MS: u64 = 500;
 /// A trial of the original takes so long, seconds; a bag may hold more than a trial.
 const TRIAL_SECS: f64 = 300.0;
 const LONGEST_SECS: f64 = 3600.0;
@@ -162,11 +162,7 @@ struct Film<'a> {
     due: SimTime,
     period_ms: u64,
     decisions: u64,
-    /// When each moving joint was last received.
-    joints_at: Vec<Option<SimTime>>,
-    base_at: Option<SimTime>,
-    /// When each object was last received.
-    objects_at: Vec<Option<SimTime>>,
+    received: Received,
     topics: Vec<String>,
     frames: Vec<DisplayFrame>,
     scored: Vec<usize>,
@@ -214,9 +210,7 @@ impl<'a> Film<'a> {
         Film {
             arm,
             joints,
-            joints_at: vec![None; arm.moving_count()],
-            base_at: None,
-            objects_at: vec![None; bodies.len()],
+            received: Received::new(arm.moving_count(), bodies.len()),
             task,
             bodies,
             frame,
@@ -324,17 +318,9 @@ impl<'a> Film<'a> {
         Ok(())
     }
 
-    fn joints_seen(&self) -> bool {
-        self.joints_at.iter().any(Option::is_some)
-    }
-
-    fn objects_seen(&self) -> bool {
-        self.objects_at.iter().any(Option::is_some)
-    }
-
     /// Keeps the instants of the grid before `now`, whose messages have all been read.
     fn catch_up(&mut self, now: SimTime) {
-        let begun = self.joints_seen() || self.objects_seen();
+        let begun = self.received.any_joint() || self.received.any_object();
         if begun && now.millis_since(self.now) <= HELD_MS {
             while self.due < now {
                 self.sample();
@@ -349,9 +335,7 @@ impl<'a> Film<'a> {
 
     /// Keeps the instant that is due.
     fn sample(&mut self) {
-        let recent = |at: &Option<SimTime>| at.is_some_and(|at| self.due.millis_since(at) <= HELD_MS);
-        let needed = self.joints_at.iter().chain(&self.objects_at).chain(std::iter::once(&self.base_at));
-        if needed.clone().all(recent) {
+        if self.received.is_complete(self.due) {
             self.scored.push(self.frames.len());
         }
         self.keep(self.due);
@@ -370,33 +354,16 @@ impl<'a> Film<'a> {
         }
     }
 
-    /// What scoring needs and was never received.
-    fn missing(&self) -> Vec<String> {
-        let lacks = |at: &Vec<Option<SimTime>>| at.iter().any(Option::is_none);
-        let joints = self.arm.moving().zip(&self.joints_at).filter(|(_, at)| at.is_none());
-        let joints: Vec<&str> = joints.map(|(joint, _)| self.arm.joints[joint].name.as_str()).collect();
-        let objects = self.task.scene().objects.iter().zip(&self.objects_at).filter(|(_, at)| at.is_none());
-        let objects: Vec<&str> = objects.map(|(object, _)| object.ros_name.as_str()).collect();
-        let parts = [
-            lacks(&self.joints_at)
-                .then(|| format!("joints {} in {}", joints.join(", "), topic::WRAPPED_JOINT_STATES)),
-            self.base_at.is_none().then(|| format!("the base {ARM_MODEL} in {}", topic::MODEL_STATES)),
-            lacks(&self.objects_at)
-                .then(|| format!("objects {} in {}", objects.join(", "), topic::MODEL_STATES)),
-        ];
-        parts.into_iter().flatten().collect()
-    }
-
     fn turn(&mut self, state: &ros::JointState) {
         for (name, angle) in state.name.iter().zip(&state.position) {
             if let Some(&place) = self.joints.get(name.as_str())
                 && angle.is_finite()
             {
-                let before = self.joints_at[place].map(|_| self.frame.joints[place]);
+                let before = self.received.joints[place].map(|_| self.frame.joints[place]);
                 let joint = self.arm.moving().nth(place);
                 let limits = joint.map_or_else(JointLimits::default, |joint| self.arm.joints[joint].limits);
                 self.frame.joints[place] = unwrapped(*angle, before, &limits);
-                self.joints_at[place] = Some(self.now);
+                self.received.joints[place] = Some(self.now);
             }
         }
     }
@@ -406,11 +373,11 @@ impl<'a> Film<'a> {
             let Some(pose) = pose_of(pose) else { continue };
             if name == ARM_MODEL {
                 self.frame.world_from_base = pose;
-                self.base_at = Some(self.now);
+                self.received.base = Some(self.now);
             } else if let Some(block) = self.object_named(name) {
                 let (linear, angular) = (vector(&twist.linear), vector(&twist.angular));
                 self.bodies[block.index()] = BodyState { pose, linear, angular };
-                self.objects_at[block.index()] = Some(self.now);
+                self.received.objects[block.index()] = Some(self.now);
             }
         }
     }
@@ -489,7 +456,7 @@ impl<'a> Film<'a> {
 
     /// Keeps what was received as the frame of `time`.
     fn keep(&mut self, time: SimTime) {
-        let judged = self.objects_seen();
+        let judged = self.received.any_object();
         let frame = &mut self.frame;
         frame.time = time;
         frame.world_from_tip = frame.world_from_base * self.arm.link_poses(&frame.joints)[self.arm.tip];
@@ -500,7 +467,7 @@ impl<'a> Film<'a> {
             joints: &frame.joints[..self.arm.arm_count()],
             hand: frame.world_from_tip * Point::from(self.arm.widest_grasp().centre),
         };
-        // Until then objects are where the scene has them, which is not where they were.
+        // Before the first model states, the objects have the poses of the scene, not those of the trial.
         let events = if judged { self.task.step(time, &seen) } else { Vec::new() };
         frame.events.extend(events.into_iter().map(|kind| Event { time, kind }));
         frame.objects = self.bodies.iter().map(|body| body.pose).collect();
@@ -512,12 +479,6 @@ impl<'a> Film<'a> {
         self.frames.push(frame.clone());
         frame.events.clear();
     }
-}
-
-/// A bag has angles in (-pi, pi]: the equal angle that is nearest to the one before, of the first one to the middle of its limits, rad.
-fn unwrapped(angle: f64, before: Option<f64>, limits: &JointLimits) -> f64 {
-    let near = before.unwrap_or((limits.lower + limits.upper) / 2.0);
-    angle + TAU * ((near - angle) / TAU).round()
 }
 
 fn vector(v: &ros::Vector3) -> Vector {

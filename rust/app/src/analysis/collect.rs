@@ -37,7 +37,7 @@ pub struct Collected {
     pub tables: BTreeMap<&'static str, Table>,
     /// What is missing, wrong or left out.
     pub notes: Vec<String>,
-    /// Values that cannot be.
+    /// Values that no arm and no person can produce.
     pub faults: Vec<ReportFault>,
     /// All people are simulated, none is, or it is not known.
     pub simulated: Option<bool>,
@@ -142,8 +142,8 @@ pub fn collect(
     }
     collected.notes.extend(failed_notes(&collected.tables["trials"]));
     collected.faults = report_faults(&collected.tables);
-    let told = in_words(&collected.faults);
-    collected.notes.splice(0..0, told);
+    let notes = in_words(&collected.faults);
+    collected.notes.splice(0..0, notes);
     Ok(collected)
 }
 

@@ -1,19 +1,19 @@
-//! What in a report's tables cannot be: a fault of the report, told with the record, the phase, the value and the limit.
+//! Impossible values in the tables of a report: faults of the report, with record, phase, value and limit.
 
 use super::summaries::participant;
 use proact_analysis::{limits::impossible, table::Table};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// As many are told among the notes; all are in the JSON.
-const TOLD: usize = 20;
+/// Most faults among the notes; the JSON has all of them.
+const MAX_NOTES: usize = 20;
 
 /// A value in a table that no arm and no person can produce.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ReportFault {
     /// The table.
     pub table: &'static str,
-    /// The record; empty if the tables do not tell it.
+    /// The record; empty if the tables do not have it.
     pub record: String,
     /// Whose it is, such as `P3`.
     pub participant: String,
@@ -78,12 +78,12 @@ pub(super) fn in_words(faults: &[ReportFault]) -> Vec<String> {
              and no arm or person exceeds {limit} {unit}. Do not use the figures of this trial"
         )
     };
-    let mut told: Vec<String> = faults.iter().take(TOLD).map(one).collect();
-    if faults.len() > TOLD {
-        told.push(format!(
+    let mut notes: Vec<String> = faults.iter().take(MAX_NOTES).map(one).collect();
+    if faults.len() > MAX_NOTES {
+        notes.push(format!(
             "Faults of this report: {} more, in the JSON of proact analyze",
-            faults.len() - TOLD
+            faults.len() - MAX_NOTES
         ));
     }
-    told
+    notes
 }

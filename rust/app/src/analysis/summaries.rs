@@ -450,17 +450,17 @@ fn emg(collected: &Collected, conditions: &[String]) -> Option<ReportTable> {
     })
 }
 
-/// The flawed records that figures are made of, in a sentence; none if there is none.
+/// A sentence that lists the flawed records.
 pub(super) fn flawed(collected: &Collected) -> Option<String> {
     let trials = collected.table("trials")?;
     let flawed = trials.rows.iter().filter(|row| !trials.words(row, "flaw").is_empty());
-    let told: Vec<String> = flawed
+    let names: Vec<String> = flawed
         .map(|row| {
             let [condition, trial, flaw] = ["condition", "trial", "flaw"].map(|name| trials.words(row, name));
             format!("{} {condition} trial {trial} ({flaw})", participant(trials, row))
         })
         .collect();
-    (!told.is_empty()).then(|| format!("Records with a flaw, see data/trials.csv: {}.", told.join("; ")))
+    (!names.is_empty()).then(|| format!("Records with a flaw, see data/trials.csv: {}.", names.join("; ")))
 }
 
 fn trials(collected: &Collected) -> Option<ReportTable> {

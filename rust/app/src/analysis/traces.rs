@@ -33,7 +33,7 @@ use std::{
 /// From one instant to the next, milliseconds: as often as a bag has joints.
 const PERIOD_MS: u64 = 20;
 
-/// Why a record's rows are not to be trusted like the others.
+/// What is wrong with a record or bag: the column `flaw`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Flaw {
     /// A bag that breaks off.

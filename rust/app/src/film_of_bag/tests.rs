@@ -1,5 +1,6 @@
 use super::*;
 use proact_recording::bag::{BagWriter, Message, Time};
+use std::f64::consts::TAU;
 
 fn arm() -> Arm {
     Arm::named("mpl_right").unwrap()
