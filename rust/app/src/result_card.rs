@@ -1,7 +1,7 @@
 //! How a trial went, as the page shows it when the trial is over.
 
 use proact_bridge::{AfterTrial, PageServer, ResultCard, ResultLine, TrialStatus};
-use proact_tasks::{ObjectResult, norms_of, outcomes};
+use proact_tasks::{ObjectResult, norms_of, object_results};
 use proact_testbed::{TrialEnd, TrialResult};
 use proact_types::{DisplayFrame, EventKind, Point};
 
@@ -83,7 +83,7 @@ fn card(result: &TrialResult, who: &str, most: Option<u32>, tally: CardTally) ->
         path_m: tally.path_m,
         attempts: tally.attempts,
         // A task that tells of other things has no such list.
-        objects: outcomes(&result.beside).expect(own).into_iter().map(object).collect(),
+        objects: object_results(&result.beside).expect(own).into_iter().map(object).collect(),
         norms: norms_of(&result.result).expect(own).iter().map(ToString::to_string).collect(),
         faults: result.trial_faults.iter().map(|fault| fault.reason.clone()).collect(),
     }

@@ -43,7 +43,7 @@ pub use modified_bbt::ModifiedBbt;
 pub use moves::ObjectMoves;
 pub use norms::{Norm, Sex, Wearer, norms};
 pub use outcome::{ObjectResult, Outcome};
-pub use result_keys::{ResultError, check_beside, check_result, norms_of, outcomes};
+pub use result_keys::{ResultError, check_beside, check_result, norms_of, object_results};
 pub use scene::SceneFile;
 pub use targets::Targets;
 pub use task::{Task, TaskInput, TaskResult, TaskState};

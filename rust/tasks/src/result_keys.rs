@@ -69,7 +69,7 @@ pub fn check_beside(beside: &Map<String, Value>) -> Result<(), ResultError> {
 ///
 /// # Errors
 /// [`ResultError`] with the key or the outcome that is unknown.
-pub fn outcomes(result: &Map<String, Value>) -> Result<Vec<ObjectResult>, ResultError> {
+pub fn object_results(result: &Map<String, Value>) -> Result<Vec<ObjectResult>, ResultError> {
     let Some(lines) = result.get("outcomes") else { return Ok(Vec::new()) };
     serde_json::from_value(lines.clone()).map_err(readable)
 }
@@ -162,7 +162,7 @@ mod tests {
         let (_, task) = results().into_iter().find(|(name, _)| name == DEFAULT_TASK).unwrap();
         let mut result = task.result;
         result["outcomes"][2]["outcome"] = "on_tarqet".into();
-        for error in [check_result(&result), outcomes(&result).map(drop)] {
+        for error in [check_result(&result), object_results(&result).map(drop)] {
             assert!(error.unwrap_err().to_string().contains("on_tarqet"));
         }
     }

@@ -53,7 +53,7 @@ impl TrialEntry {
         let scene = testbed.task().scene();
         let result = session.result();
         // What the task says of each object, in its order; of one that says nothing, all objects in theirs.
-        let told = proact_tasks::outcomes(&result.result).map_err(|error| named(&error))?;
+        let told = proact_tasks::object_results(&result.result).map_err(|error| named(&error))?;
         let mut lines: Vec<(String, String)> =
             told.into_iter().map(|line| (line.block, line.outcome.as_str().to_owned())).collect();
         if lines.is_empty() {

@@ -15,7 +15,7 @@ const READS: [&str; 12] = [
     "read_result",
     "Value::as_",
     "\"].as_",
-    "outcomes(",
+    "object_results(",
 ];
 /// What then hides that it could not be read.
 const FALLBACKS: [&str; 7] = [

@@ -217,7 +217,7 @@ pub(crate) fn block_rows(
         ]);
         row
     };
-    Ok(proact_tasks::outcomes(result)?.into_iter().map(row).collect())
+    Ok(proact_tasks::object_results(result)?.into_iter().map(row).collect())
 }
 
 fn secs(time: SimTime) -> f64 {
