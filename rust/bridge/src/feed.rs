@@ -64,8 +64,7 @@ impl ServerMessage<'_> {
         let text = match self {
             Self::Frame(_) | Self::Ghost { .. } => {
                 let mut text = Vec::new();
-                let written =
-                    self.serialize(&mut serde_json::Serializer::with_formatter(&mut text, Rounded));
+                let written = self.serialize(&mut serde_json::Serializer::with_formatter(&mut text, Rounded));
                 written.map(|()| String::from_utf8(text).expect("JSON is UTF-8"))
             }
             _ => proact_types::to_json(self),

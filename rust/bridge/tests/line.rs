@@ -50,7 +50,9 @@ async fn a_crowd_locks_out_neither_driver_nor_experimenter() {
             let url = format!("ws://{}/live?role={role}", authority(&server));
             match tokio_tungstenite::connect_async(url).await {
                 Ok((client, _)) => crowd.push(client),
-                Err(error) => assert!(role == "spectator" && error.to_string().contains("503"), "{role}: {error}"),
+                Err(error) => {
+                    assert!(role == "spectator" && error.to_string().contains("503"), "{role}: {error}")
+                }
             }
         }
     }

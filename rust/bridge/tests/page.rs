@@ -429,7 +429,10 @@ async fn recorded_trials_are_listed_and_served_by_number() {
     assert!(get(&server, "/api/trials").await.ends_with("[]"));
     server.set_trials(Arc::new(vec![recorded("D-still-seed1")])).unwrap();
     let list = get(&server, "/api/trials").await;
-    assert!(list.contains(r#""name":"D-still-seed1""#) && list.contains(r#""seed":"18446744073709551615""#), "{list}");
+    assert!(
+        list.contains(r#""name":"D-still-seed1""#) && list.contains(r#""seed":"18446744073709551615""#),
+        "{list}"
+    );
     let answer = get(&server, "/api/trials/0").await;
     let json: Value = serde_json::from_str(answer.split("\r\n\r\n").nth(1).unwrap()).unwrap();
     assert_eq!((&json["frames"][1]["time"], &json["seed"]), (&50.into(), &u64::MAX.to_string().into()));

@@ -176,7 +176,9 @@ fn prints_json(line: &str) -> bool {
 fn json_answers_are_told_from_texts() {
     assert!(prints_json("answer(serde_json::to_string(&report)?)?;"));
     assert!(prints_json("answer(json!({"));
-    for other in ["answer_json(&object)?;", "answer(text)?;", "answer(&error)?", "tell_or_answer(json, &json!({"] {
+    for other in
+        ["answer_json(&object)?;", "answer(text)?;", "answer(&error)?", "tell_or_answer(json, &json!({"]
+    {
         assert!(!prints_json(other), "{other}");
     }
 }
@@ -186,7 +188,9 @@ fn every_answer_in_json_is_written_by_one_function() {
     let files = files();
     let sources = files.iter().filter(|(path, _)| path.starts_with("rust/cli/src/") && path.ends_with(".rs"));
     let offences: Vec<String> = sources
-        .flat_map(|(path, text)| text.lines().filter(|line| prints_json(line)).map(move |line| format!("{path}: {line}")))
+        .flat_map(|(path, text)| {
+            text.lines().filter(|line| prints_json(line)).map(move |line| format!("{path}: {line}"))
+        })
         .collect();
     assert!(offences.is_empty(), "use answer_json:\n{}", offences.join("\n"));
 }
