@@ -3,14 +3,15 @@
 
     tests/scenarios/faults.py PATH_OF_PROACT [NAME...]
 
-Disk full, disk read-only, folder that may not be written, file limit, clock jump, half-open sockets, slow readers, floods of UDP, one core taken away,
-standard output closed or full. docs/reliability.md has the promises. Faults that this machine cannot be given (no
+Disk full, disk read-only, folder that may not be written, file limit, clock jump, half-open sockets, slow readers, a crowd of
+pages, a line with a delay, floods of UDP, one core taken away, standard output closed or full. docs/reliability.md has the promises. Faults that this machine cannot be given (no
 user namespaces, no libfaketime) are said to be skipped. Exit code 0 only if all others passed.
 """
 
 import json
 import os
 import pathlib
+import queue
 import random
 import resource
 import shutil
@@ -344,6 +345,77 @@ def slow_readers():
     return told
 
 
+def crowd():
+    """Seventy pages of each kind that only watch: driver and experimenter come in all the same."""
+    watched = Watched("crowd")
+    pages, refused = [], 0
+    for role in ["spectator", "participant", "experimenter"]:
+        for _ in range(70):
+            try:
+                pages.append(Page(watched.server.port, role))
+            except ConnectionError as error:
+                demand(role == "spectator" and "503" in str(error), f"{role}: {error}")
+                refused += 1
+    demand(refused == 6, f"{refused} of 70 spectators were refused, 64 have places")
+    for role in ["participant", "experimenter"]:
+        Page(watched.server.port, role).frame()
+    pace = watched.watch(3)
+    del pages
+    return watched.end(pace)
+
+
+class DelayedLine:
+    """A line to a port of this machine whose bytes come later by `secs` in each direction."""
+
+    def __init__(self, port, secs):
+        self.target, self.secs = port, secs
+        self.listening = socket.create_server(("127.0.0.1", 0))
+        self.port = self.listening.getsockname()[1]
+        threading.Thread(target=self.serve, daemon=True).start()
+
+    def serve(self):
+        while True:
+            near = self.listening.accept()[0]
+            far = socket.create_connection(("127.0.0.1", self.target))
+            for source, sink in [(near, far), (far, near)]:
+                waiting = queue.Queue()
+                threading.Thread(target=self.read, args=(source, waiting), daemon=True).start()
+                threading.Thread(target=self.write, args=(waiting, sink), daemon=True).start()
+
+    def read(self, source, waiting):
+        while data := source.recv(1 << 16):
+            waiting.put((time.monotonic() + self.secs, data))
+
+    def write(self, waiting, sink):
+        while True:
+            due, data = waiting.get()
+            time.sleep(max(due - time.monotonic(), 0))
+            sink.sendall(data)
+
+
+def delayed_line():
+    """A page holds a gesture over a line with 200 ms each way: all that it says comes, and none of it moves the arm."""
+    watched = Watched("delay", "--method", "A")
+    page = Page(DelayedLine(watched.server.port, 0.2).port)
+    page.send(type="take_over")
+    messages = (page.receive() for _ in range(600))
+    warning = next((message for message in messages if message and message["type"] == "delay"), None)
+    demand(warning and warning["ms"] >= 400, f"the page is warned by {warning}")
+    page.send(type="gesture", gesture="wrist_extension")
+    joints = page.frame()["joints"]
+    for _ in range(600):
+        page.send(type="alive")
+        frame = page.frame()
+        if frame["stop"]:
+            break
+    stop = frame["stop"]
+    demand(stop and (stop["source"], stop["cause"]) == ("page", "delayed"), f"stopped by {stop}")
+    moved = max(abs(a - b) for a, b in zip(joints, frame["joints"]))
+    demand(moved < 1e-3, f"a joint moved by {moved} rad")
+    page.close()
+    return f"{stop['reason']}; {watched.end(1)}"
+
+
 def udp_flood():
     """Gaze and limb as fast as this machine can send, of every length, with and without sense."""
     gaze, limb = random.randint(31000, 32000), random.randint(32001, 33000)
@@ -382,7 +454,7 @@ def one_core():
 
 FAULTS = [
     disk_full, disk_read_only, disk_full_outputs, study_on_a_full_disk, read_only_outputs, outputs_without_permission,
-    file_limit, output_closed, clock_jump, half_open, slow_readers, udp_flood, one_core
+    file_limit, output_closed, clock_jump, half_open, slow_readers, crowd, delayed_line, udp_flood, one_core
 ]
 wanted = sys.argv[2:]
 failed = False

@@ -14,7 +14,7 @@ use proact_intent::IntentProgram;
 use proact_participants::Participant;
 use proact_testbed::{Setup, TrialConfig};
 use proact_types::{
-    DisplayFrame, EventKind, GazeSample, Gesture, InputSource, Intention, Point, StopCause, TrunkPosture,
+    DisplayFrame, EventKind, ExternalAnswer, GazeSample, Gesture, InputSource, Intention, Point, StopCause, TrunkPosture,
     Vector,
 };
 use std::path::Path;
@@ -163,7 +163,7 @@ fn a_process_that_is_late_stops_the_arm_of_somebody_who_drives() {
             session.person().point(GazeSample { origin, direction, valid: true });
         }
         let step = session.step(false).unwrap();
-        answers += usize::from(matches!(step.output.intent, Some(Ok(_))));
+        answers += usize::from(matches!(step.output.intent, Some(ExternalAnswer::Line(_))));
         stopped = session.testbed().stop().cloned();
     }
     let stop = stopped.unwrap();

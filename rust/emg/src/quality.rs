@@ -134,6 +134,7 @@ pub struct StreamQuality {
     /// Share of samples lost or unusable in the newest second.
     pub lost_share: f64,
     /// Gaps since the start.
+    #[cfg_attr(feature = "ts", ts(type = "number"))]
     pub gaps: u64,
     /// Samples a second by the device's counter and the host's clock over up to five seconds; none in the first two, and
     /// in the two after a silence: what had piled up comes in a burst then.

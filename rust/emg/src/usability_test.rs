@@ -233,12 +233,14 @@ pub struct HoldReport {
     /// Share of decisions after the reaction time with the prompted gesture in force.
     pub accuracy: f64,
     /// Decisions counted.
+    #[cfg_attr(feature = "ts", ts(type = "number"))]
     pub decisions: u64,
     /// Prompts that are over.
     pub prompts: usize,
     /// The gesture of each row and column.
     pub classes: Vec<GestureName>,
     /// `[prompted][in force]`, decisions.
+    #[cfg_attr(feature = "ts", ts(type = "Array<Array<number>>"))]
     pub confusion: Vec<Vec<u64>>,
 }
 

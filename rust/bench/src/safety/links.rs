@@ -16,7 +16,11 @@ const TOPIC_TICKS: u64 = 50;
 
 /// A trial of method A by keys, and who presses them.
 pub(super) fn device(source: InputSource, death: Death) -> Outcome<(Session, Box<dyn Device>)> {
-    let config = TrialConfig::new("A", 1, Setup::named("still")?);
+    let mut config = TrialConfig::new("A", 1, Setup::named("still")?);
+    if let Some(ages) = &mut config.profile.dead_man {
+        // These lines are read between ticks, in lock-step: their round trips say how busy the machine is.
+        ages.delay_ms = 60_000;
+    }
     let session = trial::live(config)?.session;
     let device: Box<dyn Device> = match source {
         InputSource::Page => Box::new(Page::new(&session, death)?),
