@@ -4,8 +4,8 @@ use super::*;
 use clap::error::ErrorKind;
 use std::{fs, path::Path};
 
-/// Words that the launcher answers itself.
-const LAUNCHER_WORDS: [&str; 6] = ["test", "peers", "release", "docs", "ros-binary", "help"];
+/// Words that the launcher answers itself, and what the guide writes for any of them.
+const LAUNCHER_WORDS: [&str; 7] = ["test", "peers", "release", "docs", "ros-binary", "help", "WORD"];
 /// What a document is below the repository, and nothing else of it.
 const FOLDERS: [&str; 6] = ["", "docs", "docs/methods", "docs/tasks", "python", "docker"];
 
