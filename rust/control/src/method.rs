@@ -136,7 +136,8 @@ impl Default for Shown {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MotionCommand {
-    /// Stop and hold, from this tick on.
+    /// Stop and hold, from this tick on. A joint that something keeps from its target is held where it is after 50 ms, so
+    /// that it presses no more; speeds of zero, said again at each control step, go on pressing.
     Hold,
     /// Follow from the start.
     Follow(Trajectory),
