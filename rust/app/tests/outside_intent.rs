@@ -14,8 +14,8 @@ use proact_intent::IntentProgram;
 use proact_participants::Participant;
 use proact_testbed::{Setup, TrialConfig};
 use proact_types::{
-    DisplayFrame, EventKind, ExternalAnswer, GazeSample, Gesture, InputSource, Intention, Point, StopCause, TrunkPosture,
-    Vector,
+    DisplayFrame, EventKind, ExternalAnswer, GazeSample, Gesture, InputSource, Intention, Point, StopCause,
+    TrunkPosture, Vector,
 };
 use std::path::Path;
 

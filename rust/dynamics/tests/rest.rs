@@ -110,7 +110,8 @@ impl Driver {
         let state = self.testbed.plant().state();
         (0..self.model.arm_count()).any(|k| {
             let most = self.model.joints[self.model.arm[k]].limits.effort;
-            (self.testbed.targets()[k] - state.position[k]).abs() > LEANS || state.effort[k].abs() > 0.99 * most
+            (self.testbed.targets()[k] - state.position[k]).abs() > LEANS
+                || state.effort[k].abs() > 0.99 * most
         })
     }
 }
@@ -142,10 +143,16 @@ fn check(engine: Engine, arm: &str, method: &str, seed: u64) {
         }
         let end = &driver.testbed.plant().state().position;
         let crept = rest.iter().zip(end).take(arm).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
-        assert!(crept < CREEP, "{trial}, push {push}: a joint crept by {crept:.4} rad, expected below {CREEP}");
+        assert!(
+            crept < CREEP,
+            "{trial}, push {push}: a joint crept by {crept:.4} rad, expected below {CREEP}"
+        );
     }
     println!("{trial}: {leaning} of {PUSHES} pushes end against something");
-    assert!(leaning >= LEANING, "{trial}: {leaning} pushes end against something, expected at least {LEANING}");
+    assert!(
+        leaning >= LEANING,
+        "{trial}: {leaning} pushes end against something, expected at least {LEANING}"
+    );
 }
 
 #[test]

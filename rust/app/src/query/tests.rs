@@ -190,7 +190,7 @@ fn collisions_are_named_in_every_kind_of_scene() {
 #[test]
 fn a_bad_line_is_answered_and_the_stream_goes_on() {
     let good = json!({ "op": "fk", "q": BENT }).to_string();
-    let cases: [(&str, &str); 14] = [
+    let cases: [(&str, &str); 15] = [
         ("nonsense", "expected one JSON object such as {\"op\": \"fk\""),
         ("[]", "invalid type: sequence, expected a map"),
         ("{\"q\": [0]}", "missing field `op`"),

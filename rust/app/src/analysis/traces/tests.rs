@@ -50,6 +50,7 @@ fn record(place: &Path, (method, task, arm): (&str, &str, &str)) -> PathBuf {
         arrangement: None,
         dir: Some(dir.clone()),
         bag: "trial.bag".to_owned(),
+        place: None,
         scored: true,
     };
     let done = simulated_trial(&Registry::standard(), &order, &AtomicBool::new(false)).unwrap();
