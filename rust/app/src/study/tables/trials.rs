@@ -168,12 +168,10 @@ impl TrialTables {
                     self.raw_gaze.push(row.chain([gaze.valid.into()]).collect());
                 }
             }
-            if let Some(pose) = &input.shoulder {
-                if raw {
-                    let values = pose.translation.vector.iter().chain(pose.rotation.coords.iter());
-                    let row = key.iter().cloned().chain([secs(time).into()]);
-                    self.raw_shoulder.push(row.chain(values.map(|v| Cell::from(*v))).collect());
-                }
+            if let Some(pose) = input.shoulder.as_ref().filter(|_| raw) {
+                let values = pose.translation.vector.iter().chain(pose.rotation.coords.iter());
+                let row = key.iter().cloned().chain([secs(time).into()]);
+                self.raw_shoulder.push(row.chain(values.map(|v| Cell::from(*v))).collect());
             }
             if let Some(emg) = &mut emg {
                 input.emg.iter().for_each(|sample| emg.push(time, sample));
