@@ -7,16 +7,17 @@ use std::path::Path;
 ///
 /// It goes up by one when any file of a trial directory changes its layout, or when the same inputs no longer lead to
 /// the same digest. The program before the change then enters [`LAST_READERS`].
-pub const RECORD_FORMAT: u32 = 7;
+pub const RECORD_FORMAT: u32 = 8;
 
 /// For each earlier format the last program that replays it.
-const LAST_READERS: [(u32, &str); 6] = [
+const LAST_READERS: [(u32, &str); 7] = [
     (1, "0.1.0 at commit 477d3a7"),
     (2, "0.1.0 at commit 8cb6c71"),
     (3, "0.1.0 at commit c9e48b2"),
     (4, "0.1.0 at commit 4f3c662"),
     (5, "0.1.0 at commit 6d703e6"),
     (6, "0.1.0 at commit b13adcf"),
+    (7, "0.1.0 at commit ca6e481"),
 ];
 
 /// Accepts a record in `dir` of format `got`.

@@ -214,7 +214,8 @@ mod tests {
                 let error = serde_json::from_str::<Event>(&text.replace("object", "objekt")).unwrap_err();
                 assert!(error.to_string().contains("objekt"), "{error}");
             }
-            let error = serde_json::from_str::<Event>(&text.replacen("\":\"", "\":\"un", 1)).unwrap_err();
+            let other = text.replacen("\"event\":\"", "\"event\":\"other_", 1);
+            let error = serde_json::from_str::<Event>(&other).unwrap_err();
             assert!(error.to_string().contains("unknown variant"), "{error}");
         }
     }

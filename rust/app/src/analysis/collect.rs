@@ -282,15 +282,18 @@ fn read_tables(dir: &Path, collected: &mut Collected) -> Result<(), Box<dyn Erro
     Ok(())
 }
 
-/// Columns of numbers that have no unit.
-const NUMBERS: [&str; 4] = ["score", "position", "simulated", "value"];
+/// Tables and their columns of numbers that have no unit.
+const NUMBERS: [(&str, &str); 4] =
+    [("trials", "score"), ("trials", "position"), ("trials", "simulated"), ("scores", "value")];
 /// Tables whose columns are all measured, but for those that name what was measured.
 const MEASURED: [&str; 3] = ["measures", "objects", "phases"];
 
 fn is_number(table: &Table, column: &Column) -> bool {
     let names =
         TRIAL_KEY.iter().any(|key| key.name == column.name) || ["block", "phase"].contains(&column.name);
-    !column.unit.is_empty() || NUMBERS.contains(&column.name) || MEASURED.contains(&table.name) && !names
+    !column.unit.is_empty()
+        || NUMBERS.contains(&(table.name, column.name))
+        || MEASURED.contains(&table.name) && !names
 }
 
 /// Refuses what would else vanish from the report: words where a number stands, and an outcome that nobody knows.
