@@ -5,7 +5,7 @@
 # A lane is a function lane_NAME. It prints what its tools print, answers 0 for passed and 77 for skipped (with
 # the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
 
-short_lanes="format shell docker web lint cpp rust launcher docs trial xdf fuzz kill study page rosbridge ros"
+short_lanes="format shell docker web lint cpp rust records launcher docs trial xdf fuzz kill study page rosbridge ros"
 long_lanes="deny fuzz_long seeds planning sanitizers valgrind soak speeds kill_long study_long slurm statistics faults soak_serve docs_long debootstrap trixie jammy noble deb focal image pages ros_long ros_safety lsl emg_people python"
 
 # A ROS 1 graph with Debian's own clients, the catkin workspace, rviz on a virtual display.
@@ -157,6 +157,11 @@ ctest_in() {
 
 lane_rust() {
     build_web && run_cargo test --release --locked --workspace ${features:+--features "proact-cli/$features"} --no-fail-fast
+}
+
+# The stored records replay. A part of the lane rust, alone: for whoever changes what a record or a configuration is.
+lane_records() {
+    build_web && run_cargo test --release --locked -p proact-app --test records
 }
 
 # Streams between programs on this machine, with pylsl where ./proact peers has been; the lint of what is built only with

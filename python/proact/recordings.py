@@ -22,7 +22,7 @@ def load(record: Union[str, Path], *, rate_hz: float = 100.0, other_versions: bo
     """The trial recorded in the folder ``record``, sampled ``rate_hz`` times a simulated second (1 to 1000).
 
     Its states are recomputed from its inputs, a hundred times as fast as they were, and checked against the recorded digests:
-    ``agrees`` says whether all of them were the same. A record of another version of the program or a library is refused, unless
+    ``agrees`` says whether all of them were the same. A record of another version of a library is refused, unless
     ``other_versions``; what is recomputed may then differ.
 
     Raises ValueError for a folder that is no record, or whose files have changed.

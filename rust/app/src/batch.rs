@@ -13,6 +13,7 @@ mod sweep;
 mod trial_list;
 
 pub use description::{BatchDescription, BatchError};
+pub(crate) use folder::DESCRIPTION;
 pub use folder::{BatchFolder, Shard, ShardFile};
 pub use merge::{Merged, merge};
 pub use run::{BatchPrograms, ConditionSummary, ScoreTally, run_batch};

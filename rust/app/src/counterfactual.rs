@@ -78,7 +78,8 @@ pub fn counterfactual(
     }
     let arm = Arm::recorded(dir, &config)?;
     let altered = TrialConfig { intent_process: None, ..config.with_values(values)? };
-    let mut own = trial::replayed(methods, &arm, config.clone(), read_classifier(&record, &config)?)?;
+    let mut own = trial::replayed(methods, &arm, config.clone(), read_classifier(&record, &config)?)?
+        .with_recorded_config(&record.header().config_toml);
     let (mut other, plans) =
         trial::replanned(methods, &arm, altered.clone(), read_classifier(&record, &altered)?)?;
 

@@ -282,9 +282,12 @@ impl<'a> Experimenter<'a> {
                 }
                 .to_owned()
             };
-            let fault = |fault| serde_json::to_value(fault).ok()?.as_str().map(str::to_owned);
             signals.lights = quality.channels().iter().map(|channel| light(channel.light)).collect();
-            signals.faults = quality.channels().iter().map(|channel| channel.fault.and_then(fault)).collect();
+            signals.faults = quality
+                .channels()
+                .iter()
+                .map(|channel| channel.fault.as_ref().map(proact_analysis::table::word))
+                .collect();
             signals.emg_lost_share = quality.stream().lost_share;
         }
         trace_envelope::round(&mut signals.emg);

@@ -276,7 +276,8 @@ fn picks(methods: &MethodRegistry, dir: &Path) -> Result<Option<Picked>, Box<dyn
     let end = recorded.last().ok_or("the record holds no complete span: its replay cannot be checked")?.tick;
 
     let (arm, classifier) = (Arm::recorded(dir, &config)?, read_classifier(&record, &config)?);
-    let mut testbed = trial::replayed(methods, &arm, config.clone(), classifier)?;
+    let testbed = trial::replayed(methods, &arm, config.clone(), classifier)?;
+    let mut testbed = testbed.with_recorded_config(&record.header().config_toml);
     let mut kinematics = Kinematics::new(testbed.model())?;
     let mut spans = Vec::new();
     let mut picks = Vec::new();

@@ -1,11 +1,30 @@
 //! The native libraries that this process has loaded.
 
+use proact_recording::UNKNOWN_COMMIT;
 use std::{
     collections::BTreeMap,
     fs,
     path::{Path, PathBuf},
     process::Command,
+    sync::OnceLock,
 };
+
+/// What this program is called among the versions of a record.
+pub const PROGRAM: &str = "proact";
+
+/// The commit that the program was built from; only its `main` knows.
+static COMMIT: OnceLock<String> = OnceLock::new();
+
+/// Takes the commit that the program was built from, once at its start, for the records that it writes.
+pub fn set_source_commit(commit: &str) {
+    // A second one is that of the same program.
+    let _ = COMMIT.set(commit.to_owned());
+}
+
+/// The commit that the program was built from; `unknown` without one.
+pub fn source_commit() -> &'static str {
+    COMMIT.get().map_or(UNKNOWN_COMMIT, String::as_str)
+}
 
 /// The native libraries: name for people, beginning of the file name, Debian package with the headers.
 pub const LIBRARIES: [(&str, &str, &str); 6] = [
@@ -47,7 +66,7 @@ pub fn versions() -> BTreeMap<String, String> {
         loaded_library(&map, prefix).map(|path| ((*name).to_owned(), file(path)))
     };
     let libraries = LIBRARIES.iter().filter_map(of);
-    libraries.chain([("proact".to_owned(), env!("CARGO_PKG_VERSION").to_owned())]).collect()
+    libraries.chain([(PROGRAM.to_owned(), env!("CARGO_PKG_VERSION").to_owned())]).collect()
 }
 
 /// The file of a library whose name begins with `file`, as mapped into this process.

@@ -1,7 +1,9 @@
 use crate::{Arm, disk::DiskSync, libraries};
 use proact_emg::Classifier;
 use proact_planning::PlanLog;
-use proact_recording::{BAG_FILE, FLUSH_TICKS, RecordingError, TrialBag, TrialHeader, TrialWriter};
+use proact_recording::{
+    BAG_FILE, FLUSH_TICKS, RecordingError, StudyPlace, TrialBag, TrialHeader, TrialWriter,
+};
 use proact_testbed::{Step, TrialConfig, TrialResult};
 use proact_types::{PlantState, SimTime};
 use std::{
@@ -91,28 +93,29 @@ impl Recorder {
         arm: &Arm,
         classifier: Option<&Classifier>,
     ) -> Result<Self, RecorderError> {
-        Self::begin(dir, BAG_FILE, config, arm, classifier)
+        Self::begin(dir, (BAG_FILE, None), config, arm, classifier)
     }
 
-    /// The same for a trial of a study, with a name for the bag, whose chunks are compressed: a study has many.
+    /// The same for a trial of a study, with its place there and a name for the bag, whose chunks are compressed: a study
+    /// has many.
     ///
     /// # Errors
     /// As [`Recorder::create`].
-    pub fn create_as(
+    pub fn create_in_study(
         dir: &Path,
-        bag: &str,
+        (bag, place): (&str, Option<StudyPlace>),
         config: &TrialConfig,
         arm: &Arm,
         classifier: Option<&Classifier>,
     ) -> Result<Self, RecorderError> {
-        let mut recorder = Self::begin(dir, bag, config, arm, classifier)?;
+        let mut recorder = Self::begin(dir, (bag, place), config, arm, classifier)?;
         recorder.bag.compress();
         Ok(recorder)
     }
 
     fn begin(
         dir: &Path,
-        bag: &str,
+        (bag, place): (&str, Option<StudyPlace>),
         config: &TrialConfig,
         arm: &Arm,
         classifier: Option<&Classifier>,
@@ -125,6 +128,8 @@ impl Recorder {
             config_toml: config.to_toml()?,
             seed: config.seed,
             versions: libraries::versions(),
+            commit: libraries::source_commit().to_owned(),
+            place,
             files,
         };
         let writer = TrialWriter::create(dir, &header)?;

@@ -8,14 +8,13 @@ use crate::{
 };
 use proact_control::MethodRegistry;
 use proact_emg::Classifier;
-use proact_recording::{RecordingError, Trial, read_result};
+use proact_recording::{CONFIG_FILE, RECORD_FORMAT, RecordingError, Trial, TrialHeader, read_result};
 use proact_testbed::{
     Divergence, SpanDigest, Testbed, TestbedError, TrialConfig, TrialResult, first_divergence, replay,
 };
 use proact_types::{PlanReply, PlanStatus, SimTime};
 use serde::Serialize;
 use std::{
-    collections::BTreeMap,
     error::Error,
     path::{Path, PathBuf},
 };
@@ -37,6 +36,10 @@ pub struct Replayed {
     pub finished: bool,
     /// Length of the record, seconds.
     pub seconds: f64,
+    /// Format of the record.
+    pub format: u32,
+    /// The program that recorded it, with its source commit.
+    pub recorded_by: String,
     /// What planning again gave; none if it was not asked for.
     pub replanned: Option<Replanned>,
 }
@@ -105,27 +108,53 @@ pub struct ReplayOptions {
     pub methods: MethodRegistry,
 }
 
-/// Refuses a record of other versions than those that are here.
+/// Refuses a record of other libraries than those that are here. For the program itself the format of the record stands:
+/// versions of one format compute the same.
 ///
 /// # Errors
 /// [`OtherVersions`].
-pub(crate) fn check_versions(recorded: &BTreeMap<String, String>) -> Result<(), OtherVersions> {
+pub(crate) fn check_versions(recorded: &TrialHeader) -> Result<(), OtherVersions> {
     let here = libraries::versions();
     let differs = |(name, recorded): (&String, &String)| {
         let here = here.get(name).map_or("none", String::as_str);
-        (here != recorded).then(|| format!("{name} {recorded} (here: {here})"))
+        (here != recorded && name != libraries::PROGRAM).then(|| format!("{name} {recorded} (here: {here})"))
     };
-    let differences: Vec<String> = recorded.iter().filter_map(differs).collect();
-    if differences.is_empty() { Ok(()) } else { Err(OtherVersions { differences: differences.join(", ") }) }
+    let differences: Vec<String> = recorded.versions.iter().filter_map(differs).collect();
+    match differences.is_empty() {
+        true => Ok(()),
+        false => Err(OtherVersions { differences: differences.join(", "), writer: recorded.writer() }),
+    }
 }
 
-/// The record is of another program or library.
+/// The record is of another library.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the trial was recorded with {differences}: its numbers may be others here; replay --other-versions tries it"
+    "the trial was recorded with {differences}, by {writer}: its numbers may be others here; replay --other-versions tries it"
 )]
 pub struct OtherVersions {
     differences: String,
+    writer: String,
+}
+
+/// The configuration of a record.
+///
+/// # Errors
+/// What this program does not know or cannot have, with the program that wrote it.
+pub(crate) fn recorded_config(record: &Trial) -> Result<TrialConfig, Box<dyn Error>> {
+    TrialConfig::from_toml(&record.header().config_toml).map_err(|error| {
+        let file = record.dir().join(CONFIG_FILE);
+        format!("{}: {error}; {} wrote it and replays it", file.display(), record.header().writer()).into()
+    })
+}
+
+/// The result of a finished record, read before anything else of it is: a key or an outcome that is unknown is named, also
+/// where the file is not the recorded one any more.
+///
+/// # Errors
+/// [`RecordingError`].
+pub(crate) fn read_trial(dir: &Path) -> Result<(Trial, TrialResult), RecordingError> {
+    let result = read_result(dir)?;
+    Ok((Trial::open(dir)?, result))
 }
 
 /// The record of a trial, checked as a whole.
@@ -148,9 +177,9 @@ pub(crate) struct Checked {
 pub(crate) fn check_record(dir: &Path, other_versions: bool) -> Result<Checked, Box<dyn Error>> {
     let record = Trial::open(dir)?;
     if !other_versions {
-        check_versions(&record.header().versions)?;
+        check_versions(record.header())?;
     }
-    let config = TrialConfig::from_toml(&record.header().config_toml)?;
+    let config = recorded_config(&record)?;
     let limit = SimTime::from_secs(config.limit_secs);
     if record.end() > limit {
         let (end, limit) = (record.end().as_secs(), limit.as_secs());
@@ -162,13 +191,17 @@ pub(crate) fn check_record(dir: &Path, other_versions: bool) -> Result<Checked, 
     let result = record.finished().then(|| read_result::<TrialResult>(dir)).transpose()?;
     if let Some(result) = &result {
         let said = ((result.sim_seconds * 1e3).round() as u64, result.digest.clone());
-        let last = recorded.last().map(|span| span.chain.clone()).unwrap_or_default();
-        let logs = (record.end().0, last);
+        let logs = (record.end().0, last_digest(&recorded));
         if said != logs {
             return Err(OtherResult { dir: dir.to_owned(), result: said, logs }.into());
         }
     }
     Ok(Checked { record, config, recorded, result })
+}
+
+/// The digest of a whole trial; empty before its first span.
+pub(crate) fn last_digest(spans: &[SpanDigest]) -> String {
+    spans.last().map_or_else(String::new, |span| span.chain.clone())
 }
 
 /// Reads the trial in `dir`.
@@ -185,6 +218,7 @@ pub fn open_trial(dir: &Path, options: &ReplayOptions) -> Result<Opened, Box<dyn
     } else {
         (trial::replayed(&options.methods, &arm, config.clone(), classifier)?, None)
     };
+    let testbed = testbed.with_recorded_config(&record.header().config_toml);
     Ok(Opened { record, config, arm, testbed, plans, recorded, result })
 }
 
@@ -210,7 +244,7 @@ pub(crate) fn read_classifier(
 /// As [`open_trial`].
 pub fn replay_trial(dir: &Path, options: ReplayOptions) -> Result<Replayed, Box<dyn Error>> {
     if never_begun(&Trial::open(dir)?) {
-        return Ok(Replayed { agrees: true, ..Replayed::default() });
+        return Ok(Replayed { agrees: true, format: RECORD_FORMAT, ..Replayed::default() });
     }
     let Opened { record, mut testbed, plans, recorded, .. } = open_trial(dir, &options)?;
     let mut again = Replanned::default();
@@ -242,10 +276,12 @@ pub fn replay_trial(dir: &Path, options: ReplayOptions) -> Result<Replayed, Box<
         agrees: divergence.is_none() && again.different.is_empty(),
         spans: spans.len(),
         digest: testbed.digest(),
-        recorded: recorded.last().map(|span| span.chain.clone()).unwrap_or_default(),
+        recorded: last_digest(&recorded),
         divergence,
         finished: record.finished(),
         seconds: record.end().as_secs(),
+        format: RECORD_FORMAT,
+        recorded_by: record.header().writer(),
         replanned: options.replan.then_some(again),
     })
 }
@@ -260,14 +296,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_record_of_another_library_or_program_is_refused_by_name() {
-        let here = libraries::versions();
+    fn a_record_of_another_library_is_refused_by_name_and_one_of_another_program_of_its_format_is_not() {
+        let versions = libraries::versions();
+        let commit = "0123456789ab".to_owned();
+        let here = TrialHeader { versions: versions.clone(), commit, ..TrialHeader::default() };
         assert_eq!(check_versions(&here), Ok(()));
-        for name in ["ODE", "OMPL", "KDL", "proact"] {
+        let with = |name: &str, version: &str| {
             let mut other = here.clone();
-            other.insert(name.to_owned(), "another.so.1".to_owned()).expect("each is recorded");
-            let error = check_versions(&other).expect_err("another version").to_string();
-            assert!(error.contains(&format!("{name} another.so.1 (here: {})", here[name])), "{error}");
+            other.versions.insert(name.to_owned(), version.to_owned()).expect("each is recorded");
+            check_versions(&other)
+        };
+        for name in ["ODE", "OMPL", "KDL"] {
+            let error = with(name, "another.so.1").expect_err("another version").to_string();
+            assert!(error.contains(&format!("{name} another.so.1 (here: {})", versions[name])), "{error}");
+            assert!(error.contains("at commit 0123456789ab"), "{error}");
         }
+        assert_eq!(with(libraries::PROGRAM, "0.0.9"), Ok(()));
     }
 }

@@ -1,7 +1,7 @@
 //! How a trial went, as the page shows it when the trial is over.
 
 use proact_bridge::{AfterTrial, PageServer, ResultCard, ResultLine, TrialStatus};
-use proact_tasks::Norm;
+use proact_tasks::{ObjectResult, norms_of, object_results};
 use proact_testbed::{TrialEnd, TrialResult};
 use proact_types::{DisplayFrame, EventKind, Point};
 
@@ -65,9 +65,14 @@ impl ResultCards {
 }
 
 fn card(result: &TrialResult, who: &str, most: Option<u32>, tally: CardTally) -> ResultCard {
-    let outcomes = result.beside.get("outcomes").cloned().unwrap_or_default();
-    let norms = result.result.get("norms").cloned().unwrap_or_default();
-    let norms = serde_json::from_value::<Vec<Norm>>(norms).unwrap_or_default();
+    let own = "the task of this very trial wrote it";
+    let object = |line: ObjectResult| ResultLine {
+        name: line.block,
+        outcome: line.outcome.as_str().to_owned(),
+        pick_s: line.pick_s,
+        place_s: line.place_s,
+        error_m: Some(line.distance_m),
+    };
     ResultCard {
         who: who.to_owned(),
         method: result.method.clone(),
@@ -78,8 +83,8 @@ fn card(result: &TrialResult, who: &str, most: Option<u32>, tally: CardTally) ->
         path_m: tally.path_m,
         attempts: tally.attempts,
         // A task that tells of other things has no such list.
-        objects: serde_json::from_value::<Vec<ResultLine>>(outcomes).unwrap_or_default(),
-        norms: norms.iter().map(ToString::to_string).collect(),
+        objects: object_results(&result.beside).expect(own).into_iter().map(object).collect(),
+        norms: norms_of(&result.result).expect(own).iter().map(ToString::to_string).collect(),
     }
 }
 

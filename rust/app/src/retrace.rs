@@ -1,6 +1,6 @@
 //! A recorded trial, tick by tick: for tables of what it held.
 
-use crate::replay::{Opened, ReplayOptions, open_trial};
+use crate::replay::{Opened, ReplayOptions, last_digest, open_trial};
 use proact_testbed::{Divergence, SpanDigest, Testbed, TrialConfig, TrialResult, first_divergence};
 use proact_types::{Event, TickInput};
 use std::{error::Error, path::Path};
@@ -50,6 +50,6 @@ pub fn retrace(
         events: record.events()?,
         result,
         divergence: first_divergence(&recorded, &spans),
-        recorded: recorded.last().map(|span| span.chain.clone()).unwrap_or_default(),
+        recorded: last_digest(&recorded),
     })
 }

@@ -9,6 +9,7 @@ mod rehearsal;
 pub(crate) mod tables;
 mod worker;
 
+use conductor::study_place;
 pub use conductor::{Conductor, Look, STUDY_FILE, StudyError, TRIALS_FOLDER, look, record_name};
 pub use export::{ExportOptions, Exported, archive, export};
 pub(crate) use export::{codebook_csv, table_csv};

@@ -1,6 +1,9 @@
 //! A recorded trial as a file of the lab streaming layer's format.
 
-use crate::replay::{Opened, ReplayOptions, never_begun, open_trial};
+use crate::{
+    replay::{Opened, ReplayOptions, never_begun, open_trial},
+    study::tables::trials::kind_of,
+};
 use proact_control::MethodRegistry;
 use proact_emg::{EmgConfig, EmgOutput};
 use proact_recording::{
@@ -213,10 +216,12 @@ impl<'a> Streams<'a> {
 
     /// Its name, and all of it as in `events.jsonl`.
     fn event(&mut self, event: &Event) -> io::Result<()> {
-        let json = serde_json::to_value(event)?;
-        let name = json["event"].as_str().unwrap_or_default();
         self.count(self.events);
-        self.file.words(self.events, event.time.as_secs(), &[name, &json.to_string()])
+        self.file.words(
+            self.events,
+            event.time.as_secs(),
+            &[&kind_of(event)?, &serde_json::to_value(event)?.to_string()],
+        )
     }
 
     fn numbers(&mut self, stream: StreamId, time_secs: f64, values: &[f64]) -> io::Result<()> {

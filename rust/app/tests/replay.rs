@@ -5,7 +5,7 @@
 
 use proact_app::{Recorder, ReplayOptions, replay_trial, trial};
 use proact_devices::EmgOrigin;
-use proact_recording::{InputRecord, Trial, TrialWriter, read_result};
+use proact_recording::{InputRecord, RECORD_FORMAT, Trial, TrialWriter, read_result};
 use proact_testbed::{Setup, SpanDigest, TrialConfig};
 use proact_types::{SimTime, TickInput};
 use std::{
@@ -234,7 +234,8 @@ fn a_damaged_log_another_format_and_a_lost_classifier_are_each_told() -> Outcome
     fs::write(&log, &earlier)?;
     let error =
         replay_trial(&dir, ReplayOptions::default()).expect_err("another format must not pass").to_string();
-    for part in ["record of format 2", "replays format 7", "proact 0.1.0 at commit"] {
+    let here = format!("replays format {RECORD_FORMAT}");
+    for part in ["record of format 2", &here, "proact 0.1.0 at commit"] {
         assert!(error.contains(part), "{error}");
     }
 

@@ -62,11 +62,10 @@ pub struct ResultCard {
 }
 
 /// What became of one object, as a line of a [`ResultCard`].
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct ResultLine {
     /// Its name.
-    #[serde(rename(deserialize = "block"))]
     pub name: String,
     /// What became of it, such as `on_target`.
     pub outcome: String,
@@ -75,7 +74,6 @@ pub struct ResultLine {
     /// Seconds from the last contact to the release; none if it was never released.
     pub place_s: Option<f64>,
     /// Horizontal distance from its target at the end, metres.
-    #[serde(rename(deserialize = "distance_m"))]
     pub error_m: Option<f64>,
 }
 

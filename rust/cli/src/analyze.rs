@@ -106,7 +106,7 @@ fn report(methods: &MethodRegistry, args: &AnalyzeArgs) -> Result<(), Box<dyn Er
         written.page.display()
     ))?;
     match args.page {
-        true => show(args, ReportLibrary::new(methods, &collected, written)),
+        true => show(args, ReportLibrary::new(methods, &collected, written)?),
         false => Ok(()),
     }
 }

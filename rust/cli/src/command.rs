@@ -8,7 +8,11 @@ use clap::{
     builder::{PossibleValue, PossibleValuesParser},
 };
 use proact_app::query::{self, QueryOptions};
-use proact_app::{Registry, answer, libraries::library_versions, tell};
+use proact_app::{
+    Registry, answer,
+    libraries::{library_versions, set_source_commit},
+    tell,
+};
 use proact_bench::PlanningBench;
 use proact_types::MethodInfo;
 use std::{
@@ -171,8 +175,11 @@ pub fn run(registry: impl Into<Registry>) -> ExitCode {
     run_built_from(None, registry)
 }
 
-/// As [`run`], for a program that knows the commit it was built from, which `--version` says then.
+/// As [`run`], for a program that knows the commit it was built from, which `--version` and its records say then.
 pub fn run_built_from(commit: Option<&str>, registry: impl Into<Registry>) -> ExitCode {
+    if let Some(commit) = commit.filter(|commit| !commit.is_empty()) {
+        set_source_commit(commit);
+    }
     let mut registry = registry.into();
     let words = match method_files::taken_from(registry.methods, std::env::args_os().collect()) {
         Ok((methods, words)) => {

@@ -38,7 +38,7 @@ pub(crate) struct ReplayArgs {
     /// What other values would have made of the recorded gaze and EMG, with commas between: intent_model=filtered,intent.sigma=0.05
     #[arg(long = "as", value_name = "KEY=VALUE", value_delimiter = ',', conflicts_with_all = ["page", "replan"])]
     other: Vec<String>,
-    /// Replay also what another version of this program or of its libraries has recorded
+    /// Replay also what was recorded with other versions of the libraries
     #[arg(long, conflicts_with = "page")]
     other_versions: bool,
 }
@@ -76,13 +76,14 @@ pub(crate) fn command(methods: &MethodRegistry, args: &ReplayArgs) -> Result<boo
     match &replayed.divergence {
         None => answer(format_args!("agrees: {} spans, digest {}", replayed.spans, replayed.digest))?,
         Some(Divergence { from, to, fields }) => answer(format_args!(
-            "DIVERGES between {:.3} s and {:.3} s (ticks {} to {}), first in {}\n  recorded   {}\n  recomputed {}",
+            "DIVERGES between {:.3} s and {:.3} s (ticks {} to {}), first in {}\n  recorded   {} by {}\n  recomputed {}",
             from.as_secs(),
             to.as_secs(),
             from.0,
             to.0,
             fields.join(", "),
             replayed.recorded,
+            replayed.recorded_by,
             replayed.digest
         ))?,
     }

@@ -23,7 +23,7 @@ const LAST_READERS: [(u32, &str); 6] = [
 ///
 /// # Errors
 /// [`RecordingError::WrongFormat`] for any other than [`RECORD_FORMAT`], with the program that replays it; `writer` is
-/// the version that wrote the record, if that could be read.
+/// the version and commit that wrote the record, if they could be read.
 pub(crate) fn check(dir: &Path, got: u32, writer: Option<&str>) -> Result<(), RecordingError> {
     if got == RECORD_FORMAT {
         return Ok(());

@@ -6,7 +6,7 @@
 //! header as JSON, every other one a [`Record`] in postcard's encoding, which keeps every bit of a float. The
 //! last one is the end mark: a log without it was broken off.
 
-use crate::{RECORD_FORMAT, RecordingError, files, format};
+use crate::{RECORD_FORMAT, RecordingError, StudyPlace, UNKNOWN_COMMIT, files, format};
 use proact_types::{IntentAnswer, ParticipantAnswer, SimTime, TickInput, WindowAnswer};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::{
@@ -25,13 +25,42 @@ const MOST_RECORD_BYTES: u32 = 64 << 20;
 
 /// First record of the log.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(crate) struct LogHeader {
     /// Seed of the trial.
     pub seed: u64,
     /// Versions of program and libraries.
     pub versions: BTreeMap<String, String>,
+    /// Source commit of the program; `unknown` in records from before it was written.
+    #[serde(default = "unknown_commit")]
+    pub commit: String,
+    /// Where in a study the trial belongs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub place: Option<StudyPlace>,
     /// SHA-256 of `config.toml` and of whatever else the trial began with, so that an edited one is noticed.
     pub files: BTreeMap<String, String>,
+}
+
+fn unknown_commit() -> String {
+    UNKNOWN_COMMIT.to_owned()
+}
+
+/// What the header of any format says of the program that wrote it, whatever else it holds.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct Writer {
+    versions: BTreeMap<String, String>,
+    commit: Option<String>,
+}
+
+impl Writer {
+    fn label(self) -> Option<String> {
+        let version = self.versions.get("proact")?;
+        Some(match self.commit.filter(|commit| commit != UNKNOWN_COMMIT) {
+            Some(commit) => format!("{version} at commit {commit}"),
+            None => version.clone(),
+        })
+    }
 }
 
 /// What is written, borrowed; postcard's encoding is that of [`Record`].
@@ -214,7 +243,13 @@ impl InputLog {
         let mut log = InputLog {
             file: BufReader::new(file),
             path,
-            header: LogHeader { seed: 0, versions: BTreeMap::new(), files: BTreeMap::new() },
+            header: LogHeader {
+                seed: 0,
+                versions: BTreeMap::new(),
+                commit: unknown_commit(),
+                place: None,
+                files: BTreeMap::new(),
+            },
             length,
             offset: 0,
             last: None,
@@ -230,9 +265,8 @@ impl InputLog {
         let start = log.offset;
         let payload = log.read_record();
         // The first record of another format may look like anything; what it says of its writer helps.
-        let header = payload.as_ref().ok().and_then(|json| serde_json::from_slice::<LogHeader>(json).ok());
-        let writer = header.as_ref().and_then(|header| header.versions.get("proact"));
-        format::check(dir, found, writer.map(String::as_str))?;
+        let writer = payload.as_ref().ok().and_then(|json| serde_json::from_slice::<Writer>(json).ok());
+        format::check(dir, found, writer.and_then(Writer::label).as_deref())?;
         let payload = payload?;
         log.header = serde_json::from_slice(&payload).map_err(|e| log.damaged(start, &e.to_string()))?;
         Ok(log)

@@ -61,6 +61,14 @@ pub enum JournalError {
         /// Why.
         reason: String,
     },
+    /// A text that events name is not there.
+    #[error("{}: the text with the hash {hash} is missing, such as the plan that the study began with", path.display())]
+    NoText {
+        /// The file.
+        path: PathBuf,
+        /// Which.
+        hash: String,
+    },
     /// SQLite or the system refused.
     #[error("{}: {source}", path.display())]
     Sqlite {

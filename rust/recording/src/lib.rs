@@ -6,7 +6,7 @@
 //! |---|---|
 //! | `config.toml` | the whole configuration |
 //! | such as `classifier.json`, `arm.urdf` | what else the trial began with |
-//! | `inputs.log` | format of the record, seed, versions, and all that entered from outside, tick by tick: with the configuration it *is* the trial |
+//! | `inputs.log` | format of the record, seed, versions, source commit, place in a study, and all that entered from outside, tick by tick: with the configuration it *is* the trial |
 //! | `digests.log` | the digest chain, one entry per span of ticks, with the number of inputs and events that it covers |
 //! | `events.jsonl` | what happened, one JSON object a line |
 //! | `trial.bag` | the same trial as a ROS 1 bag |
@@ -63,7 +63,10 @@ pub use format::RECORD_FORMAT;
 pub use input_log::{InputLog, InputRecord, LogEnd};
 pub use manifest::{hash_of, seal, sha256};
 pub use trial::{Trial, read_result};
-pub use trial_writer::{FLUSH_TICKS, TrialHeader, TrialWriter};
+pub use trial_writer::{FLUSH_TICKS, StudyPlace, TrialHeader, TrialWriter};
+
+/// Source commit of a program that was built without one, or of a record from before commits were written.
+pub const UNKNOWN_COMMIT: &str = "unknown";
 
 /// Name of the configuration in a trial directory.
 pub const CONFIG_FILE: &str = "config.toml";

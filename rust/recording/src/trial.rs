@@ -218,7 +218,8 @@ fn read_header(dir: &Path, head: &LogHeader) -> Result<TrialHeader, RecordingErr
     let config_toml = files.remove(CONFIG_FILE).and_then(|bytes| String::from_utf8(bytes).ok());
     match config_toml {
         Some(config_toml) if changed.is_empty() => {
-            Ok(TrialHeader { config_toml, seed: head.seed, versions: head.versions.clone(), files })
+            let LogHeader { seed, versions, commit, place, .. } = head.clone();
+            Ok(TrialHeader { config_toml, seed, versions, commit, place, files })
         }
         _ => {
             if changed.is_empty() {

@@ -1,5 +1,5 @@
 use crate::{
-    CONFIG_FILE, DIGESTS_FILE, EVENTS_FILE, INPUTS_FILE, RESULT_FILE, RecordingError,
+    CONFIG_FILE, DIGESTS_FILE, EVENTS_FILE, INPUTS_FILE, RESULT_FILE, RecordingError, UNKNOWN_COMMIT,
     checked_lines::LineWriter,
     input_log::{InputLogWriter, LogHeader},
     manifest,
@@ -16,8 +16,34 @@ use std::{
 /// Ticks between two hand-overs to the operating system: what a crash of the process can lose.
 pub const FLUSH_TICKS: u64 = 100;
 
+/// The place of a trial in a study. All numbers count from 1.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StudyPlace {
+    /// The participant's place in the plan.
+    pub participant: usize,
+    /// Name of the session.
+    pub session: String,
+    /// Name of the condition.
+    pub condition: String,
+    /// Among the participant's trials of the condition.
+    pub trial: usize,
+    /// How often the trial was begun, this time included.
+    pub attempt: usize,
+}
+
+impl std::fmt::Display for StudyPlace {
+    fn fmt(&self, to: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { participant, session, condition, trial, attempt } = self;
+        write!(
+            to,
+            "participant {participant}, session {session:?}, condition {condition:?}, trial {trial}, attempt {attempt}"
+        )
+    }
+}
+
 /// What a trial is, besides its inputs.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TrialHeader {
     /// The whole configuration, as TOML text.
     pub config_toml: String,
@@ -25,8 +51,36 @@ pub struct TrialHeader {
     pub seed: u64,
     /// Versions of program and libraries, by name.
     pub versions: BTreeMap<String, String>,
+    /// Source commit of the program that records, or [`UNKNOWN_COMMIT`](crate::UNKNOWN_COMMIT).
+    pub commit: String,
+    /// Where in a study the trial belongs; none for a trial of its own.
+    pub place: Option<StudyPlace>,
     /// What else the trial depends on, as files by name: a trained classifier, the description of an arm.
     pub files: BTreeMap<String, Vec<u8>>,
+}
+
+impl TrialHeader {
+    /// The program that recorded the trial, with its commit.
+    pub fn writer(&self) -> String {
+        let version = self.versions.get("proact").map_or("of an unknown version", String::as_str);
+        match self.commit.as_str() {
+            UNKNOWN_COMMIT => format!("proact {version} at an unknown commit"),
+            commit => format!("proact {version} at commit {commit}"),
+        }
+    }
+}
+
+impl Default for TrialHeader {
+    fn default() -> Self {
+        Self {
+            config_toml: String::new(),
+            seed: 0,
+            versions: BTreeMap::new(),
+            commit: UNKNOWN_COMMIT.to_owned(),
+            place: None,
+            files: BTreeMap::new(),
+        }
+    }
 }
 
 /// A line of `digests.log`: a digest, and of how much it can be recomputed. Inputs and events that are counted here were
@@ -110,7 +164,13 @@ impl TrialWriter {
                 .map_err(RecordingError::io("write to", &path))?;
             files.insert(name.to_owned(), manifest::hash_of(bytes));
         }
-        let log_header = LogHeader { seed: header.seed, versions: header.versions.clone(), files };
+        let log_header = LogHeader {
+            seed: header.seed,
+            versions: header.versions.clone(),
+            commit: header.commit.clone(),
+            place: header.place.clone(),
+            files,
+        };
         // Last: a directory with an input log has all that a trial begins with.
         let (inputs, inputs_path) = create(INPUTS_FILE)?;
         let inputs = InputLogWriter::new(inputs, &inputs_path, &log_header)?;

@@ -173,7 +173,8 @@ impl Form {
                 Some(FormItem::Scale { least, most, step, .. }) => {
                     let steps = ((most - least) / step).round() as u64;
                     let places: Vec<String> = (0..=steps).map(|k| k.to_string()).collect();
-                    Answer::Number(least + step * pick(&places).parse().unwrap_or(0.0))
+                    let place: f64 = pick(&places).parse().expect("each is a number");
+                    Answer::Number(least + step * place)
                 }
                 Some(FormItem::Choice { options, several, .. }) => {
                     let values: Vec<String> = options.iter().map(|option| option.value.clone()).collect();

@@ -3,6 +3,7 @@ use serde::{Deserialize, Serialize};
 
 /// A place in a study: something that happens in a session of a participant.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Spot {
     /// Whose, from 1.
     pub participant: usize,
@@ -75,7 +76,7 @@ impl Deviation {
 /// Something that happened in a study. The journal of these events is all that a study knows of itself: what is next, which
 /// trial counts and every table follow from it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case")]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum StudyEvent {
     /// A program took the study up.
     RunBegan {
@@ -123,6 +124,9 @@ pub enum StudyEvent {
         attempt: usize,
         /// How.
         outcome: StepOutcome,
+        /// Digest of the trial that was recorded; none for what is no trial, and of older journals.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        digest: Option<String>,
     },
     /// A question was answered; the newest answer counts.
     Answered {
@@ -221,6 +225,7 @@ impl StudyEvent {
 /// Whether something is ready.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+#[serde(deny_unknown_fields)]
 pub struct ReadinessCheck {
     /// Such as `gestures`.
     pub name: String,

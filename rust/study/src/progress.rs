@@ -46,6 +46,8 @@ pub struct StepState {
     pub outcome: Option<StepOutcome>,
     /// Folder of the record of the last attempt.
     pub record: Option<String>,
+    /// Digest of the trial in it, once it is over; none of older journals.
+    pub digest: Option<String>,
     /// Answers so far, by item.
     pub answers: BTreeMap<String, Answer>,
     /// What departed from the plan here.
@@ -107,9 +109,10 @@ impl Progress {
                         expected,
                     });
                 }
-                (state.open, state.attempts, state.record) = (true, *attempt, record.clone());
+                (state.open, state.attempts) = (true, *attempt);
+                (state.record, state.digest) = (record.clone(), None);
             }
-            StudyEvent::StepEnded { spot, attempt, outcome } => {
+            StudyEvent::StepEnded { spot, attempt, outcome, digest } => {
                 let state = self.steps.entry(spot.clone()).or_default();
                 if !state.open || *attempt != state.attempts {
                     let expected = match state.open {
@@ -124,6 +127,7 @@ impl Progress {
                     });
                 }
                 state.open = false;
+                state.digest.clone_from(digest);
                 // What was interrupted does not count.
                 state.outcome = Some(*outcome).filter(|outcome| *outcome != StepOutcome::Interrupted);
             }

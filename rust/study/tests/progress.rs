@@ -28,7 +28,7 @@ fn begin(spot: &Spot, attempt: usize) -> StudyEvent {
 }
 
 fn end(spot: &Spot, attempt: usize, outcome: StepOutcome) -> StudyEvent {
-    StudyEvent::StepEnded { spot: spot.clone(), attempt, outcome }
+    StudyEvent::StepEnded { spot: spot.clone(), attempt, outcome, digest: None }
 }
 
 fn next(progress: &Progress) -> Option<Spot> {

@@ -1,3 +1,4 @@
+use crate::result_keys::present;
 use serde::{Deserialize, Serialize};
 
 /// What became of an object that has a target.
@@ -34,14 +35,17 @@ impl Outcome {
 
 /// One line of the result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct ObjectResult {
     /// Name of the object.
     pub block: String,
     /// What became of it.
     pub outcome: Outcome,
     /// Seconds from the release of the object before (or the start) to the first contact; none if never held.
+    #[serde(deserialize_with = "present")]
     pub pick_s: Option<f64>,
     /// Seconds from the last contact to the release; none if never released.
+    #[serde(deserialize_with = "present")]
     pub place_s: Option<f64>,
     /// Horizontal distance of its centre from its target at the end, metres.
     pub distance_m: f64,

@@ -7,7 +7,7 @@ use crate::{
 use proact_arm::Side;
 use proact_tasks::TaskResult;
 use proact_types::{DisplayFrame, PlanReply, PlanRequest, PlanStatus, Pose, SimTime, TickInput};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, de::Error};
 use serde_json::{Map, Value};
 
 /// One tick of a session.
@@ -121,7 +121,7 @@ impl Session {
         let norms = proact_tasks::norms(&config.task.name, &wearer, config.setup.side == Side::Left);
         if !norms.is_empty() {
             lines.extend(norms.iter().map(ToString::to_string));
-            result.insert("norms".to_owned(), serde_json::to_value(norms).unwrap_or_default());
+            result.insert("norms".to_owned(), serde_json::json!(norms));
         }
         TrialResult {
             method: config.method_label(),
@@ -181,9 +181,10 @@ pub struct TrialResult {
     /// What the score is, such as `blocks on target`.
     pub score_name: String,
     /// What the task counts, by name.
+    #[serde(deserialize_with = "task_result")]
     pub result: Map<String, Value>,
     /// Keys of its own that a task puts beside these: `arrangement`, `on_target`, `outcomes` of the modified test.
-    #[serde(flatten)]
+    #[serde(flatten, deserialize_with = "keys_beside")]
     pub beside: Map<String, Value>,
     /// The result for a reader.
     #[serde(skip)]
@@ -205,6 +206,19 @@ pub struct TrialResult {
     /// Ticks in which the physics met the laws of contact inexactly; the event `contacts_unsolved` says when.
     #[serde(default)]
     pub unsolved_ticks: u64,
+}
+
+/// Refuses keys and outcomes that no task writes, so that what was renamed does not vanish from tables.
+fn task_result<'de, D: Deserializer<'de>>(from: D) -> Result<Map<String, Value>, D::Error> {
+    let result = Map::deserialize(from)?;
+    proact_tasks::check_result(&result).map_err(D::Error::custom)?;
+    Ok(result)
+}
+
+fn keys_beside<'de, D: Deserializer<'de>>(from: D) -> Result<Map<String, Value>, D::Error> {
+    let beside = Map::deserialize(from)?;
+    proact_tasks::check_beside(&beside).map_err(D::Error::custom)?;
+    Ok(beside)
 }
 
 /// Recomputes a trial from its inputs: the digests of all spans up to tick `last`. `inputs` ascend in time; ticks

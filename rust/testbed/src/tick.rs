@@ -200,6 +200,13 @@ impl Testbed {
         })
     }
 
+    /// The same testbed at time zero, whose digest begins with the configuration's text as a record has it: today's
+    /// types may write the same values otherwise.
+    pub fn with_recorded_config(mut self, text: &str) -> Self {
+        self.digest = Digest::new(text);
+        self
+    }
+
     /// The same testbed, whose classifier is that of `decoder`; none in a replay, which takes its answers from the log.
     pub fn with_decoder(mut self, decoder: Option<Box<dyn DecoderProcess>>) -> Self {
         self.emg = self.emg.with_decoder(decoder);

@@ -36,7 +36,7 @@ pub enum GraspFault {
 /// What can happen.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
-#[serde(tag = "event", rename_all = "snake_case")]
+#[serde(tag = "event", rename_all = "snake_case", deny_unknown_fields)]
 pub enum EventKind {
     /// The decision rule changed the gesture in force.
     GestureChanged {
@@ -175,4 +175,31 @@ pub enum EventKind {
     PracticeFinished,
     /// The trial is over.
     TrialFinished,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    // Catches a renamed key whose value came back as none.
+    #[test]
+    fn an_event_with_a_renamed_key_is_refused_with_its_name() {
+        let events = [
+            EventKind::GraspFailed { object: None, reason: GraspFault::Slipped },
+            EventKind::Locked { object: Some(ObjectId(2)) },
+            EventKind::MotionFinished,
+        ];
+        for kind in events {
+            let event = Event { time: SimTime(7), kind };
+            let text = serde_json::to_string(&event).unwrap();
+            assert_eq!(serde_json::from_str::<Event>(&text).unwrap(), event);
+            if text.contains("object") {
+                let error = serde_json::from_str::<Event>(&text.replace("object", "objekt")).unwrap_err();
+                assert!(error.to_string().contains("objekt"), "{error}");
+            }
+            let other = text.replacen("\"event\":\"", "\"event\":\"other_", 1);
+            let error = serde_json::from_str::<Event>(&other).unwrap_err();
+            assert!(error.to_string().contains("unknown variant"), "{error}");
+        }
+    }
 }

@@ -2,11 +2,14 @@
 
 use super::{
     scores::{Rows, Source, empty, score_all, trials_and_blocks},
-    summaries::participant,
+    summaries::{OUTCOMES, participant},
 };
-use crate::study::{
-    PLAN_FILE, STUDY_FILE, Study, look,
-    tables::{self, columns},
+use crate::{
+    batch::{BatchFolder, DESCRIPTION, Sweep},
+    study::{
+        PLAN_FILE, STUDY_FILE, Study, look,
+        tables::{self, columns, columns::TRIAL_KEY},
+    },
 };
 use proact_analysis::table::{Cell, Column, Table};
 use proact_control::MethodRegistry;
@@ -66,7 +69,8 @@ impl Collected {
 /// Reads what is in `dir`, scoring `jobs` trials at once. `tell` hears how many trials of how many are scored.
 ///
 /// # Errors
-/// A folder with nothing to analyse, a plan or a table that cannot be read. A single trial that cannot be read is a note.
+/// A folder with nothing to analyse, a plan or a table that cannot be read, a result with a key or an outcome that is unknown, a
+/// record in the folder of another trial. A single trial that cannot be read otherwise is a note.
 pub fn collect(
     methods: &MethodRegistry,
     dir: &Path,
@@ -89,6 +93,9 @@ pub fn collect(
     };
     let mut numbers: BTreeMap<String, i64> = BTreeMap::new();
     for mut rows in all {
+        if let Some(reason) = rows.refused {
+            return Err(reason.into());
+        }
         collected.notes.append(&mut rows.notes);
         let Some(trial) = &mut rows.trial else {
             put(&mut collected, &mut rows.scores);
@@ -207,12 +214,16 @@ const EXPORTED: &[(&str, &str, &[Column])] = &[
 
 /// Reads exported tables, and those of scores where an analysis wrote them beside.
 fn read_tables(dir: &Path, collected: &mut Collected) -> Result<(), Box<dyn Error>> {
+    // The tables of a batch have columns of what is varied too.
+    let batch = dir.join(DESCRIPTION).is_file().then(|| BatchFolder::open(dir)).transpose()?;
+    let varied = batch.map_or(Ok(Sweep::default()), |batch| Sweep::read(&batch.description.vary))?;
+    let varied: Vec<&str> = varied.keys().collect();
     let scores = empty();
     let scored = scores.iter().map(|table| (table.name, table.row, table.columns));
     for (name, row, columns) in EXPORTED.iter().copied().chain(scored) {
         let path = dir.join(format!("{name}.csv"));
         if path.is_file() {
-            let table = read_table(&path, Table::new(name, row, columns))
+            let table = read_table(&path, Table::new(name, row, columns), &varied)
                 .map_err(|e| format!("{}: {e}", path.display()))?;
             collected.add([table]);
         }
@@ -241,7 +252,37 @@ fn read_tables(dir: &Path, collected: &mut Collected) -> Result<(), Box<dyn Erro
     Ok(())
 }
 
-fn read_table(path: &Path, mut table: Table) -> Result<Table, Box<dyn Error>> {
+/// Tables and their columns of numbers that have no unit.
+const NUMBERS: [(&str, &str); 4] =
+    [("trials", "score"), ("trials", "position"), ("trials", "simulated"), ("scores", "value")];
+/// Tables whose columns are all measured, but for those that name what was measured.
+const MEASURED: [&str; 3] = ["measures", "objects", "phases"];
+
+fn is_number(table: &Table, column: &Column) -> bool {
+    let names =
+        TRIAL_KEY.iter().any(|key| key.name == column.name) || ["block", "phase"].contains(&column.name);
+    !column.unit.is_empty()
+        || NUMBERS.contains(&(table.name, column.name))
+        || MEASURED.contains(&table.name) && !names
+}
+
+/// Refuses what would else vanish from the report: words where a number stands, and an outcome that nobody knows.
+fn check_cell(table: &Table, column: &Column, cell: &Cell) -> Result<(), String> {
+    let Cell::Words(words) = cell else { return Ok(()) };
+    let outcomes = OUTCOMES.map(|(outcome, ..)| outcome);
+    match (table.name, column.name) {
+        ("blocks", "outcome") if !outcomes.contains(&words.as_str()) => {
+            Err(format!("outcome {words:?} is unknown, expected one of {}", outcomes.join(", ")))
+        }
+        _ if is_number(table, column) => {
+            Err(format!("{} is {words:?}, expected a number or nothing", column.name))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Reads a table by the names of its columns; those that it lacks are missing. It may have the columns `varied` beside them.
+fn read_table(path: &Path, mut table: Table, varied: &[&str]) -> Result<Table, Box<dyn Error>> {
     let mut reader = csv::Reader::from_path(path)?;
     let heads = reader.headers()?.clone();
     let places: Vec<Option<usize>> =
@@ -250,12 +291,21 @@ fn read_table(path: &Path, mut table: Table) -> Result<Table, Box<dyn Error>> {
         let known: Vec<&str> = table.columns.iter().map(|column| column.name).collect();
         return Err(format!("none of its columns is known, expected {}", known.join(", ")).into());
     }
-    for record in reader.records() {
+    let known =
+        |head: &&str| table.columns.iter().any(|column| column.name == *head) || varied.contains(head);
+    if let Some(head) = heads.iter().find(|head| !known(head)) {
+        let columns: Vec<&str> = table.columns.iter().map(|column| column.name).collect();
+        return Err(format!("column {head:?} is unknown, expected {}", columns.join(", ")).into());
+    }
+    for (number, record) in (2..).zip(reader.records()) {
         let record = record?;
-        let cell = |place: &Option<usize>| {
-            place.and_then(|place| record.get(place)).map_or(Cell::Missing, Cell::read)
-        };
-        table.push(places.iter().map(cell).collect());
+        let mut row = Vec::with_capacity(places.len());
+        for (column, place) in table.columns.iter().zip(&places) {
+            let cell = place.and_then(|place| record.get(place)).map_or(Cell::Missing, Cell::read);
+            check_cell(&table, column, &cell).map_err(|error| format!("line {number}: {error}"))?;
+            row.push(cell);
+        }
+        table.push(row);
     }
     Ok(table)
 }

@@ -20,29 +20,53 @@ pub struct ReportLibrary {
 
 impl ReportLibrary {
     /// The trials of `collected`, in the order of the links of `written`.
-    pub fn new(methods: &MethodRegistry, collected: &Collected, written: WrittenReport) -> Self {
+    ///
+    /// # Errors
+    /// A trial without score or length, or with a seed that is none.
+    pub fn new(
+        methods: &MethodRegistry,
+        collected: &Collected,
+        written: WrittenReport,
+    ) -> Result<Self, String> {
         let table = &collected.tables["trials"];
-        let summary = |row: &Vec<_>| TrialSummary {
-            name: format!(
-                "{} {} trial {}",
-                participant(table, row),
-                table.words(row, "condition"),
-                table.words(row, "trial")
-            ),
-            method: table.words(row, "method"),
-            setup: table.words(row, "setup"),
-            seed: table.words(row, "seed").parse().ok(),
-            seconds: table.number(row, "seconds").unwrap_or_default(),
-            // Counts of a task.
-            score: table.number(row, "score").unwrap_or_default() as u32,
+        let record = |row: &Vec<_>| table.words(row, "record");
+        let number = |row: &Vec<_>, name| {
+            table
+                .number(row, name)
+                .ok_or_else(|| format!("{}: the table of trials has no {name} of it", record(row)))
+        };
+        // A bag does not tell its seed.
+        let seed = |row: &Vec<_>| match table.words(row, "seed").as_str() {
+            "" => Ok(None),
+            seed => seed
+                .parse::<u64>()
+                .map(Some)
+                .map_err(|_| format!("{}: seed {seed:?}, expected a whole number", record(row))),
+        };
+        let summary = |row: &Vec<_>| -> Result<TrialSummary, String> {
+            Ok(TrialSummary {
+                name: format!(
+                    "{} {} trial {}",
+                    participant(table, row),
+                    table.words(row, "condition"),
+                    table.words(row, "trial")
+                ),
+                method: table.words(row, "method"),
+                setup: table.words(row, "setup"),
+                seed: seed(row)?,
+                seconds: number(row, "seconds")?,
+                // Counts of a task.
+                score: number(row, "score")? as u32,
+            })
         };
         // A study names its records from its own folder, a folder of trials from where the command ran.
         let path = |record: String| {
             let inside = collected.folder.join(&record);
             if inside.exists() { inside } else { PathBuf::from(record) }
         };
-        let trials = table.rows.iter().map(summary).zip(records(table).into_iter().map(path)).collect();
-        Self { methods: methods.clone(), trials, report: written.served }
+        let summaries: Vec<TrialSummary> = table.rows.iter().map(summary).collect::<Result<_, _>>()?;
+        let trials = summaries.into_iter().zip(records(table).into_iter().map(path)).collect();
+        Ok(Self { methods: methods.clone(), trials, report: written.served })
     }
 }
 

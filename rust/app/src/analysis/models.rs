@@ -37,21 +37,30 @@ pub(super) fn fit(out: &Path) -> Result<Result<Option<ReportTable>, String>, Box
     let mut rows = Vec::new();
     for record in reader.deserialize::<BTreeMap<String, String>>() {
         let record = record?;
-        let text = |name: &str| record.get(name).cloned().unwrap_or_default();
-        let number = |name: &str, digits| {
-            text(name).parse().map_or_else(|_| "–".to_owned(), |value| printed(value, digits))
+        let text = |name: &str| {
+            let found = record.get(name).cloned();
+            found.ok_or_else(|| format!("{SCRIPT_FILE} wrote no column {name} into tables/mixed_models.csv"))
+        };
+        // What could not be estimated is empty.
+        let number = |name: &str, print: &dyn Fn(f64) -> String| -> Result<String, Box<dyn Error>> {
+            match text(name)?.as_str() {
+                "" => Ok("–".to_owned()),
+                text => {
+                    Ok(print(text.parse().map_err(|_| format!("{SCRIPT_FILE} wrote {name} = {text:?}"))?))
+                }
+            }
         };
         rows.push(vec![
-            text("measure"),
-            text("model"),
-            text("term"),
-            number("estimate", 3),
-            number("se", 3),
-            number("z", 2),
-            text("p").parse().map_or_else(|_| "–".to_owned(), chance),
-            text("n"),
-            text("participants"),
-            text("note"),
+            text("measure")?,
+            text("model")?,
+            text("term")?,
+            number("estimate", &|value| printed(value, 3))?,
+            number("se", &|value| printed(value, 3))?,
+            number("z", &|value| printed(value, 2))?,
+            number("p", &chance)?,
+            text("n")?,
+            text("participants")?,
+            text("note")?,
         ]);
     }
     let head = ["Measure", "model", "term", "estimate", "se", "z", "p (Wald)", "n", "participants", "note"];

@@ -13,7 +13,7 @@ use proact_analysis::{
     table::{Cell, Column, Table, word},
 };
 use proact_control::MethodRegistry;
-use proact_recording::{Trial, read_result};
+use proact_recording::{RecordingError, Trial, read_result};
 use proact_testbed::TrialResult;
 use std::{
     error::Error,
@@ -108,6 +108,8 @@ pub(super) struct Rows {
     pub(super) blocks: Vec<Vec<Cell>>,
     /// What is missing or wrong.
     pub(super) notes: Vec<String>,
+    /// Why nothing at all may be made of these sources: the result has a key or an outcome that nobody knows.
+    pub(super) refused: Option<String>,
 }
 
 /// Scores all sources, `jobs` at once, in their order. `tell` hears how many are done.
@@ -133,13 +135,20 @@ pub(super) fn score_all(
     };
     let mut found: Vec<(usize, Rows)> = thread::scope(|scope| {
         let workers: Vec<_> = (0..jobs.max(1)).map(|_| scope.spawn(work)).collect();
-        workers.into_iter().flat_map(|worker| worker.join().unwrap_or_default()).collect()
+        let joined = workers.into_iter().map(|worker| worker.join());
+        joined.flat_map(|rows| rows.unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
     });
     found.sort_by_key(|(place, _)| *place);
     found.into_iter().map(|(_, rows)| rows).collect()
 }
 
 fn rows_of(methods: &MethodRegistry, source: &Source) -> Result<Rows, Box<dyn Error>> {
+    // Before anything else: what is unknown is named, also where the file is not the recorded one any more.
+    if let Source::Counted { dir, .. } | Source::Loose { dir } = source
+        && let Err(error @ RecordingError::Damaged { .. }) = read_result::<TrialResult>(dir)
+    {
+        return Ok(Rows { refused: Some(error.to_string()), ..Rows::default() });
+    }
     match source {
         Source::Counted { key, dir } => {
             let trace = traces::of_record(methods, dir)?;
@@ -188,9 +197,9 @@ fn loose(methods: &MethodRegistry, dir: &Path) -> Result<Rows, Box<dyn Error>> {
     let trace = traces::of_record(methods, dir)?;
     Ok(Rows {
         scores: scores(&key, &trace),
-        blocks: block_rows(&key, &result.beside, &result.result),
+        blocks: block_rows(&key, &result.result)?,
         trial: Some(trial),
-        notes: Vec::new(),
+        ..Rows::default()
     })
 }
 
@@ -214,9 +223,10 @@ fn bag(path: &Path) -> Result<Rows, Box<dyn Error>> {
     notes.extend(flaw.map(|flaw| format!("{}: {flaw}; it is scored as far as it goes", path.display())));
     Ok(Rows {
         scores: scores(&key, &trace),
-        blocks: block_rows(&key, &result.beside, &result.result),
+        blocks: block_rows(&key, &result.result)?,
         trial: Some(trial),
         notes,
+        refused: None,
     })
 }
 

@@ -14,7 +14,7 @@ use std::{
 };
 
 /// What the batch is.
-const DESCRIPTION: &str = "batch.json";
+pub(crate) const DESCRIPTION: &str = "batch.json";
 /// Held while the folder is made and while shards are merged.
 const LOCK: &str = "batch.lock";
 /// More of a batch's description is none, bytes.

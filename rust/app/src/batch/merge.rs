@@ -186,7 +186,7 @@ impl Output {
         let own = own.iter().find(|table| table.name == "trials").map_or(&[][..], |table| table.columns);
         let rest = own.iter().skip(key.len()).map(|column| of_trial(column.name));
         write("trials", &mut key.iter().cloned().chain(rest))?;
-        for row in block_rows(&key, &result.beside, &result.result) {
+        for row in block_rows(&key, &result.result)? {
             write("blocks", &mut row.into_iter())?;
         }
         let TrialScores { measures, objects, phases, faults } = scores;

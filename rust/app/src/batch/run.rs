@@ -84,7 +84,7 @@ pub fn run_batch(
             let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
             let (keep, tell) = &mut *kept;
             if let Some(file) = keep {
-                let scores = scores.unwrap_or_default();
+                let scores = scores.ok_or("a trial of a batch came back without its scores")?;
                 file.push(&TrialLine {
                     index: trial.index,
                     trial: trial.clone(),
@@ -102,7 +102,7 @@ pub fn run_batch(
 
 /// A result without what hangs on the machine.
 fn of_the_trial(result: &TrialResult) -> Result<Map<String, Value>, serde_json::Error> {
-    let Value::Object(mut result) = serde_json::to_value(result)? else { return Ok(Map::new()) };
+    let mut result: Map<String, Value> = serde_json::from_value(serde_json::to_value(result)?)?;
     OF_THE_MACHINE.iter().for_each(|key| _ = result.remove(*key));
     Ok(result)
 }

@@ -209,8 +209,8 @@ impl Batch {
         let (cell, row) = (index / self.rows.len(), index % self.rows.len());
         let mut trial = BatchTrial { index, cell, ..self.rows[row].clone() };
         let varied = self.sweep.cell(cell).into_iter().find(|(key, _)| *key == INSTRUCTION);
-        if let Some(instruction) = varied.and_then(|(_, value)| value.parse().ok()) {
-            trial.history.instruction = instruction;
+        if let Some((_, value)) = varied {
+            trial.history.instruction = value.parse().expect("each was read when the batch was made");
         }
         trial
     }
@@ -246,6 +246,7 @@ impl Batch {
             arrangement: trial.arrangement.clone(),
             dir: None,
             bag: String::new(),
+            place: None,
             scored: true,
         }
     }

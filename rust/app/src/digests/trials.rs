@@ -2,7 +2,6 @@ use crate::trial::{self, AssemblyError};
 use proact_devices::EmgOrigin;
 use proact_testbed::{ConfigError, Digest, Setup, SpanDigest, TrialConfig};
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 use std::error::Error;
 
 /// A trial of the list, on the command line of `proact demo --headless`.
@@ -54,10 +53,9 @@ impl TrialEntry {
         let scene = testbed.task().scene();
         let result = session.result();
         // What the task says of each object, in its order; of one that says nothing, all objects in theirs.
-        let told = result.result.get("outcomes").and_then(Value::as_array).into_iter().flatten();
-        let word = |line: &Value, key| line.get(key).and_then(Value::as_str).unwrap_or("-").to_owned();
+        let told = proact_tasks::object_results(&result.result).map_err(|error| named(&error))?;
         let mut lines: Vec<(String, String)> =
-            told.map(|line| (word(line, "block"), word(line, "outcome"))).collect();
+            told.into_iter().map(|line| (line.block, line.outcome.as_str().to_owned())).collect();
         if lines.is_empty() {
             lines = scene.ids().map(|id| (scene.name(id), "-".to_owned())).collect();
         }

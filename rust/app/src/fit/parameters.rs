@@ -68,7 +68,7 @@ impl Parameter {
         let digit = 10_f64.powf(value.log10().floor() - 2.0);
         let rounded = (value / digit).round() * digit;
         // Without what a product of powers of ten leaves behind the last digit.
-        format!("{rounded:.6}").parse().unwrap_or(rounded)
+        format!("{rounded:.6}").parse().expect("it was written as a number")
     }
 }
 

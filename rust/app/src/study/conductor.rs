@@ -3,13 +3,15 @@
 use super::{PLAN_FILE, People, Study};
 use jiff::{Timestamp, Zoned, civil::Date};
 use proact_recording::{
-    hash_of,
+    RecordingError, StudyPlace, hash_of,
     journal::{Entry, Journal, JournalError},
+    read_result,
 };
 use proact_study::{
     Answer, Deviation, Happening, Plan, PlannedTrial, Progress, ProgressError, Schedule, Spot, StepOutcome,
-    StudyEvent,
+    StepState, StudyEvent,
 };
+use proact_testbed::TrialResult;
 use std::path::PathBuf;
 
 /// The study's file in its folder.
@@ -29,6 +31,9 @@ pub enum StudyError {
     /// An event that cannot be.
     #[error(transparent)]
     Progress(#[from] ProgressError),
+    /// The record of a trial.
+    #[error(transparent)]
+    Record(#[from] RecordingError),
     /// The plan was changed where something was done already.
     #[error(
         "{}: the plan was changed after the study had begun: {what}. Put it back (`proact study export` writes the text that \
@@ -105,7 +110,7 @@ impl Conductor {
             return Err(StudyError::Mixed { folder, has, asked });
         }
         let last = entries.last();
-        let last_at = last.and_then(|entry| entry.at.parse().ok());
+        let last_at = last.map(|entry| written_at(&journal, entry)).transpose()?;
         let mut conductor =
             Self { journal, progress, last_id: last.map_or(0, |entry| entry.id), last_at, study };
         let text = conductor.study.plan_text.clone();
@@ -179,16 +184,17 @@ impl Conductor {
         session: &str,
     ) -> Result<Option<LastTraining>, StudyError> {
         let own = |spot: &Spot| spot.participant == participant && spot.session == session;
-        let found = self.journal.entries::<StudyEvent>()?.into_iter().rev().find_map(
-            |Entry { at, event, .. }| {
-                let StudyEvent::Trained { spot, model, accuracy, passed } = event else { return None };
-                let then: Timestamp = at.parse().ok()?;
+        for entry in self.journal.entries::<StudyEvent>()?.into_iter().rev() {
+            let then = written_at(&self.journal, &entry)?;
+            if let StudyEvent::Trained { spot, model, accuracy, passed } = entry.event
+                && own(&spot)
+            {
                 let age_secs =
                     (Timestamp::now().as_millisecond() - then.as_millisecond()).max(0) as f64 * 1e-3;
-                own(&spot).then_some(LastTraining { model, accuracy, passed, age_secs })
-            },
-        );
-        Ok(found)
+                return Ok(Some(LastTraining { model, accuracy, passed, age_secs }));
+            }
+        }
+        Ok(None)
     }
 
     /// By how much the clock is behind the last event, seconds; none if it is not.
@@ -285,8 +291,13 @@ impl Conductor {
         let index = sessions.iter().position(|other| other.name == session)?;
         let [fewest, most] = sessions[index].days_after?;
         let before = &sessions[index.checked_sub(1)?].name;
-        let last: Date = self.progress.days(participant, before).last()?.parse().ok()?;
-        let days = i64::from(last.until(today).ok()?.get_days());
+        let day = self.progress.days(participant, before).last()?;
+        let since = |last: Date| last.until(today).map(|span| i64::from(span.get_days()));
+        let Ok(days) = day.parse::<Date>().and_then(since) else {
+            return Some(format!(
+                "the session before was on {day:?} by the journal, which is no day before {today}"
+            ));
+        };
         let planned = i64::from(fewest)..=i64::from(most);
         (!planned.contains(&days))
             .then(|| format!("{days} days after the session before, {fewest} to {most} were planned"))
@@ -313,13 +324,19 @@ impl Conductor {
         Ok(record)
     }
 
-    /// Ends the attempt that is under way.
+    /// Ends the attempt that is under way. Of a trial that counts the journal keeps the digest.
     ///
     /// # Errors
-    /// A step that was not begun, a disk that refuses.
+    /// A step that was not begun, a record without a result, a disk that refuses.
     pub fn end(&mut self, spot: &Spot, outcome: StepOutcome) -> Result<i64, StudyError> {
-        let attempt = self.progress.step(spot).attempts;
-        self.write(StudyEvent::StepEnded { spot: spot.clone(), attempt, outcome })
+        let StepState { attempts: attempt, record, .. } = self.progress.step(spot);
+        let digest = match (outcome, record) {
+            (StepOutcome::Done | StepOutcome::Aborted, Some(record)) => {
+                Some(read_result::<TrialResult>(&self.study.folder.join(record))?.digest)
+            }
+            _ => None,
+        };
+        self.write(StudyEvent::StepEnded { spot: spot.clone(), attempt, outcome, digest })
     }
 
     /// Takes an answer, once it was checked; none takes the answer back.
@@ -341,11 +358,40 @@ impl Conductor {
     }
 }
 
+/// When an entry was written.
+fn written_at(journal: &Journal, entry: &Entry<StudyEvent>) -> Result<Timestamp, StudyError> {
+    Ok(entry.at.parse::<Timestamp>().map_err(|error| JournalError::Event {
+        path: journal.path().to_owned(),
+        id: entry.id,
+        reason: format!(
+            "it was written at {:?}, expected a time such as 2026-03-01T12:00:00Z: {error}",
+            entry.at
+        ),
+    })?)
+}
+
+/// The text of the plan with this hash, which the journal keeps.
+fn kept_plan(journal: &Journal, plan: &str) -> Result<String, StudyError> {
+    let missing = || JournalError::NoText { path: journal.path().to_owned(), hash: plan.to_owned() };
+    Ok(journal.text(plan)?.ok_or_else(missing)?)
+}
+
 /// Name of a trial's folder and of its bag, after the original's.
 pub fn record_name(trial: &PlannedTrial) -> String {
     let plain = |c: char| if c.is_ascii_alphanumeric() || c == '_' { c } else { '_' };
     let mode: String = trial.condition.chars().map(plain).collect();
     format!("participant{}-mode{mode}-trial{}", trial.participant, trial.trial)
+}
+
+/// Where an attempt at a trial belongs, as its record says it.
+pub(super) fn study_place(trial: &PlannedTrial, attempt: usize) -> StudyPlace {
+    StudyPlace {
+        participant: trial.participant,
+        session: trial.session.clone(),
+        condition: trial.condition.clone(),
+        trial: trial.trial,
+        attempt,
+    }
 }
 
 /// The runs before.
@@ -395,7 +441,10 @@ fn same_conditions(
     if plan == hash_of(study.plan_text.as_bytes()) {
         return Ok(Ok(()));
     }
-    let Ok(before) = Plan::from_text(&journal.text(plan)?.unwrap_or_default()) else { return Ok(Ok(())) };
+    let before = match Plan::from_text(&kept_plan(journal, plan)?) {
+        Ok(before) => before,
+        Err(error) => return Ok(Err(format!("the plan that it began with is none now, {error}"))),
+    };
     for session in &progress.schedule().sessions {
         for (spot, happening) in progress.spots(session).zip(&session.happenings) {
             let Happening::Trial(trial) = happening else { continue };
@@ -422,7 +471,7 @@ fn schedule_of(study: &Study, journal: &Journal, plan: &str) -> Result<Result<Sc
     if plan == hash_of(study.plan_text.as_bytes()) {
         return Ok(Ok(study.schedule.clone()));
     }
-    let text = journal.text(plan)?.unwrap_or_default();
+    let text = kept_plan(journal, plan)?;
     let schedule = Plan::from_text(&text).and_then(|plan| plan.schedule(&study.arrangements));
     Ok(schedule.map_err(|error| format!("the plan that it began with makes no schedule now, {error}")))
 }

@@ -2,8 +2,8 @@
 
 use super::{
     STUDY_FILE, Study, TRIALS_FOLDER,
-    conductor::{LookOptions, StudyError, look_with},
-    tables::{armsym_files, tables},
+    conductor::{LookOptions, StudyError, look, look_with},
+    tables::{armsym_files, check_places, tables},
 };
 use crate::{claim_folder, write_whole};
 use proact_analysis::table::{Cell, Table};
@@ -247,13 +247,15 @@ fn files(folder: &Path) -> io::Result<BTreeMap<String, PathBuf>> {
 /// its number and how many there are.
 ///
 /// # Errors
-/// A file that exists, a disk that is full, an archive that does not read back as it was written.
+/// A record in the folder of another trial, a file that exists, a disk that is full, an archive that does not read back as it was
+/// written.
 pub fn archive(
     study: &Study,
     out: &Path,
     mut tell: impl FnMut(usize, usize),
 ) -> Result<usize, Box<dyn Error>> {
     let failed = |error: &dyn std::fmt::Display| format!("{}: {error}", out.display());
+    check_places(study, &look(study)?)?;
     let file = File::options().write(true).create_new(true).open(out).map_err(|error| failed(&error))?;
     let written = fill(study, file, out, &mut tell);
     match written.and_then(|sums| check(out, &sums).map(|()| sums.len())) {

@@ -2,7 +2,7 @@
 
 use super::{
     People, Study, TrialHistory,
-    conductor::{Conductor, StudyError, record_name},
+    conductor::{Conductor, StudyError, record_name, study_place},
     people::{histories, person_values},
     worker::{TrialDone, TrialOrder, Worker, WorkerError},
 };
@@ -11,7 +11,6 @@ use proact_study::{Happening, PlannedTrial, Spot, StepOutcome, StudyEvent};
 use proact_testbed::{TrialEnd, TrialResult};
 use std::{
     error::Error,
-    path::PathBuf,
     process::Command,
     sync::{
         Mutex, MutexGuard, PoisonError,
@@ -23,17 +22,26 @@ use std::{
 const MOST_LOST: usize = 3;
 
 impl Study {
-    /// A planned trial as an order, recorded in `dir`, if one is given.
-    pub fn order(&self, planned: &PlannedTrial, dir: Option<PathBuf>) -> TrialOrder {
+    /// A planned trial as an order, which is not recorded.
+    pub fn order(&self, planned: &PlannedTrial) -> TrialOrder {
         let condition = self.plan.conditions.iter().position(|other| other.name == planned.condition);
         TrialOrder {
-            // A schedule names conditions of its plan alone.
-            choice: condition.map(|condition| self.plan.choice(condition)).unwrap_or_default(),
+            choice: self.plan.choice(condition.expect("a schedule names conditions of its plan alone")),
             seed: planned.seed,
             arrangement: planned.arrangement.clone(),
-            dir,
+            dir: None,
             bag: format!("{}.bag", record_name(planned)),
+            place: None,
             scored: false,
+        }
+    }
+
+    /// The same for the attempt with this number, recorded in the folder `record` of the study's.
+    pub fn recorded_order(&self, planned: &PlannedTrial, attempt: usize, record: &str) -> TrialOrder {
+        TrialOrder {
+            dir: Some(self.folder.join(record)),
+            place: Some(study_place(planned, attempt)),
+            ..self.order(planned)
         }
     }
 }
@@ -180,7 +188,8 @@ impl<T: Fn(Rehearsed<'_>) + Sync> Rehearsal<'_, T> {
         let record = self.acknowledged(|conductor| conductor.begin(spot))?;
         let (mut outcome, mut gone) = (StepOutcome::Done, None);
         if let (Happening::Trial(planned), Some(record)) = (happening, &record) {
-            let mut order = self.study.order(planned, Some(self.study.folder.join(record)));
+            let attempt = self.conductor().progress().step(spot).attempts;
+            let mut order = self.study.recorded_order(planned, attempt, record);
             let history = before.iter().find(|(other, _)| other == planned).map(|(_, history)| *history);
             let seed = self.study.plan.seed;
             let person =

@@ -3,6 +3,7 @@
 mod armsym;
 pub(crate) mod columns;
 mod joint_data;
+mod places;
 pub(crate) mod trials;
 
 use super::{Study, conductor::Look};
@@ -40,7 +41,7 @@ pub(super) fn armsym_files(
 /// The same without those records that cannot be read, and what is wrong with these.
 ///
 /// # Errors
-/// Answers that cannot be scored.
+/// Answers that cannot be scored, a record in the folder of another, a result with a key or an outcome that is unknown.
 pub(crate) fn readable_tables(
     study: &Study,
     look: &Look,
@@ -48,6 +49,14 @@ pub(crate) fn readable_tables(
     let mut unread = Vec::new();
     let told = Told { study, look, times: times(&look.entries) };
     Ok((all_tables(&told, false, Some(&mut unread))?, unread))
+}
+
+/// Refuses a study of which a record is in the folder of another trial.
+///
+/// # Errors
+/// The record by its name.
+pub(super) fn check_places(study: &Study, look: &Look) -> Result<(), Box<dyn Error>> {
+    places::check_all(&Told { study, look, times: Times::default() })
 }
 
 /// Every trial that counts: its key and where its record is.
@@ -95,7 +104,7 @@ fn all_tables(
         journal.attempts(),
         journal.deviations(),
         journal.checks(),
-        journal.events(),
+        journal.events()?,
     ];
     tables.extend(journal.questionnaires()?);
     tables.extend(trials::tables(journal, raw, unread)?);
@@ -128,7 +137,7 @@ fn times(entries: &[Entry<StudyEvent>]) -> Times {
                     times.records.insert((spot.clone(), *attempt), record.clone());
                 }
             }
-            StudyEvent::StepEnded { spot, attempt, outcome } => {
+            StudyEvent::StepEnded { spot, attempt, outcome, .. } => {
                 times.ended.insert((spot.clone(), *attempt), (at.clone(), *outcome));
             }
             StudyEvent::Answered { spot, item, .. } => {
@@ -146,6 +155,8 @@ struct Counted<'a> {
     spot: Spot,
     attempt: usize,
     record: String,
+    /// That the journal has; none of older journals.
+    digest: Option<String>,
 }
 
 impl Told<'_> {
@@ -179,7 +190,8 @@ impl Told<'_> {
                 let state = progress.step(&spot);
                 let done = matches!(state.outcome, Some(StepOutcome::Done | StepOutcome::Aborted));
                 if let (true, Some(record)) = (done, state.record) {
-                    counted.push(Counted { planned, spot, attempt: state.attempts, record });
+                    let (attempt, digest) = (state.attempts, state.digest);
+                    counted.push(Counted { planned, spot, attempt, record, digest });
                 }
             }
         }
@@ -329,11 +341,11 @@ impl Told<'_> {
         table
     }
 
-    fn events(&self) -> Table {
+    fn events(&self) -> Result<Table, serde_json::Error> {
         let mut table = Table::new("events", "something that happened in the study", columns::EVENTS);
         for Entry { id, at, event } in &self.look.entries {
             let spot = event.spot();
-            let mut detail = serde_json::to_value(event).unwrap_or_default();
+            let mut detail = serde_json::to_value(event)?;
             let kind = detail.as_object_mut().and_then(|object| {
                 object.remove("spot");
                 object.remove("kind")?.as_str().map(str::to_owned)
@@ -348,7 +360,7 @@ impl Told<'_> {
                 detail.to_string().into(),
             ]);
         }
-        table
+        Ok(table)
     }
 
     /// Answers and scores, of every questionnaire that is over.

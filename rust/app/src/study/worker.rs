@@ -14,6 +14,7 @@ use crate::{
 use proact_analysis::table::Cell;
 use proact_devices::{EmgOrigin, FeedbackSinks};
 use proact_emg::EmgConfig;
+use proact_recording::StudyPlace;
 use proact_study::TrialChoice;
 use proact_testbed::{TrialConfig, TrialResult};
 use serde::{Deserialize, Serialize};
@@ -37,6 +38,7 @@ const LOOK: Duration = Duration::from_millis(50);
 
 /// A trial to be run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct TrialOrder {
     /// What it is made of.
     pub choice: TrialChoice,
@@ -48,6 +50,9 @@ pub struct TrialOrder {
     pub dir: Option<PathBuf>,
     /// Name of the record's bag.
     pub bag: String,
+    /// Where in a study the trial belongs.
+    #[serde(default)]
+    pub place: Option<StudyPlace>,
     /// Whether it is scored as an analysis scores it.
     #[serde(default)]
     pub scored: bool,
@@ -92,6 +97,7 @@ pub struct TrialScores {
 
 /// A trial that is over.
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct TrialDone {
     /// What came of it.
     pub result: TrialResult,
@@ -137,7 +143,13 @@ pub fn simulated_trial(
     let config = session.testbed().config().clone();
     let recorder = match &order.dir {
         Some(dir) => {
-            let recorder = Recorder::create_as(dir, &order.bag, &config, &arm, classifier.as_ref())?;
+            let recorder = Recorder::create_in_study(
+                dir,
+                (order.bag.as_str(), order.place.clone()),
+                &config,
+                &arm,
+                classifier.as_ref(),
+            )?;
             Some(recorder.with_plans(plans)?)
         }
         None => None,

@@ -8,6 +8,7 @@
 // These tests read the repository itself.
 #![allow(clippy::disallowed_methods)]
 
+mod defaults;
 mod dependencies;
 mod documents;
 mod licences;

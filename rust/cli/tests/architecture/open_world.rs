@@ -4,7 +4,7 @@ use crate::workspace::{files, read};
 use std::collections::BTreeSet;
 
 /// The types of `tasks` by which any task is handled.
-const ANY_TASK: [&str; 17] = [
+const ANY_TASK: [&str; 23] = [
     "Task",
     "TaskInput",
     "TaskState",
@@ -20,6 +20,12 @@ const ANY_TASK: [&str; 17] = [
     "GridPitch",
     "Norm",
     "norms",
+    "norms_of",
+    "ObjectResult",
+    "object_results",
+    "ResultError",
+    "check_beside",
+    "check_result",
     "Sex",
     "Wearer",
 ];

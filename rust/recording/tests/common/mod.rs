@@ -1,6 +1,6 @@
 //! A trial to be written and read back.
 
-use proact_recording::{TrialHeader, TrialWriter};
+use proact_recording::{StudyPlace, TrialHeader, TrialWriter};
 use proact_types::{
     EmgSample, Event, EventKind, GazeSample, Gesture, ObjectId, PlanReply, PlanStatus, Point, Pose, SimTime,
     TickInput, Trajectory, TrajectoryPoint, Vector, joints,
@@ -19,6 +19,14 @@ pub fn header() -> TrialHeader {
         config_toml: "# a trial\nmethod = \"D\"\n".to_owned(),
         seed: u64::MAX,
         versions: [("proact".to_owned(), "0.1.0".to_owned())].into(),
+        commit: "0123456789ab".to_owned(),
+        place: Some(StudyPlace {
+            participant: 1,
+            session: "first".to_owned(),
+            condition: "gaze \"D\"".to_owned(),
+            trial: 2,
+            attempt: 3,
+        }),
         files: [("classifier.json".to_owned(), b"{\"classes\": []}".to_vec())].into(),
     }
 }

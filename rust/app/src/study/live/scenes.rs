@@ -64,7 +64,7 @@ impl LiveStudy<'_> {
     /// # Errors
     /// As [`LiveStudy::run`].
     pub(super) fn prepare(&mut self, trial: &PlannedTrial) -> Result<(), Box<dyn Error>> {
-        let (arm, config) = self.config(&self.state.conductor.study.order(trial, None))?;
+        let (arm, config) = self.config(&self.state.conductor.study.order(trial))?;
         let assembly = trial::live_with(&self.registry.methods, &arm, without_emg(config), None)?;
         let mut session = assembly.session;
         self.state.page.set_content(driven_content(session.testbed(), &arm))?;
@@ -92,8 +92,8 @@ impl LiveStudy<'_> {
     /// As [`LiveStudy::run`].
     pub(super) fn run_trial(&mut self, spot: &Spot, trial: &PlannedTrial) -> Result<StepEnd, Box<dyn Error>> {
         let Some(record) = self.state.conductor.begin(spot)? else { return Ok(StepEnd::Interrupted) };
-        let dir = self.state.conductor.study.folder.join(record);
-        let order = self.state.conductor.study.order(trial, Some(dir));
+        let attempt = self.state.conductor.progress().step(spot).attempts;
+        let order = self.state.conductor.study.recorded_order(trial, attempt, &record);
         let countdown = self.countdown(&spot.session);
         self.running(
             ParticipantScreen::Scene { countdown, title: String::new() },
@@ -144,6 +144,7 @@ impl LiveStudy<'_> {
             arrangement: None,
             dir: None,
             bag: String::new(),
+            place: None,
             scored: false,
         };
         let participant = ParticipantScreen::Scene { countdown: false, title: scene.title().to_owned() };
@@ -191,7 +192,13 @@ impl LiveStudy<'_> {
         let config = session.testbed().config().clone();
         let recorder = match &order.dir {
             Some(dir) => {
-                let recorder = Recorder::create_as(dir, &order.bag, &config, &arm, classifier.as_ref())?;
+                let recorder = Recorder::create_in_study(
+                    dir,
+                    (order.bag.as_str(), order.place.clone()),
+                    &config,
+                    &arm,
+                    classifier.as_ref(),
+                )?;
                 Some(recorder.with_plans(plans)?)
             }
             None => None,
@@ -266,7 +273,7 @@ impl LiveStudy<'_> {
 pub fn opening(conductor: &Conductor, registry: &Registry) -> Result<PageContent, Box<dyn Error>> {
     let study = &conductor.study;
     let trial = study.schedule.trials().next().ok_or("the plan has no trial")?;
-    let (arm, config) = study.order(trial, None).config(registry, None)?;
+    let (arm, config) = study.order(trial).config(registry, None)?;
     let assembly = trial::live_with(&registry.methods, &arm, without_emg(config), None)?;
     Ok(driven_content(assembly.session.testbed(), &arm))
 }

@@ -2,10 +2,9 @@
 //! the same length, the time of a message, the message, and a number that belongs to it or 0. Its joints are in `joint_data.rs`.
 
 use super::{Told, joint_data::joint_data};
+use crate::replay::read_trial;
 use proact_control::MethodRegistry;
-use proact_recording::{Trial, read_result};
 use proact_study::{Answer, FormItem, Happening, Spot, StepOutcome};
-use proact_testbed::TrialResult;
 use proact_types::{Event, EventKind, ObjectId, SimTime};
 use serde::Serialize;
 use std::{collections::BTreeSet, error::Error};
@@ -88,8 +87,7 @@ pub(super) fn trial_files(
     for counted in told.counted() {
         let dir = told.study.folder.join(&counted.record);
         let read = || -> Result<(TrialData, String), Box<dyn Error>> {
-            let record = Trial::open(&dir)?;
-            let result: TrialResult = read_result(&dir)?;
+            let (record, result) = read_trial(&dir)?;
             let events = TrialData::of_events(&record.events()?, result.score, record.end());
             Ok((events, joint_data(methods, &dir)?))
         };

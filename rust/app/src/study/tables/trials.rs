@@ -1,14 +1,17 @@
 //! What the records of the trials that count say.
 
-use super::{Counted, Told, columns};
-use crate::read_trunk;
+use super::{Counted, Told, columns, places};
+use crate::{
+    read_trunk,
+    replay::{read_trial, recorded_config},
+};
 use proact_analysis::{
     measures::{GazeMeasure, ShoulderMeasure},
     table::{Cell, Table, word},
 };
-use proact_bridge::ResultLine;
 use proact_emg::{Light, QualityConfig, QualityMonitor};
-use proact_recording::{Trial, read_result};
+use proact_recording::Trial;
+use proact_tasks::{ObjectResult, ResultError};
 use proact_testbed::{TrialConfig, TrialResult};
 use proact_types::{Event, EventKind, ObjectId, Pose, Scene, SimTime};
 use std::error::Error;
@@ -38,8 +41,8 @@ pub(super) fn tables(
         if let Err(error) = tables.take(told, &counted, raw) {
             let named = format!("{}: {error}", dir.display());
             match &mut unread {
-                Some(unread) => unread.push(named),
-                None => return Err(named.into()),
+                Some(unread) if !places::refuses_the_study(&*error) => unread.push(named),
+                _ => return Err(named.into()),
             }
         }
     }
@@ -65,16 +68,16 @@ struct TrialTables {
 impl TrialTables {
     fn take(&mut self, told: &Told<'_>, counted: &Counted<'_>, raw: bool) -> Result<(), Box<dyn Error>> {
         let dir = told.study.folder.join(&counted.record);
-        let record = Trial::open(&dir)?;
-        let result: TrialResult = read_result(&dir)?;
-        let config = TrialConfig::from_toml(&record.header().config_toml)?;
+        let (record, result) = read_trial(&dir)?;
+        places::check(counted, &record, &result)?;
+        let config = recorded_config(&record)?;
         let key = told.trial_key(counted.planned);
         self.trial(told, counted, &result);
-        block_rows(&key, &result.beside, &result.result).into_iter().for_each(|row| self.blocks.push(row));
+        block_rows(&key, &result.result)?.into_iter().for_each(|row| self.blocks.push(row));
         let events = record.events()?;
         let arm = crate::Arm::recorded(&dir, &config)?;
         let task = config.build_task(arm.model())?;
-        self.actions(&key, &events, task.scene());
+        self.actions(&key, &events, task.scene())?;
         self.inputs(&key, &record, &config, &events, &read_trunk(&dir)?, raw)
     }
 
@@ -91,10 +94,7 @@ impl TrialTables {
             result.task.as_str().into(),
             result.arm.as_str().into(),
             result.setup.as_str().into(),
-            serde_json::to_value(result.ended)
-                .ok()
-                .and_then(|ended| ended.as_str().map(str::to_owned))
-                .into(),
+            word(&result.ended).into(),
             counted.attempt.into(),
             if departures.is_empty() { Cell::Missing } else { "*".into() },
             departures.into(),
@@ -110,7 +110,7 @@ impl TrialTables {
         self.trials.push(row);
     }
 
-    fn actions(&mut self, key: &[Cell], events: &[Event], scene: &Scene) {
+    fn actions(&mut self, key: &[Cell], events: &[Event], scene: &Scene) -> Result<(), serde_json::Error> {
         let name = |id: ObjectId| scene.objects.get(id.index()).map(|object| object.name.clone());
         for event in events {
             let (object, detail): (Option<String>, String) = match &event.kind {
@@ -133,12 +133,13 @@ impl TrialTables {
             let mut row = key.to_vec();
             row.extend([
                 secs(event.time).into(),
-                kind_of(event).into(),
+                kind_of(event)?.into(),
                 object.into(),
                 if detail.is_empty() { Cell::Missing } else { detail.into() },
             ]);
             self.actions.push(row);
         }
+        Ok(())
     }
 
     /// What entered the trial from outside: eyes, shoulder, muscles.
@@ -208,27 +209,26 @@ impl TrialTables {
     }
 }
 
-/// What became of each object, from what the task put beside its result or into it.
+/// What became of each object, for tasks that tell.
+///
+/// # Errors
+/// A key or an outcome that is unknown.
 pub(crate) fn block_rows(
     key: &[Cell],
-    beside: &serde_json::Map<String, serde_json::Value>,
     result: &serde_json::Map<String, serde_json::Value>,
-) -> Vec<Vec<Cell>> {
-    let lines = beside.get("outcomes").or_else(|| result.get("outcomes"));
-    let lines: Vec<ResultLine> =
-        lines.and_then(|lines| serde_json::from_value(lines.clone()).ok()).unwrap_or_default();
-    let row = |line: ResultLine| {
+) -> Result<Vec<Vec<Cell>>, ResultError> {
+    let row = |line: ObjectResult| {
         let mut row = key.to_vec();
         row.extend([
-            line.name.into(),
-            line.outcome.into(),
+            line.block.into(),
+            line.outcome.as_str().into(),
             line.pick_s.into(),
             line.place_s.into(),
-            line.error_m.map(|error| error * MM).into(),
+            (line.distance_m * MM).into(),
         ]);
         row
     };
-    lines.into_iter().map(row).collect()
+    Ok(proact_tasks::object_results(result)?.into_iter().map(row).collect())
 }
 
 fn secs(time: SimTime) -> f64 {
@@ -237,10 +237,12 @@ fn secs(time: SimTime) -> f64 {
 }
 
 /// The event's name, as in `events.jsonl`.
-fn kind_of(event: &Event) -> String {
-    let value = serde_json::to_value(event).unwrap_or_default();
-    let kind = value.get("event").and_then(|kind| kind.as_str());
-    kind.unwrap_or_default().to_owned()
+pub(crate) fn kind_of(event: &Event) -> Result<String, serde_json::Error> {
+    #[derive(serde::Deserialize)]
+    struct Named {
+        event: String,
+    }
+    Ok(serde_json::from_value::<Named>(serde_json::to_value(event)?)?.event)
 }
 
 /// Gazes by what the hand does meanwhile.
