@@ -26,7 +26,8 @@ if [ "$(git -C "$repository" tag --points-at HEAD --list "v$version")" ]; then
     grep -q "^## $version" "$repository/CHANGELOG.md" || fail "HEAD is v$version, and CHANGELOG.md has no section \"## $version\""
 else
     # Sorts before the release that it comes before.
-    version=$version~git$(git -C "$repository" show -s --format=%cd --date=format:%Y%m%d).$(git -C "$repository" rev-parse --short=8 HEAD)
+    # With ~ before dev, as Debian has versions before a release.
+    version=$(printf %s "$version" | tr - '~')~git$(git -C "$repository" show -s --format=%cd --date=format:%Y%m%d).$(git -C "$repository" rev-parse --short=8 HEAD)
 fi
 said=$("$program" --version | head -n 1)
 case $said in

@@ -208,15 +208,20 @@ fn every_file_that_names_the_version_names_the_same() {
     let cited = read("CITATION.cff");
     let cited = cited.lines().find_map(|line| line.strip_prefix("version: "));
     assert_eq!(cited, Some(version.as_str()), "CITATION.cff");
+    // catkin takes numbers alone.
+    let release = version.split('-').next().expect("a version");
     for package in
         ["proact_bringup", "proact_description", "proact_moveit_config", "proact_msgs", "proact_nodes"]
     {
         let text = read(&format!("ros1_ws/src/{package}/package.xml"));
         assert!(
-            text.contains(&format!("<version>{version}</version>")),
-            "{package}/package.xml is not of {version}"
+            text.contains(&format!("<version>{release}</version>")),
+            "{package}/package.xml is not of {release}"
         );
     }
+    let page: serde_json::Value =
+        serde_json::from_str(&read("rust/bridge/web/package.json")).expect("npm reads it");
+    assert_eq!(page["version"], version.as_str(), "rust/bridge/web/package.json");
     let changes = read("CHANGELOG.md");
     let newest = changes.lines().find_map(|line| line.strip_prefix("## ")).expect("a section");
     assert!(newest == "Unreleased" || newest.starts_with(&version), "CHANGELOG.md begins with {newest:?}");
