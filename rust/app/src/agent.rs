@@ -129,7 +129,7 @@ impl AgentTrial {
         }
         let emg = options.emg.as_ref().map(|origin| EmgOf { origin, trained: None });
         let assembly = simulated_by(methods, arm, config, emg, options.gaze_error_deg, own)?;
-        let Assembly { session, classifier, arm, plans } = assembly;
+        let Assembly { session, classifier, arm, plans, .. } = assembly;
         let recorder = match &options.record {
             Some(dir) => {
                 let config = session.testbed().config();
