@@ -22,7 +22,7 @@ type Outcome<T = ()> = Result<T, Box<dyn Error>>;
 /// Records the first `ticks` of a trial into `dir`; `close` brings it to an end, otherwise its process is killed.
 fn record(seed: u64, dir: &Path, ticks: u64, close: bool) -> Outcome {
     let config = TrialConfig::new("D", seed, Setup::named("seated")?);
-    let trial::Assembly { mut session, classifier, arm, plans } =
+    let trial::Assembly { mut session, classifier, arm, plans, .. } =
         trial::simulated(config, &EmgOrigin::Synthetic)?;
     let config = session.testbed().config().clone();
     let mut recorder = Recorder::create(dir, &config, &arm, classifier.as_ref())?.with_plans(plans)?;

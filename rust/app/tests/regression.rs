@@ -131,7 +131,7 @@ fn the_simulated_person_brings_a_block_by_two_sites_and_the_record_replays() {
     config.profile.joint_jog.cycle = ["wristy", "wristx", "wristz", "hand"].map(str::to_owned).to_vec();
     config.emg = Some(EmgConfig { classifier: ClassifierKind::TwoSite, ..EmgConfig::default() });
     let assembled = trial::simulated(config, &EmgOrigin::Synthetic).unwrap();
-    let trial::Assembly { mut session, classifier, arm, plans } = assembled;
+    let trial::Assembly { mut session, classifier, arm, plans, .. } = assembled;
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path().join("trial");
     let used = session.testbed().config().clone();

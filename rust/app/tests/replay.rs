@@ -41,7 +41,7 @@ fn record(seed: u64, dir: &Path) -> Outcome {
 
 /// Records the trial of `config` into `dir`.
 fn record_of(config: TrialConfig, dir: &Path) -> Outcome {
-    let trial::Assembly { mut session, classifier, arm, plans } =
+    let trial::Assembly { mut session, classifier, arm, plans, .. } =
         trial::simulated(config, &EmgOrigin::Synthetic)?;
     let config = session.testbed().config().clone();
     let mut recorder = Recorder::create(dir, &config, &arm, classifier.as_ref())?.with_plans(plans)?;

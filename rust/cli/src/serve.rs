@@ -105,7 +105,7 @@ fn drive(
                 continue;
             }
         };
-        let Assembly { session, classifier, plans, arm } = assembled;
+        let Assembly { session, classifier, plans, arm, .. } = assembled;
         let config = session.testbed().config().clone();
         let seed = config.seed;
         let dir = match (&args.out, args.no_record) {

@@ -128,7 +128,7 @@ impl Run {
         let origin = emg.map(emg_origin);
         let emg = origin.as_ref().map(|origin| EmgOf { origin, trained: trained.as_ref() });
         let text = |error: &dyn std::fmt::Display| error.to_string();
-        let Assembly { session, classifier, arm, plans } =
+        let Assembly { session, classifier, arm, plans, .. } =
             simulated_by(&methods, &arm, config, emg, gaze_error_deg, own).map_err(|e| text(&e))?;
         let recorder = match &dir {
             Some(dir) => {
