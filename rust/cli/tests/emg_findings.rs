@@ -32,7 +32,9 @@ fn commands(dir: &Path, out: &Path) -> Vec<Vec<String>> {
         words(&format!("emg evaluate --json --emg-rate 200 --data {dir}")),
         words(&format!("emg features --json --emg-rate 200 --data {dir}")),
         words(&format!("emg select --json --emg-rate 200 --most 1 --features MAV,ZC --data {dir}")),
-        words(&format!("emg train --json --emg-rate 200 --rounds 3 --replace --source {source} --out {model}")),
+        words(&format!(
+            "emg train --json --emg-rate 200 --rounds 3 --replace --source {source} --out {model}"
+        )),
         words(&format!("demo --json --headless --no-record --limit 1 --emg-rate 200 --emg {dir}")),
     ]
 }
@@ -81,7 +83,10 @@ fn good_recordings_are_used_without_a_word() {
     let dir = data.join("emg/libemg_tests_myo");
     let output = proact(&["emg", "evaluate", "--json", "--data", dir.to_str().unwrap()]);
     let (answer, error) = (object(&output), String::from_utf8_lossy(&output.stderr).into_owned());
-    assert_eq!((&answer["findings"], &answer["accepted_faults"]), (&Value::Array(vec![]), &Value::Array(vec![])));
+    assert_eq!(
+        (&answer["findings"], &answer["accepted_faults"]),
+        (&Value::Array(vec![]), &Value::Array(vec![]))
+    );
     assert!(output.status.success() && error.is_empty(), "{error}");
 }
 
@@ -93,6 +98,7 @@ fn a_trial_keeps_what_was_accepted_in_its_configuration() {
     let (dir, trial) = (data.join("repros/emg/stamped_noise"), out.path().join("trial"));
     let words = ["demo", "--headless", "--limit", "1", "--emg-rate", "200", "--accept-faults", "--emg"];
     let output = proact(&[&words[..], &[dir.to_str().unwrap(), "--out", trial.to_str().unwrap()]].concat());
-    let config = fs::read_to_string(trial.join("config.toml")).unwrap_or_else(|error| panic!("{error}: {output:?}"));
+    let config =
+        fs::read_to_string(trial.join("config.toml")).unwrap_or_else(|error| panic!("{error}: {output:?}"));
     assert!(config.contains("emg_accepted_faults") && config.contains("channel 0 only rises"), "{config}");
 }

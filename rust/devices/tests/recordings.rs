@@ -3,8 +3,8 @@
 #![allow(clippy::disallowed_methods, clippy::unwrap_used)]
 
 use proact_devices::{
-    DeviceError, EmgOrigin, FaultPolicy, Recording, RecordingFolder, Recordings, SourceOptions, SourceRegistry, evaluate,
-    prepare,
+    DeviceError, EmgOrigin, FaultPolicy, Recording, RecordingFolder, Recordings, SourceOptions,
+    SourceRegistry, evaluate, prepare,
 };
 use proact_emg::{EmgConfig, ImuChannel, RecordedFault, WindowLength};
 use proact_types::{EmgSample, Gesture, GestureName};
@@ -31,7 +31,8 @@ fn rows(count: usize, class: usize) -> String {
 
 /// Uniform, of standard deviation one.
 fn noise(of: (usize, usize, usize), k: usize) -> f64 {
-    let mut bits = ((((of.0 * 100 + of.1) * 100 + of.2) * 100_000 + k) as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    let mut bits =
+        ((((of.0 * 100 + of.1) * 100 + of.2) * 100_000 + k) as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     for shift in [30, 27, 31] {
         bits = (bits ^ (bits >> shift)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     }
