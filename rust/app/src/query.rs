@@ -351,7 +351,7 @@ impl QueryHandler {
         };
         planner.set_meshes(scene.meshes).map_err(text)?;
         let reply = planner.solve(&request);
-        let effort = *planner.effort();
+        let effort = planner.effort().clone();
         let path: Vec<&[f64]> = reply.trajectory.points.iter().map(|point| point.q.as_slice()).collect();
         let times: Vec<f64> = reply.trajectory.points.iter().map(|point| point.time_secs).collect();
         Ok(json!({

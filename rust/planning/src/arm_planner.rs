@@ -166,6 +166,7 @@ impl ArmPlanner {
         self.effort = PlanEffort {
             request: request.id,
             status: reply.status,
+            reason: reply.reason.clone(),
             clearance: reply.clearance,
             iterations: self.context.scene.effort.iterations,
             state_checks: self.context.scene.effort.state_checks,

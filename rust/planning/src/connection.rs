@@ -44,12 +44,29 @@ impl Connection {
                 format!("No way to the goal was found in {} iterations.", limits.max_iterations),
             )),
             SearchOutcome::StartInCollision => {
-                Err(Failure::new(PlanStatus::StartInCollision, "The arm starts too close to something."))
+                let what = "The arm starts too close to something";
+                Err(in_collision(context, PlanStatus::StartInCollision, what, &[from.to_vec()])?)
             }
             SearchOutcome::GoalsInCollision => {
-                Err(Failure::new(PlanStatus::GoalInCollision, "The arm would touch something at the goal."))
+                let what = "The arm would touch something at the goal";
+                Err(in_collision(context, PlanStatus::GoalInCollision, what, &goals)?)
             }
             SearchOutcome::Cancelled => Err(Failure::cancelled()),
         }
     }
+}
+
+/// The failure with `status` that names the first pair in collision at one of the arm angles `states`.
+fn in_collision(
+    context: &mut PlanningContext,
+    status: PlanStatus,
+    what: &str,
+    states: &[Vec<f64>],
+) -> Result<Failure, Failure> {
+    for q in states {
+        if let Some((a, b)) = context.scene.collisions(q)?.into_iter().next() {
+            return Ok(Failure::new(status, format!("{what}: {a} and {b}.")));
+        }
+    }
+    Ok(Failure::new(status, format!("{what}.")))
 }

@@ -40,12 +40,16 @@ impl StageCell {
 }
 
 /// What one plan took: iterations, by which it is bounded in batches, beside the time, by which it is bounded live.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PlanEffort {
     /// Which request it answers.
     pub request: u64,
     /// How it ended.
     pub status: PlanStatus,
+    /// Why there is no full plan, as in its reply: of a start or goal in collision it names both links, or the link and the
+    /// obstacle. Empty otherwise.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub reason: String,
     /// Free space that the plan keeps away from its ends, metres, as in its reply.
     pub clearance: Option<f64>,
     /// Iterations of the planner, over all its searches.
@@ -67,6 +71,7 @@ impl Default for PlanEffort {
         Self {
             request: 0,
             status,
+            reason: String::new(),
             clearance: None,
             iterations: 0,
             state_checks: 0,

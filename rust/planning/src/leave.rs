@@ -43,12 +43,14 @@ impl Grazes<'_> {
     }
 
     /// The part of a way out from its start to the first point, at least `wanted` metres on, that is clear for
-    /// transit; if there is none that far, to the last clear one. The flag says that `wanted` was covered.
+    /// transit; if there is none that far, to the last clear one. The flag says that `wanted` was covered. `blocked` keeps the
+    /// first pair that was in the way.
     fn clear_part(
         &self,
         context: &mut PlanningContext,
         line: &[Vec<f64>],
         wanted: f64,
+        blocked: &mut Option<(String, String)>,
     ) -> Result<(Vec<Vec<f64>>, bool), Failure> {
         let mut clear_at = None;
         let enough = reach::line_steps(wanted.max(LONGEST_LEAVE)) as f64 * wanted / wanted.max(LONGEST_LEAVE);
@@ -67,13 +69,15 @@ impl Grazes<'_> {
             if context.scene.is_free(q)? {
                 continue;
             }
-            let known = |pair: &(String, String)| self.touching.contains(pair) || self.may_touch(pair);
-            if !context.scene.collisions(q)?.iter().all(known) {
-                break;
+            let is_new = |pair: &(String, String)| !self.touching.contains(pair) && !self.may_touch(pair);
+            let mut hit = context.scene.collisions(q)?.into_iter().find(is_new);
+            if hit.is_none() {
+                context.scene.set_padding(-FINGERTIP_GIVE)?;
+                let is_new = |pair: &(String, String)| !self.pressed.contains(pair) && !self.may_touch(pair);
+                hit = context.scene.collisions(q)?.into_iter().find(is_new);
             }
-            context.scene.set_padding(-FINGERTIP_GIVE)?;
-            let known = |pair: &(String, String)| self.pressed.contains(pair) || self.may_touch(pair);
-            if !context.scene.collisions(q)?.iter().all(known) {
+            if let Some(hit) = hit {
+                blocked.get_or_insert(hit);
                 break;
             }
         }
@@ -132,6 +136,7 @@ impl Leaving {
             None => (grasp_centre, if around_block { self.retreat_height } else { 0.0 }),
         };
         let mut best: Option<Vec<Vec<f64>>> = None;
+        let mut blocked = None;
         for direction in ways_out(&problem.up, &base_from_tip, withdrawal) {
             let reach = Reach {
                 point,
@@ -143,7 +148,7 @@ impl Leaving {
             };
             let along = direction * wanted.max(LONGEST_LEAVE);
             let line = reach::line(&context.chain, &context.limits, &reach, &along, &problem.start);
-            let (free, covered) = grazes.clear_part(context, &line, wanted)?;
+            let (free, covered) = grazes.clear_part(context, &line, wanted, &mut blocked)?;
             let better = best.as_ref().is_none_or(|b| free.len() > b.len());
             if !free.is_empty() && better {
                 best = Some(free);
@@ -159,11 +164,22 @@ impl Leaving {
             }
             None => {
                 context.set_clearance(Clearance::Transit)?;
-                let (a, b) = context.scene.collisions(&problem.start)?.into_iter().next().unwrap_or_default();
-                Err(Failure::new(
-                    PlanStatus::StartInCollision,
-                    format!("The arm touches something and finds no straight way off it: {a} and {b}."),
-                ))
+                let touching = context.scene.collisions(&problem.start)?.into_iter().next();
+                let reason = match (touching, blocked) {
+                    (Some((a, b)), _) => {
+                        format!("The arm touches something and finds no straight way off it: {a} and {b}.")
+                    }
+                    (None, Some((a, b))) => {
+                        format!("Something is in the straight way off the start: {a} and {b}.")
+                    }
+                    (None, None) => {
+                        let what = grazes.in_hand.first().or(request.attached.as_ref().map(|o| &o.name));
+                        let what = what.map_or("the start", String::as_str);
+                        let hand = &model.links[model.tip].name;
+                        format!("{hand} finds no straight way off {what}: the arm is at its limits.")
+                    }
+                };
+                Err(Failure::new(PlanStatus::StartInCollision, reason))
             }
         }
     }

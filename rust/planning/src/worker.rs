@@ -123,7 +123,7 @@ fn run(mut planner: ArmPlanner, shared: &Shared) {
         state = shared.lock();
         state.running = None;
         if reply.is_ok() {
-            state.log.push(*planner.effort());
+            state.log.push(planner.effort().clone());
         }
         state.keep(
             reply.unwrap_or_else(|_| failed(request.id, PlanStatus::Invalid, "The planner failed inside.")),

@@ -524,3 +524,52 @@ fn a_bound_on_the_time_ends_a_search_without_end_and_a_plan_says_that_the_clock_
     assert!(planner.effort().timed_out);
     assert_eq!(planner.effort().status, PlanStatus::NoPlan);
 }
+
+/// Some reasons said "something" and named nothing.
+#[test]
+fn a_start_or_goal_in_collision_names_both_links_or_the_link_and_the_obstacle() {
+    let model = model();
+    let mut planner = planner(PlannerOptions::default());
+    let free = planner.solve(&pick(&model, still(), Region::FL, 1));
+    let there = end(&free);
+    let mut seen = std::collections::BTreeMap::new();
+    // A ball and a slab at the start and at the goal, from a touch to deep inside, for each kind of goal.
+    for (at_start, reach) in
+        [true, false].into_iter().flat_map(|at| [-0.05, 0.0, 0.03, 0.08].map(|r| (at, r)))
+    {
+        for (goal, shape) in
+            [PlanGoal::Joints { q: joints(&there) }, pick(&model, still(), Region::FL, 1).goal]
+                .into_iter()
+                .flat_map(|goal| {
+                    [Shape::Sphere { radius: 0.03 }, Shape::Box { size: [0.2, 0.2, 0.02] }]
+                        .map(|s| (goal.clone(), s))
+                })
+        {
+            let mut request = pick(&model, still(), Region::FL, 1);
+            request.goal = goal;
+            let near = if at_start { request.start.to_vec() } else { there.clone() };
+            let mut pose = tip(&request, &near);
+            pose.translation.z += reach;
+            let pose = Pose::from_parts(pose.translation, Default::default());
+            request.obstacles.push(proact_types::Obstacle {
+                name: "thing".to_owned(),
+                shape,
+                pose,
+                loose: false,
+            });
+            let reply = planner.solve(&request);
+            if !matches!(reply.status, PlanStatus::StartInCollision | PlanStatus::GoalInCollision) {
+                continue;
+            }
+            *seen.entry(format!("{:?}", reply.status)).or_insert(0) += 1;
+            let names = model.links.iter().map(|link| link.name.as_str());
+            let names = names.chain(request.obstacles.iter().map(|o| o.name.as_str()));
+            let named: std::collections::BTreeSet<&str> = names
+                .filter(|name| reply.reason.split([' ', '.', ':', ',']).any(|word| word == *name))
+                .collect();
+            assert!(named.len() >= 2, "{:?}: {} names {named:?}", reply.status, reply.reason);
+            assert_eq!(planner.effort().reason, reply.reason, "the plans log has the same");
+        }
+    }
+    assert_eq!(seen.len(), 2, "both kinds came up: {seen:?}");
+}
