@@ -1,10 +1,12 @@
 //! A person's own limb, tracked by another program and sent over UDP.
 
-use proact_testbed::{Session, TestbedError};
+use proact_devices::RefusedDatagrams;
+use proact_testbed::Session;
 use serde::Deserialize;
 use std::{
     io,
     net::{SocketAddr, UdpSocket},
+    time::Instant,
 };
 
 /// Datagrams taken in one go: a flood must not hold up the trial.
@@ -33,10 +35,11 @@ pub enum LimbError {
 /// Listens on this machine for `{"angles": [..]}`, one datagram for each measurement.
 pub struct LimbReceiver {
     socket: UdpSocket,
+    refused: RefusedDatagrams,
 }
 
+/// Other keys are ignored.
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 struct Measured {
     angles: Vec<f64>,
 }
@@ -51,7 +54,8 @@ impl LimbReceiver {
             socket.set_nonblocking(true)?;
             Ok(socket)
         });
-        Ok(Self { socket: bound.map_err(|source| LimbError::Port { port, source })? })
+        let socket = bound.map_err(|source| LimbError::Port { port, source })?;
+        Ok(Self { socket, refused: RefusedDatagrams::default() })
     }
 
     /// Where it listens.
@@ -68,28 +72,42 @@ impl LimbReceiver {
         (0..MOST_AT_ONCE).take_while(|_| self.socket.recv(&mut buffer).is_ok()).count() > 0
     }
 
-    /// Hands the newest measurement to the trial. False if none came.
-    ///
-    /// # Errors
-    /// A datagram that is no measurement of this arm.
-    pub fn drive(&mut self, session: &mut Session) -> Result<bool, LimbError> {
+    /// Hands the newest measurement to the trial. False if none came. Datagrams that are no measurement of this arm are counted.
+    pub fn drive(&mut self, session: &mut Session) -> bool {
         let mut newest = None;
         let mut buffer = [0; 4096];
         for _ in 0..MOST_AT_ONCE {
-            match self.socket.recv(&mut buffer) {
-                Ok(length) => newest = Some(buffer[..length].to_vec()),
+            let length = match self.socket.recv(&mut buffer) {
+                Ok(length) => length,
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
-                Err(error) => return Err(error.into()),
+                Err(error) => {
+                    self.refused.note(LimbError::Socket(error));
+                    break;
+                }
+            };
+            match measured(&buffer[..length], session.testbed().model().arm_count()) {
+                Ok(angles) => newest = Some(angles),
+                Err(reason) => self.refused.note(LimbError::Message(reason)),
             }
         }
-        let Some(message) = newest else { return Ok(false) };
-        let Measured { angles } =
-            serde_json::from_slice(&message).map_err(|error| LimbError::Message(error.to_string()))?;
-        session
-            .person()
-            .track_limb(&angles)
-            .map_err(|error: TestbedError| LimbError::Message(error.to_string()))?;
-        Ok(true)
+        newest.is_some_and(|angles| session.person().track_limb(&angles).is_ok())
+    }
+
+    /// The report that is due at `now` of datagrams that were refused, once a second at most.
+    pub fn report_refused(&mut self, now: Instant) -> Option<String> {
+        self.refused.report(now)
+    }
+}
+
+/// The angles that a datagram has, one for each of `joints`.
+fn measured(message: &[u8], joints: usize) -> Result<Vec<f64>, String> {
+    let Measured { angles } = serde_json::from_slice(message).map_err(|error| error.to_string())?;
+    match angles.iter().position(|angle| !angle.is_finite()) {
+        Some(index) => Err(format!("angle {index} is {}, expected a finite number", angles[index])),
+        None if angles.len() != joints => {
+            Err(format!("{} angles, the arm has {joints} joints", angles.len()))
+        }
+        None => Ok(angles),
     }
 }
 
@@ -106,15 +124,20 @@ mod tests {
         let mut receiver = LimbReceiver::bind(0).unwrap();
         let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
         let start = session.testbed().plant().state().position[3];
-        let mut send = |text: &str| {
-            sender.send_to(text.as_bytes(), receiver.address().unwrap()).unwrap();
-            receiver.drive(&mut session)
-        };
-        for wrong in ["rubbish", "{\"angles\": [1.0]}", "{\"angles\": [0,0,0,0,0,0,0], \"hand\": 1}"] {
-            let error = send(wrong).unwrap_err().to_string();
-            assert!(error.contains("an angle for each joint"), "{error}");
-        }
-        send(&format!("{{\"angles\": [1.0, -0.2, 0.1, {}, 0, 0, 0]}}", start - 0.2)).unwrap();
+        let address = receiver.address().unwrap();
+        let send = |text: &str| sender.send_to(text.as_bytes(), address).unwrap();
+        send("rubbish");
+        send("{\"angles\": [1.0]}");
+        assert!(!receiver.drive(&mut session));
+        let report = receiver.report_refused(Instant::now()).unwrap();
+        assert!(
+            report.starts_with("2 datagrams refused") && report.contains("an angle for each joint"),
+            "{report}"
+        );
+        // A key that the program does not know does not matter, nor does what comes after.
+        send(&format!("{{\"angles\": [1.0, -0.2, 0.1, {}, 0, 0, 0], \"quality\": 1}}", start - 0.2));
+        send("rubbish");
+        assert!(receiver.drive(&mut session));
         for _ in 0..1000 {
             session.step(false).unwrap();
         }

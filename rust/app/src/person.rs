@@ -4,7 +4,6 @@ use crate::vmpl::VmplPublisher;
 use crate::{Calibrations, HeadShoulder, LimbReceiver, Rosbridge, TrackedShoulder, TrialMarkers, tell};
 use proact_bridge::{ClientInput, ControllerPose, PageServer};
 use proact_devices::{DeviceError, FeedbackSinks, GazeDevice, GazeFrame, SentGaze};
-use proact_http::Repeats;
 use proact_testbed::{Session, Step};
 use proact_types::{FeedbackCue, GazeSample, InputSource};
 use std::{error::Error, path::Path, time::Instant};
@@ -20,8 +19,6 @@ pub struct LivePerson {
     limb: Option<LimbReceiver>,
     shoulder: Option<TrackedShoulder>,
     head_shoulder: Option<HeadShoulder>,
-    /// Why the limb was refused.
-    limb_refused: Repeats,
     feedback: FeedbackSinks,
     rosbridge: Option<Rosbridge>,
     vmpl: Option<VmplPublisher>,
@@ -41,7 +38,6 @@ impl LivePerson {
             limb,
             shoulder: None,
             head_shoulder: None,
-            limb_refused: Repeats::default(),
             feedback,
             rosbridge,
             vmpl: None,
@@ -148,7 +144,9 @@ impl LivePerson {
     /// is of no trial.
     pub fn listen(&mut self) -> [Option<bool>; 2] {
         let gaze = self.tracker.as_mut().map(|eye| eye.tracker.latest().is_ok_and(|sent| sent.is_some()));
-        [gaze, self.limb.as_mut().map(LimbReceiver::listen)]
+        let limb = self.limb.as_mut().map(LimbReceiver::listen);
+        self.report_refused();
+        [gaze, limb]
     }
 
     /// Another trial begins.
@@ -166,18 +164,23 @@ impl LivePerson {
         self.rosbridge.as_ref().map_or(Ok(()), |rosbridge| rosbridge.restart(session))
     }
 
+    /// Reports messages of the devices that were refused.
+    fn report_refused(&mut self) {
+        let now = Instant::now();
+        let gaze = self.tracker.as_mut().and_then(|eye| eye.tracker.report_refused(now));
+        let limb = self.limb.as_mut().and_then(|limb| limb.report_refused(now));
+        for (device, report) in [("eye tracker", gaze), ("limb", limb)] {
+            report.iter().for_each(|report| tell(format_args!("{device}: {report}")));
+        }
+    }
+
     /// Hands over what came in. Of several sources of gaze the eye tracker counts.
     pub fn drive(&mut self, session: &mut Session) -> Result<(), Box<dyn Error>> {
         if let Some(rosbridge) = &self.rosbridge {
             rosbridge.drive(session);
         }
         if let Some(limb) = &mut self.limb {
-            // A stream of broken datagrams is said once and counted, and the limb stays where it was.
-            if let Err(error) = limb.drive(session)
-                && let Some(reason) = self.limb_refused.tell("limb", error.to_string(), Instant::now())
-            {
-                tell(reason);
-            }
+            limb.drive(session);
         }
         if let Some(shoulder) = &mut self.shoulder {
             shoulder.drive(session)?;
@@ -188,6 +191,7 @@ impl LivePerson {
         if let Some(tracker) = &mut self.tracker {
             tracker.drive(session)?;
         }
+        self.report_refused();
         Ok(())
     }
 

@@ -11,6 +11,7 @@ use proact_devices::{
     DeviceError, VMPL_ARM_JOINTS, VMPL_JOINTS, VMPL_LEFT_GHOST_PORTS, VMPL_RIGHT_GHOST_PORTS, VmplGhost,
 };
 use proact_testbed::{Testbed, TrialConfig};
+use std::time::Instant;
 
 /// Takes ghost commands for the arm of one trial.
 #[derive(Debug)]
@@ -65,6 +66,9 @@ impl GhostReceiver {
 
     /// The ghost as it is to be shown now; none before there is one, and while it is switched off.
     pub fn latest(&mut self) -> Option<GhostArm> {
+        if let Some(report) = self.ghost.report_refused(Instant::now()) {
+            tell(format_args!("method vmpl, ghost arm: {report}"));
+        }
         let (command, setup) = self.ghost.latest()?;
         let mut joints = vec![0.0; self.joint_count];
         let fingers = command.fingers.unwrap_or([0.0; VMPL_JOINTS - VMPL_ARM_JOINTS]);
@@ -74,17 +78,6 @@ impl GhostReceiver {
             }
         }
         Some(GhostArm { joints, colour: setup.colour.map(f64::from), alpha: f64::from(setup.alpha) })
-    }
-}
-
-impl Drop for GhostReceiver {
-    fn drop(&mut self) {
-        let refused = self.ghost.refused();
-        if refused > 0 {
-            tell(format_args!(
-                "method vmpl: {refused} packets for the ghost arm were none and were left out"
-            ));
-        }
     }
 }
 

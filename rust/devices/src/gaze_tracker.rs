@@ -1,6 +1,7 @@
 use crate::DeviceError;
 use proact_types::{GazeSample, Point, Vector};
 use serde::Deserialize;
+use std::time::Instant;
 
 /// An eye further than this from the origin of its frame is a mistake, metres.
 const MAX_DISTANCE: f64 = 100.0;
@@ -61,4 +62,9 @@ pub trait GazeDevice: Send {
     /// # Errors
     /// The connection cannot be used any more.
     fn latest(&mut self) -> Result<Option<SentGaze>, DeviceError>;
+
+    /// What there is to report at `now` of messages that were no samples, once a second at most.
+    fn report_refused(&mut self, _now: Instant) -> Option<String> {
+        None
+    }
 }

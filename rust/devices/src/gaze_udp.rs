@@ -1,8 +1,9 @@
-use crate::{DeviceError, GazeDevice, GazeFrame, SentGaze};
+use crate::{DeviceError, GazeDevice, GazeFrame, RefusedDatagrams, SentGaze};
 use serde::Deserialize;
 use std::{
     io,
     net::{SocketAddr, UdpSocket},
+    time::Instant,
 };
 
 /// Where eye trackers send their samples unless told otherwise.
@@ -18,8 +19,8 @@ const IN_HEAD: u32 = 2;
 /// Samples taken in one go: a flood must not hold up the trial.
 const MAX_AT_ONCE: usize = 256;
 
+/// Keys that are not listed here, such as a tracker's own confidence, are ignored.
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 struct Text {
     #[serde(default)]
     origin: [f64; 3],
@@ -36,7 +37,7 @@ fn yes() -> bool {
 
 impl SentGaze {
     /// Reads one datagram. Either JSON, `{"origin": [x, y, z], "direction": [x, y, z], "valid": true, "frame":
-    /// "world" | "head"}`, where all but the direction may be left out; or 56 bytes, little endian: `PGZ1`, flags
+    /// "world" | "head"}`, where all but the direction may be left out and other keys are ignored; or 56 bytes, little endian: `PGZ1`, flags
     /// (u32; 1 = valid, 2 = in the frame of the head), origin and direction (three f64 each). Metres; the direction
     /// has any length above zero.
     ///
@@ -83,11 +84,11 @@ fn binary(message: &[u8]) -> Option<Text> {
     })
 }
 
-/// Gaze samples that an eye tracker's program sends over UDP. Datagrams that are no samples are counted and left out.
+/// Gaze samples that an eye tracker's program sends over UDP. Datagrams that are no samples are counted and reported.
 #[derive(Debug)]
 pub struct GazeReceiver {
     socket: UdpSocket,
-    refused: u64,
+    refused: RefusedDatagrams,
 }
 
 impl GazeReceiver {
@@ -99,7 +100,7 @@ impl GazeReceiver {
         let failed = |source| DeviceError::Udp { address: format!("127.0.0.1:{port}"), source };
         let socket = UdpSocket::bind(("127.0.0.1", port)).map_err(failed)?;
         socket.set_nonblocking(true).map_err(failed)?;
-        Ok(GazeReceiver { socket, refused: 0 })
+        Ok(GazeReceiver { socket, refused: RefusedDatagrams::default() })
     }
 
     /// Where it listens.
@@ -112,7 +113,7 @@ impl GazeReceiver {
 
     /// Datagrams so far that were no samples.
     pub fn refused(&self) -> u64 {
-        self.refused
+        self.refused.total()
     }
 }
 
@@ -124,13 +125,17 @@ impl GazeDevice for GazeReceiver {
             match self.socket.recv(&mut bytes) {
                 Ok(count) => match SentGaze::parse(&bytes[..count]) {
                     Ok(sent) => latest = Some(sent),
-                    Err(_) => self.refused += 1,
+                    Err(error) => self.refused.note(error),
                 },
                 Err(e) if e.kind() == io::ErrorKind::WouldBlock => break,
                 Err(source) => return Err(DeviceError::Udp { address: "127.0.0.1".to_owned(), source }),
             }
         }
         Ok(latest)
+    }
+
+    fn report_refused(&mut self, now: Instant) -> Option<String> {
+        self.refused.report(now)
     }
 }
 
@@ -148,6 +153,9 @@ mod tests {
         assert!(sent.sample.valid && sent.frame == GazeFrame::World);
         let sent = SentGaze { frame: GazeFrame::Head, ..sent };
         assert_eq!(SentGaze::parse(&sent.to_bytes()).unwrap(), sent);
+        let more =
+            br#"{"direction": [0, 0, -4], "confidence": 0.97, "pupil": {"left": 3.1}, "frame": "head"}"#;
+        assert_eq!(SentGaze::parse(more).unwrap().sample.direction, Vector::new(0.0, 0.0, -1.0));
         let lost = SentGaze::parse(br#"{"direction": [0, 0, 0], "valid": false}"#).unwrap();
         assert!(!lost.sample.valid);
     }
@@ -162,7 +170,6 @@ mod tests {
             (br#"{"direction": [1e300, 1e300, 0]}"#, "above zero"),
             (br#"{"direction": [1, 0, 0], "origin": [1e9, 0, 0]}"#, "up to 100 m"),
             (br#"{"direction": [1, 0, 0], "frame": "moon"}"#, "moon"),
-            (br#"{"direction": [1, 0, 0], "extra": 1}"#, "extra"),
             (b"PGZ1 short", "expected 56"),
         ] {
             let error = SentGaze::parse(message).unwrap_err().to_string();
@@ -186,6 +193,8 @@ mod tests {
         let sent = receiver.latest().unwrap().unwrap();
         assert_eq!(sent.sample.direction, Vector::y());
         assert_eq!(receiver.refused(), 1);
+        let report = receiver.report_refused(Instant::now()).unwrap();
+        assert!(report.starts_with("1 datagram refused, 1 so far; reason of the first: "), "{report}");
         assert!(GazeReceiver::bind(address.port()).is_err(), "the port is taken");
     }
 

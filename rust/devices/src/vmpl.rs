@@ -4,10 +4,11 @@
 //! Layouts and ports are facts of miniVIE's interface (`python/minivie/mpl/unity.py`, `extract_percepts.py`). What it leaves open
 //! is said where it is filled in.
 
-use crate::DeviceError;
+use crate::{DeviceError, RefusedDatagrams};
 use std::{
     io,
     net::{SocketAddr, UdpSocket},
+    time::Instant,
 };
 
 /// Joints of the limb: seven of the arm, then four each of index, middle, ring and little finger and of the thumb.
@@ -153,7 +154,7 @@ pub struct VmplDisplay {
     socket: UdpSocket,
     /// Where percepts go.
     decoder: SocketAddr,
-    refused: u64,
+    refused: RefusedDatagrams,
 }
 
 impl VmplDisplay {
@@ -165,7 +166,7 @@ impl VmplDisplay {
         let failed = |source| DeviceError::Udp { address: listen.to_string(), source };
         let socket = UdpSocket::bind(listen).map_err(failed)?;
         socket.set_nonblocking(true).map_err(failed)?;
-        Ok(VmplDisplay { socket, decoder, refused: 0 })
+        Ok(VmplDisplay { socket, decoder, refused: RefusedDatagrams::default() })
     }
 
     /// Where it listens.
@@ -178,7 +179,12 @@ impl VmplDisplay {
 
     /// Packets so far that were no commands.
     pub fn refused(&self) -> u64 {
-        self.refused
+        self.refused.total()
+    }
+
+    /// The report that is due at `now` of packets that were refused, once a second at most.
+    pub fn report_refused(&mut self, now: Instant) -> Option<String> {
+        self.refused.report(now)
     }
 
     /// The newest command since the last call. What the network says of packets that nobody took is no failure.
@@ -189,7 +195,7 @@ impl VmplDisplay {
         for _ in 0..MOST_AT_ONCE {
             match self.socket.recv(&mut bytes).map(|count| VmplCommand::parse(&bytes[..count])) {
                 Ok(Ok(command)) => latest = Some(command),
-                Ok(Err(_)) => self.refused += 1,
+                Ok(Err(error)) => self.refused.note(error),
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
                 // A decoder that does not listen yet answers percepts with a refusal of its port.
                 Err(_) => {}

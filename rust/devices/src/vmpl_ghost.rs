@@ -1,10 +1,11 @@
 //! The ghost arm of miniVIE's virtual limb on the wire: a second arm that is seen through and moves nothing, such as the posture that
 //! a decoder asks its wearer for. Its angles come as commands of the limb do, its look in packets of their own.
 
-use crate::{DeviceError, VmplCommand};
+use crate::{DeviceError, RefusedDatagrams, VmplCommand};
 use std::{
     io,
     net::{SocketAddr, UdpSocket},
+    time::Instant,
 };
 
 /// Bytes of a set-up: five numbers of 32 bits, little endian.
@@ -60,7 +61,7 @@ pub struct VmplGhost {
     setups: UdpSocket,
     command: Option<VmplCommand>,
     setup: Option<VmplGhostSetup>,
-    refused: u64,
+    refused: RefusedDatagrams,
 }
 
 impl VmplGhost {
@@ -76,7 +77,7 @@ impl VmplGhost {
             Ok(socket)
         };
         let (commands, setups) = (open(commands)?, open(setups)?);
-        Ok(VmplGhost { commands, setups, command: None, setup: None, refused: 0 })
+        Ok(VmplGhost { commands, setups, command: None, setup: None, refused: RefusedDatagrams::default() })
     }
 
     /// Where it listens for angles, and for the look.
@@ -89,7 +90,12 @@ impl VmplGhost {
 
     /// Packets so far that said nothing of a ghost.
     pub fn refused(&self) -> u64 {
-        self.refused
+        self.refused.total()
+    }
+
+    /// The report that is due at `now` of packets that were refused, once a second at most.
+    pub fn report_refused(&mut self, now: Instant) -> Option<String> {
+        self.refused.report(now)
     }
 
     /// The ghost as it was last asked for: none before its angles and its set-up are known, and while it is switched off.
@@ -100,14 +106,14 @@ impl VmplGhost {
             let Ok(count) = self.commands.recv(&mut bytes) else { break };
             match VmplCommand::parse(&bytes[..count]) {
                 Ok(command) => self.command = Some(command),
-                Err(_) => self.refused += 1,
+                Err(error) => self.refused.note(error),
             }
         }
         for _ in 0..MOST_AT_ONCE {
             let Ok(count) = self.setups.recv(&mut bytes) else { break };
             match VmplGhostSetup::parse(&bytes[..count]) {
                 Ok(setup) => self.setup = Some(setup),
-                Err(_) => self.refused += 1,
+                Err(error) => self.refused.note(error),
             }
         }
         self.command.as_ref().zip(self.setup.filter(|setup| setup.enabled))

@@ -170,7 +170,7 @@ impl Tracker for Limb {
         let angles: Vec<f64> = self.start.iter().map(|angle| angle - swing.abs()).collect();
         let text = json!({ "angles": angles }).to_string();
         self.socket.send_to(text.as_bytes(), self.receiver.address()?)?;
-        wait_for("a limb", || Ok(self.receiver.drive(session)?))
+        wait_for("a limb", || Ok(self.receiver.drive(session)))
     }
 
     fn die(&mut self, session: &mut Session, death: Death, _number: u64) -> Outcome<()> {
