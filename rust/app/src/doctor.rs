@@ -14,7 +14,7 @@ use crate::{
     CALIBRATIONS_DIR, Calibrations, MocapAxes, Registry, TrackedBody,
     libraries::{LIBRARIES, loaded_libraries, output_of},
 };
-use proact_devices::{SourceName, motion_capture::OpenedCapture};
+use proact_devices::{SourceName, SourceScheme, motion_capture::OpenedCapture};
 use serde::Serialize;
 
 /// Port of the page. When it is taken the program uses the next free one.
@@ -88,13 +88,75 @@ pub fn examine(registry: &Registry) -> Vec<Check> {
     checks.push(port("rosbridge port", ROSBRIDGE_PORT, "end that program before asking for rosbridge"));
     checks.push(writable(Path::new(".")));
     checks.push(Check::ok("methods", registry.methods.names().join(", ")));
-    checks.push(Check::ok("EMG", registry.sources.forms()));
-    let captures: Vec<&str> = registry.captures.iter().map(|scheme| scheme.form).collect();
-    checks.push(Check::ok("motion capture", captures.join(", ")));
+    checks.extend(offered(registry));
     checks.extend(calibrations(Path::new(CALIBRATIONS_DIR)));
     checks.push(Check::ok("feedback", sinks(registry)));
     checks.push(ros_master(env::var("ROS_MASTER_URI").ok().as_deref()));
     checks
+}
+
+/// The optional features, and the sources that this program can open.
+fn offered(registry: &Registry) -> Vec<Check> {
+    let mut checks: Vec<Check> = FEATURES.iter().map(Feature::check).collect();
+    let sources = registry.sources.schemes().iter().filter(|scheme| is_built_in(scheme.scheme));
+    let sources: Vec<String> = sources.map(SourceScheme::form).collect();
+    checks.push(Check::ok("EMG", sources.join(", ")));
+    let captures = registry.captures.iter().filter(|scheme| is_built_in(scheme.scheme));
+    let captures: Vec<&str> = captures.map(|scheme| scheme.form).collect();
+    checks.push(Check::ok("motion capture", captures.join(", ")));
+    checks
+}
+
+/// A part of the program that is compiled only when its feature is asked for.
+struct Feature {
+    name: &'static str,
+    built_in: bool,
+    what: &'static str,
+    /// Kinds of sources that need it.
+    schemes: &'static [&'static str],
+    /// What a build with it needs on Debian.
+    needs: &'static str,
+}
+
+const FEATURES: [Feature; 3] = [
+    Feature {
+        name: "ble",
+        built_in: cfg!(feature = "ble"),
+        what: "armbands over Bluetooth",
+        schemes: &["ble", "myo"],
+        needs: "libdbus-1-dev",
+    },
+    Feature {
+        name: "lsl",
+        built_in: cfg!(feature = "lsl"),
+        what: "streams of the lab streaming layer",
+        schemes: &["lsl"],
+        needs: "cmake",
+    },
+    Feature {
+        name: "ros",
+        built_in: cfg!(feature = "ros"),
+        what: "nodes and poses of a ROS 1 graph",
+        schemes: &["ros", "tf"],
+        needs: "the message packages of docs/ros1.md",
+    },
+];
+
+impl Feature {
+    fn check(&self) -> Check {
+        let Self { name, built_in, what, schemes, needs } = self;
+        let (label, sources) = (format!("feature {name}"), schemes.join(", "));
+        if *built_in {
+            return Check::ok(label, format!("built in: {what} ({sources})"));
+        }
+        let advice = format!("PROACT_FEATURES={name} ./proact builds it in; on Debian it needs {needs}");
+        Check::warn(label, format!("not built in: {what} ({sources})"), advice)
+    }
+}
+
+/// Whether a source of this kind can be opened by this program.
+fn is_built_in(scheme: &str) -> bool {
+    FEATURES.iter().all(|feature| feature.built_in || !feature.schemes.contains(&scheme))
 }
 
 /// How long a tracking source is listened to: connecting, names of bodies, and some seconds of poses.
@@ -332,6 +394,24 @@ fn ros_master(uri: Option<&str>) -> Check {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// It listed Bluetooth, LSL and ROS sources that the program could not open.
+    #[test]
+    fn only_sources_that_are_built_in_are_listed_and_each_feature_says_whether_it_is() {
+        let checks = offered(&Registry::standard());
+        let found = |name: &str| checks.iter().find(|check| check.name == name).expect("it is checked");
+        let mut forms = found("EMG").found.split(", ").chain(found("motion capture").found.split(", "));
+        assert!(forms.clone().any(|form| form.starts_with("file:")), "what is always there is listed");
+        for feature in &FEATURES {
+            let check = found(&format!("feature {}", feature.name));
+            assert_eq!(check.status == Status::Ok, feature.built_in, "{check:?}");
+            let lists =
+                |scheme: &&str| forms.clone().any(|form| form.split([':', '[']).next() == Some(scheme));
+            assert_eq!(feature.schemes.iter().all(lists), feature.built_in, "{:?}", feature.schemes);
+            assert_eq!(feature.schemes.iter().any(lists), feature.built_in, "{:?}", feature.schemes);
+        }
+        assert!(forms.all(|form| !form.is_empty()));
+    }
 
     #[test]
     fn a_taken_port_is_a_warning_and_a_free_one_is_not() {
