@@ -120,7 +120,18 @@ impl LiveStudy<'_> {
         }
     }
 
+    /// Whether a method of the plan uses gaze. One that the registry does not have may do so.
+    fn uses_gaze(&self) -> bool {
+        let plan = &self.state.conductor.study.plan;
+        (0..plan.conditions.len()).any(|condition| {
+            let method = plan.choice(condition).method;
+            let entry = method.as_deref().map(|name| self.registry.methods.get(name));
+            !matches!(entry, Some(Ok(entry)) if !entry.needs().gaze)
+        })
+    }
+
     fn trackers(&mut self) -> Vec<ReadinessCheck> {
+        let uses_gaze = self.uses_gaze();
         let Some(person) = &mut self.equipment.person else { return Vec::new() };
         let [gaze, limb] = person.listen();
         let mut checks = Vec::new();
@@ -131,7 +142,12 @@ impl LiveStudy<'_> {
             if sent {
                 *heard = Some(Instant::now());
             }
-            checks.push(alive(name, *heard));
+            let alive = alive(name, *heard);
+            checks.push(if name == "eye tracker" && !uses_gaze && !alive.ready {
+                check(name, true, "sends nothing; no method of the plan uses it".to_owned(), None)
+            } else {
+                alive
+            });
         }
         if let Some((ready, found)) = person.shoulder_ready() {
             checks.push(check("shoulder", ready, found, None));
