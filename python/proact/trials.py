@@ -114,23 +114,29 @@ def compare(
     """Each method in one trial a seed, with the same seeds for all: a summary a method, in their order.
 
     how: as ``run_trial``. Each summary has ``mean``, ``sd`` (None for one trial), ``min``, ``max``, ``median``, ``trials`` of the score,
-    ``score_name``, and ``results``, the results of its trials. Trials of simulated participants are no evidence about people.
+    ``score_name``, and ``results``, the results of its trials. Trials that failed (``ended`` is ``"failed"``) have no score: they are
+    counted in ``failed``, with the first reason in ``failure``; without a score left, ``mean`` to ``median`` are None. Trials of
+    simulated participants are no evidence about people.
     """
     seeds = list(seeds)
     summaries = {}
     for method in methods:
         results = [run_trial(method, seed=seed, **how) for seed in seeds]
-        scores = [result["score"] for result in results]
+        scores = [result["score"] for result in results if result["ended"] != "failed"]
+        failures = [fault["reason"] for result in results for fault in result.get("trial_faults", [])
+                    if result["ended"] == "failed" and fault["kind"] == "external_part"]
         name = results[0]["method"]
         if name in summaries:
             raise ValueError(f"two methods are called {name!r}: give one of them another name")
         summaries[name] = {
-            "mean": statistics.mean(scores),
+            "mean": statistics.mean(scores) if scores else None,
             "sd": statistics.stdev(scores) if len(scores) > 1 else None,
-            "min": min(scores),
-            "max": max(scores),
-            "median": statistics.median(scores),
+            "min": min(scores, default=None),
+            "max": max(scores, default=None),
+            "median": statistics.median(scores) if scores else None,
             "trials": len(scores),
+            "failed": len(results) - len(scores),
+            "failure": failures[0] if failures else None,
             "score_name": results[0]["score_name"],
             "results": results,
         }

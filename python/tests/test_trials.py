@@ -27,17 +27,19 @@ class Elbow(proact.ControlMethod):
 
 
 class Holds(proact.Participant):
-    """Holds a gesture after a moment of rest, and keeps what was seen."""
+    """Holds a gesture after a moment of rest, and keeps what was seen. Relaxes for 100 ms at ``relaxes``, s."""
 
-    def __init__(self, gesture="wrist_extension", after=0.3):
-        self.gesture, self.after = gesture, after
+    def __init__(self, gesture="wrist_extension", after=0.3, relaxes=None):
+        self.gesture, self.after, self.relaxes = gesture, after, relaxes
 
     def begin(self):
         self.frames = []
 
     def step(self, frame):
         self.frames.append(frame)
-        return proact.Intention(gesture=self.gesture if frame["time"] > 1000 * self.after else "no_motion")
+        secs = frame["time"] / 1000
+        rests = secs <= self.after or self.relaxes is not None and self.relaxes <= secs < self.relaxes + 0.1
+        return proact.Intention(gesture="no_motion" if rests else self.gesture)
 
 
 def run(method, participant=None, **how):
@@ -129,12 +131,13 @@ def gives_up_the_interpreter(seen):
         (plans_for_no_object, "plan: got object 99, there are 4"),
     ],
 )
-def test_a_method_that_fails_holds_the_arm_says_why_and_goes_on(how, words, tmp_path):
-    person = Holds()
+def test_a_method_that_fails_stops_the_arm_says_why_and_goes_on_after_a_relaxed_hand(how, words, tmp_path):
+    person = Holds(relaxes=2.7)
     result = run(Fails(how), person, record=tmp_path / "trial", limit_secs=4.0)
     # The arm needs a tenth of a second to stand still.
-    assert abs(moved(person, 2.2, 2.5)) < 0.002, "it stands still"
-    assert moved(person, 1.0, 1.9) > 0.2 and moved(person, 2.7, 3.7) > 0.2, "it moves before and after"
+    assert abs(moved(person, 2.2, 2.7)) < 0.002, "it stands still, and does not start again by itself"
+    assert moved(person, 1.0, 1.9) > 0.2 and moved(person, 2.9, 3.9) > 0.2, "it moves before and after"
+    assert result["ended"] == "task", "it was back at the end"
     assert any(words in reason for reason in result["reasons"]), result["reasons"]
     shown = [frame["planner"].get("reason", "") for frame in person.frames if 2100 < frame["time"] < 2450]
     assert shown and all(words in reason for reason in shown)
@@ -142,7 +145,7 @@ def test_a_method_that_fails_holds_the_arm_says_why_and_goes_on(how, words, tmp_
     assert found["agrees"] and found["digest"] == result["digest"]
 
 
-def test_a_method_that_takes_too_long_holds_the_arm_and_the_trial_does_not_wait(tmp_path):
+def test_a_method_that_takes_too_long_ends_the_trial_at_the_third_answer_and_the_trial_does_not_wait(tmp_path):
     over = threading.Event()
 
     def waits(seen):
@@ -153,7 +156,8 @@ def test_a_method_that_takes_too_long_holds_the_arm_and_the_trial_does_not_wait(
     result = run(Fails(waits), person, patience_secs=0.05, record=tmp_path / "trial", limit_secs=2.6)
     assert not over.is_set(), "it is still at it"
     over.set()
-    assert abs(moved(person, 2.2, 2.5)) < 0.002
+    assert result["sim_seconds"] == pytest.approx(2.02), "steps of 10 ms"
+    assert result["ended"] == "failed" and "has missed 3 answers in a row" in result["trial_faults"][0]["reason"]
     assert result["faults"] == ["the Python method has not answered within 50 ms"]
     assert any("has not answered within 50 ms" in reason for reason in result["reasons"])
     assert json.loads((tmp_path / "trial" / "python_faults.json").read_text()) == result["faults"]
@@ -169,7 +173,7 @@ def test_a_method_that_never_returns_does_not_hold_the_trial_up():
 
     result = run(Fails(loops), patience_secs=0.02, limit_secs=2.2)
     stop.append(True)
-    assert result["sim_seconds"] == pytest.approx(2.2)
+    assert result["sim_seconds"] == pytest.approx(2.02) and result["ended"] == "failed"
     assert result["faults"] == ["the Python method has not answered within 20 ms"]
 
 

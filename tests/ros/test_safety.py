@@ -27,7 +27,7 @@ from std_srvs.srv import Empty  # noqa: E402
 ARM = ["mpl_right_arm__" + n for n in "shoulder humerus elbow forearm wristy wristx wristz".split()]
 # In typed messages a name is its place in Gesture::ALL, InputSource::ALL or StopCause::ALL of proact_types.
 GESTURES = "hand_close hand_open no_motion wrist_extension wrist_flexion".split()
-SOURCES = "armband gesture_topic page eye_tracker shoulder_tracker limb_tracker stage participant".split()
+SOURCES = "armband gesture_topic page eye_tracker shoulder_tracker limb_tracker stage participant method".split()
 CAUSES = "silent closed frozen flat railed noiseless lossy wrong_rate lost".split()
 # From the first value that is missing or wrong to the arm at rest, simulated ms.
 LIMIT = 250

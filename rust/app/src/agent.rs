@@ -179,7 +179,7 @@ impl AgentTrial {
         let out_of_time = testbed.now() >= SimTime::from_secs(testbed.config().limit_secs);
         let (terminated, truncated) = (run.ended && !out_of_time, run.ended && out_of_time);
         if run.ended {
-            self.close_record(TrialEnd::Task)?;
+            self.close_record(self.result().ended)?;
         }
         Ok(AgentStep { reward, terminated, truncated })
     }

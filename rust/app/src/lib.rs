@@ -105,7 +105,7 @@ pub use ros_capture::ROS_SCHEMES;
 #[cfg(feature = "ros")]
 pub use rosbridge::relay;
 pub use rosbridge::{Rosbridge, RosbridgePlace, drive_by_topics};
-pub use run::{Audience, run_to_end};
+pub use run::{Audience, run_to_end, tell_faults};
 pub use tracked_body::{Followable, MocapAxes, MocapAxesError, TrackedBody};
 pub use tracked_limb::{LimbBodies, LimbBodiesError, TrackedLimb, TrackedLimbError};
 pub use tracked_shoulder::{TrackedShoulder, TrackedShoulderError};

@@ -1,8 +1,10 @@
 //! A trial that a person drives in real time.
 
 use crate::{
-    CardTally, Experimenter, LivePerson, Pace, Recorder, ResultCards, experimenter::store_gaze_check,
-    person::drive_by_page, run::finish,
+    CardTally, Experimenter, LivePerson, Pace, Recorder, ResultCards,
+    experimenter::store_gaze_check,
+    person::drive_by_page,
+    run::{finish, tell_faults},
 };
 use crate::{experimenter::begins_or_ends, latency::StageClock};
 use crate::{vmpl::is_by_decoder, vmpl_ghost::GhostReceiver};
@@ -92,7 +94,7 @@ impl LiveTrial<'_> {
         let ended = self.drive(&mut tally)?;
         self.person.end_trial();
         let end = match &ended {
-            Ended::Finished => TrialEnd::Task,
+            Ended::Finished => self.session.result().ended,
             Ended::Aborted => TrialEnd::Abort,
             Ended::Restart { .. } => TrialEnd::Restart,
             Ended::Interrupted => TrialEnd::Interrupt,
@@ -101,6 +103,7 @@ impl LiveTrial<'_> {
             self.person.keep_trunk(dir)?;
         }
         let result = finish(&self.session, self.recorder.take(), self.dir.as_deref(), start, end)?;
+        tell_faults(&result);
         self.inputs.ended(&result);
         let most = self.session.testbed().task().briefing().most;
         if let Some(results) = &mut self.results {

@@ -3,8 +3,8 @@
 use crate::vmpl::{VMPL_COMMAND, VmplError, VmplMethod};
 use proact_arm::ArmModel;
 use proact_control::{ControlError, MethodEntry, MethodProgram, ports::MethodProcess};
-use proact_devices::LineProcess;
-use proact_types::{MOST_TEXT_BYTES, MethodAnswer, SimTime, read_text};
+use proact_devices::{LineFault, LineProcess};
+use proact_types::{ExternalAnswer, MOST_TEXT_BYTES, MethodAnswer, SimTime, read_text};
 use std::{
     fs::File,
     path::{Path, PathBuf},
@@ -81,12 +81,14 @@ pub fn read_method_file(path: &Path) -> Result<MethodEntry, MethodFileError> {
 
 /// A program that answers line by line, and how long a tick may wait for it.
 pub(crate) struct Running {
-    process: LineProcess,
+    /// Or why it does not start.
+    process: Result<LineProcess, String>,
     patience: Duration,
 }
 
 impl Running {
-    /// Starts `command`, which is this `part` of a trial. A live trial does not wait `for_each_answer`.
+    /// Starts `command`, which is this `part` of a trial. A live trial does not wait `for_each_answer`, and is refused if the
+    /// program does not start. A simulated one runs and has that in its record, so that a batch lists it and goes on.
     pub(crate) fn start(
         part: &'static str,
         command: &[String],
@@ -94,14 +96,27 @@ impl Running {
         deadline_ms: u64,
     ) -> Result<Self, MethodProcessError> {
         let failed = |source| MethodProcessError::Start { part, command: command.to_owned(), source };
-        let process = LineProcess::start(command, LONGEST_LINE).map_err(failed)?;
+        let process = match LineProcess::start(command, LONGEST_LINE).map_err(failed) {
+            Err(error) if for_each_answer => Err(error.to_string()),
+            started => Ok(started?),
+        };
         let patience = if for_each_answer { BATCH_PATIENCE } else { Duration::from_millis(deadline_ms) };
         Ok(Self { process, patience })
     }
 
-    /// Its answer to the line of `now`, or why there is none.
-    pub(crate) fn answer(&mut self, now: SimTime, line: &str) -> Result<String, String> {
-        self.process.ask(now.0, line.to_owned(), self.patience).map_err(|fault| fault.to_string())
+    /// Its answer to the line of `now`.
+    pub(crate) fn answer(&mut self, now: SimTime, line: &str) -> ExternalAnswer {
+        let process = match &mut self.process {
+            Ok(process) => process,
+            Err(reason) => return ExternalAnswer::Failed(reason.clone()),
+        };
+        match process.ask(now.0, line.to_owned(), self.patience) {
+            Ok(line) => ExternalAnswer::Line(line),
+            Err(fault @ (LineFault::Late { .. } | LineFault::NotRead)) => {
+                ExternalAnswer::Missed(fault.to_string())
+            }
+            Err(fault) => ExternalAnswer::Failed(fault.to_string()),
+        }
     }
 }
 

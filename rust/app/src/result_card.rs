@@ -80,6 +80,7 @@ fn card(result: &TrialResult, who: &str, most: Option<u32>, tally: CardTally) ->
         // A task that tells of other things has no such list.
         objects: serde_json::from_value::<Vec<ResultLine>>(outcomes).unwrap_or_default(),
         norms: norms.iter().map(ToString::to_string).collect(),
+        faults: result.trial_faults.iter().map(|fault| fault.reason.clone()).collect(),
     }
 }
 

@@ -5,6 +5,7 @@ use crate::{
     latency::StageClock,
     live::{TRACKING_EVERY, TrialInputs},
     person::give_feedback,
+    tell,
 };
 use proact_bridge::{ClientInput, PageServer};
 use proact_devices::FeedbackSinks;
@@ -121,7 +122,7 @@ pub fn run_to_end(
         }
         match ending {
             Some(ended) => break ended,
-            None if step.output.finished => break TrialEnd::Task,
+            None if step.output.finished => break session.result().ended,
             None => {}
         }
     };
@@ -153,6 +154,11 @@ pub(crate) fn finish(
         recorder.finish(&result)?;
     }
     Ok(result)
+}
+
+/// Tells whoever watches standard error what is wrong with a trial that is over.
+pub fn tell_faults(result: &TrialResult) {
+    result.trial_faults.iter().for_each(|fault| tell(format_args!("fault of the trial: {}", fault.reason)));
 }
 
 /// Gives a browser a moment to come and to draw, so that it misses nothing of the trial.

@@ -24,7 +24,9 @@ use proact_testbed::{
     doubles::{InstantPlans, KinematicPlant},
     ports::{EmgSource as EmgPort, PlanService, Plant, PlantError},
 };
-use proact_types::{GestureCommands, GestureTableError, MethodStyle, PlanReply, PlanRequest, Pose, Scene};
+use proact_types::{
+    GestureCommands, GestureTableError, MethodStyle, PlanReply, PlanRequest, Pose, Scene, WindowAnswer,
+};
 use std::collections::BTreeMap;
 use std::sync::{
     Arc, Mutex, PoisonError,
@@ -430,8 +432,20 @@ pub(crate) fn decoder(
     classifier: Option<&Classifier>,
 ) -> Result<Option<Box<dyn DecoderProcess>>, AssemblyError> {
     let (Some(emg), Some(classifier)) = (&config.emg, classifier) else { return Ok(None) };
-    let started = ProcessDecoder::start(emg, classifier, config.wait_for_plans)?;
-    Ok(started.map(|process| -> Box<dyn DecoderProcess> { Box::new(process) }))
+    match ProcessDecoder::start(emg, classifier, config.wait_for_plans) {
+        // As with a method: a simulated trial has it in its record, so that a batch lists it and goes on.
+        Err(error) if config.wait_for_plans => Ok(Some(Box::new(NoDecoder(error.to_string())))),
+        started => Ok(started?.map(|process| -> Box<dyn DecoderProcess> { Box::new(process) })),
+    }
+}
+
+/// Stands for a process that does not start, with the reason.
+struct NoDecoder(String);
+
+impl DecoderProcess for NoDecoder {
+    fn ask(&mut self, _window: u64, _line: &str) -> WindowAnswer {
+        WindowAnswer::Failed(self.0.clone())
+    }
 }
 
 /// The physics of a trial.

@@ -1,6 +1,7 @@
 //! The method `vmpl`: a decoder that speaks to miniVIE's virtual limb drives the arm, unchanged, and gets percepts back. What it
 //! asks for is logged as the answers of an outside method are, so that a replay needs no decoder.
 
+use crate::tell;
 use proact_arm::{ArmModel, Side, is_named};
 use proact_control::{
     FingerCommand, HandCommand, InputLine, MethodEntry, MethodProgram, MotionCommand, OutputLine,
@@ -262,12 +263,19 @@ impl VmplMethod {
 
 impl MethodProcess for VmplMethod {
     fn ask(&mut self, _now: SimTime, line: &str) -> MethodAnswer {
-        let line: InputLine = serde_json::from_str(line).map_err(|error| error.to_string())?;
+        let line: InputLine = match serde_json::from_str(line) {
+            Ok(line) => line,
+            Err(error) => return MethodAnswer::Failed(error.to_string()),
+        };
         if line.time.0.is_multiple_of(PERCEPTS_EVERY_MS) {
             self.display.send(&self.percepts(&line));
         }
-        let answer = self.answer(&line, Instant::now());
-        serde_json::to_string(&answer).map_err(|error| error.to_string())
+        let now = Instant::now();
+        let answer = self.answer(&line, now);
+        if let Some(report) = self.display.report_refused(now) {
+            tell(format_args!("method vmpl: {report}"));
+        }
+        serde_json::to_string(&answer).map_err(|error| error.to_string()).into()
     }
 }
 

@@ -76,7 +76,8 @@ impl MethodProcess for Speeds {
     fn ask(&mut self, now: SimTime, _line: &str) -> MethodAnswer {
         let speeds = period_of(now).map_or([0.0; 7], |period| self.0[period]);
         let motion = Some(MotionCommand::Velocity(joints(&speeds)));
-        Ok(serde_json::to_string(&OutputLine { time: now, motion, ..OutputLine::default() }).unwrap())
+        let line = OutputLine { time: now, motion, ..OutputLine::default() };
+        MethodAnswer::Line(serde_json::to_string(&line).unwrap())
     }
 }
 

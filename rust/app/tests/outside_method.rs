@@ -1,10 +1,17 @@
 //! A control method in another process: the example of the documentation, processes that fail, and the replay.
 #![allow(clippy::disallowed_methods)] // A test of files and processes.
 
-use proact_app::{Recorder, ReplayOptions, replay_trial, trial};
-use proact_control::MethodProgram;
-use proact_testbed::{Session, Setup, TrialConfig};
-use proact_types::{DisplayFrame, GazeSample, Gesture, PlannerView, Point};
+use proact_app::{
+    Arm, Recorder, ReplayOptions, replay_trial,
+    trial::{self, OwnParts},
+};
+use proact_control::{MethodProgram, MethodRegistry, ports::MethodProcess};
+use proact_devices::EmgOrigin;
+use proact_testbed::{ResultFaultKind, Session, Setup, TrialConfig, TrialEnd};
+use proact_types::{
+    DisplayFrame, EventKind, GazeSample, Gesture, InputSource, MethodAnswer, PlannerView, Point, SimTime,
+    StopCause,
+};
 use std::{error::Error, path::Path};
 
 type Outcome<T = ()> = Result<T, Box<dyn Error>>;
@@ -111,5 +118,151 @@ fn a_process_that_is_late_floods_or_does_not_exist_is_told_apart() -> Outcome {
     assert!(error.to_string().contains("proact-no-such-program"), "{error}");
     let error = config(&[], 5)?.check().expect_err("no program").to_string();
     assert!(error.contains("method_process.command"), "{error}");
+    Ok(())
+}
+
+/// Turns the elbow until 0.5 s, then does `wrong` with each line.
+fn goes_wrong(wrong: &str) -> String {
+    format!(
+        "import json, sys\nfor line in sys.stdin:\n    t = json.loads(line)['time']\n    \
+         answer = '{{\"time\": %d, \"motion\": {{\"velocity\": [0,0,0,0.4,0,0,0]}}}}' % t\n    \
+         if t >= 500:\n        {wrong}\n    print(answer, flush=True)\n"
+    )
+}
+
+/// When and why a method stopped the arm.
+fn method_stops(frames: &[DisplayFrame]) -> Vec<(u64, StopCause, String)> {
+    let stop = |event: &proact_types::Event| match &event.kind {
+        EventKind::Stopped { source: InputSource::Method, cause, reason } => {
+            Some((event.time.0, *cause, reason.clone()))
+        }
+        _ => None,
+    };
+    frames.iter().flat_map(|frame| &frame.events).filter_map(stop).collect()
+}
+
+/// It only held the arm: no event, no fault in the tables, and a score of zero.
+#[test]
+fn a_method_that_goes_wrong_stops_the_arm_with_an_event_and_its_trial_fails_live_and_in_the_replay() -> Outcome
+{
+    for (wrong, expected) in [
+        (
+            "answer = '{\"time\": %d, \"motion\": {\"velocity\": [0.4, 0.4]}}' % t",
+            "got 2 values, the arm has 7 joints",
+        ),
+        (
+            "answer = '{\"time\": %d, \"mode\": {\"moves\": {\"joint\": 40}, \"name\": \"x\", \"directions\": [\"a\", \"b\"]}}' % t",
+            "mode: got joint 40",
+        ),
+        ("answer = '{\"time\": %d, \"motion\": {\"teleport\": [0]}}' % t", "unknown variant `teleport`"),
+        ("answer = '{\"time\": %d, \"motion\": {\"velocity\": [NaN,0,0,0,0,0,0]}}' % t", "expected value"),
+        ("answer = 'what?'", "answered \"what?\""),
+        ("sys.exit(4)", "has ended (exit status: 4)"),
+    ] {
+        let place = tempfile::tempdir()?;
+        let dir = place.path().join("trial");
+        let short = TrialConfig { limit_secs: 1.2, ..config(&["python3", "-c", &goes_wrong(wrong)], 1000)? };
+        let (frames, session) = run(short, Some(&dir))?;
+        let stops = method_stops(&frames);
+        let [(at, StopCause::Undecided, reason)] = stops.as_slice() else { panic!("{wrong}: {stops:?}") };
+        assert_eq!(*at, 500, "in the tick of the first bad answer");
+        assert!(reason.starts_with("the method failed: ") && reason.contains(expected), "{reason}");
+        let last = frames.last().ok_or("frames")?;
+        assert_eq!(
+            last.stop.as_ref().map(|stop| stop.source),
+            Some(InputSource::Method),
+            "the page shows it"
+        );
+        assert!(session.testbed().plant().state().velocity.iter().all(|speed| speed.abs() < 1e-2));
+        let result = session.result();
+        assert_eq!((result.ended, result.counted_score()), (TrialEnd::Failed, None), "{wrong}");
+        assert!(result.failure().is_some_and(|failure| failure.contains(expected)), "{:?}", result.failure());
+        drop(session);
+        let replayed = replay_trial(&dir, ReplayOptions::default())?;
+        assert!(replayed.agrees, "{wrong}: {:?}", replayed.divergence);
+    }
+    Ok(())
+}
+
+#[test]
+fn a_live_method_that_never_answers_stops_the_arm_in_200_ms_and_ends_the_trial_at_the_limit() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let dir = place.path().join("trial");
+    let silent = config(&["sh", "-c", "cat >/dev/null"], 1)?;
+    let (frames, session) = run(TrialConfig { missed_answers_limit: Some(50), ..silent }, Some(&dir))?;
+    // The first step is that of tick 1, in which the gesture begins.
+    let stops = method_stops(&frames);
+    assert!(matches!(stops.as_slice(), [(210, StopCause::Silent, _)]), "{stops:?}");
+    let last = frames.last().ok_or("frames")?;
+    assert_eq!((last.time.0, last.finished), (490, true), "50 steps");
+    let result = session.result();
+    let failure = result.failure().ok_or("it failed")?;
+    assert!(
+        failure.contains("has missed 50 answers in a row") && failure.contains("within 1 ms"),
+        "{failure}"
+    );
+    drop(session);
+    assert!(replay_trial(&dir, ReplayOptions::default())?.agrees);
+    Ok(())
+}
+
+/// Answers nothing, at once.
+struct NeverAnswers;
+
+impl MethodProcess for NeverAnswers {
+    fn ask(&mut self, _now: SimTime, _line: &str) -> MethodAnswer {
+        MethodAnswer::Missed("the process has not answered within 10000 ms".to_owned())
+    }
+}
+
+/// A simulated trial of `config` to its end.
+fn simulate(config: TrialConfig, method: Option<Box<dyn MethodProcess>>) -> Outcome<Session> {
+    let (arm, methods) = (Arm::of(&config)?, MethodRegistry::standard());
+    let emg = Some(trial::EmgOf { origin: &EmgOrigin::Synthetic, trained: None });
+    let own = OwnParts { method, ..OwnParts::default() };
+    let mut session = trial::simulated_by(&methods, &arm, config, emg, 0.0, own)?.session;
+    while !session.step(false)?.output.finished {}
+    Ok(session)
+}
+
+/// A trial of 3 s waited 10 s for each of its steps.
+#[test]
+fn a_batch_trial_ends_after_three_answers_that_were_waited_for_in_vain() -> Outcome {
+    let session = simulate(config(&["never-started"], 5)?, Some(Box::new(NeverAnswers)))?;
+    assert_eq!(session.testbed().now(), SimTime(30));
+    assert_eq!(session.result().ended, TrialEnd::Failed);
+    Ok(())
+}
+
+#[test]
+fn a_simulated_trial_whose_method_does_not_exist_runs_and_fails_with_its_name() -> Outcome {
+    let short = TrialConfig { limit_secs: 0.5, ..config(&["proact-no-such-program"], 5)? };
+    let result = simulate(short, None)?.result();
+    assert!(result.failure().is_some_and(|failure| failure.contains("proact-no-such-program")), "{result:?}");
+    let kinds: Vec<ResultFaultKind> = result.trial_faults.iter().map(|fault| fault.kind).collect();
+    assert_eq!(kinds, [ResultFaultKind::ExternalPart, ResultFaultKind::NeverActed]);
+    Ok(())
+}
+
+#[test]
+fn a_method_that_is_back_goes_on_after_a_relaxed_hand_and_its_trial_counts() -> Outcome {
+    let once = goes_wrong("answer = 'what?' if t < 520 else answer");
+    let trial::Assembly { mut session, .. } = trial::live(config(&["python3", "-c", &once], 1000)?)?;
+    let mut kinds = Vec::new();
+    let mut turned = Vec::new();
+    for tick in 1..=1500 {
+        session.person().act(if (1000..1100).contains(&tick) {
+            Gesture::NoMotion
+        } else {
+            Gesture::WristExtension
+        });
+        kinds.extend(session.step(false)?.output.events.into_iter().map(|event| (tick, event.kind)));
+        turned.push(session.testbed().targets()[3]);
+    }
+    let rearmed = kinds.iter().find(|(_, kind)| *kind == EventKind::Rearmed).map(|(tick, _)| *tick);
+    assert_eq!(rearmed, Some(1000), "{kinds:?}");
+    assert!((turned[990] - turned[600]).abs() < 1e-9, "a gesture that is held does not start it again");
+    assert!(turned[1499] > turned[1000] + 0.1, "a relaxed hand does");
+    assert!(session.result().trial_faults.is_empty());
     Ok(())
 }

@@ -187,7 +187,7 @@ impl Script {
         [
             (1.5, EventKind::Locked { object: Some(block) }),
             (2.0, EventKind::PlanRequested { request: 1 }),
-            (2.3, EventKind::PlanFinished { request: 1, status: PlanStatus::Ok }),
+            (2.3, EventKind::PlanFinished { request: 1, status: PlanStatus::Ok, reason: None }),
             (5.0, EventKind::MotionFinished),
             (6.3, EventKind::ObjectAttached { object: block }),
             (11.3, EventKind::ObjectReleased { object: block }),

@@ -59,6 +59,9 @@ pub struct ResultCard {
     /// What people with two sound hands reach, a line each, where that is known.
     #[serde(default)]
     pub norms: Vec<String>,
+    /// What is wrong with the trial, a sentence each.
+    #[serde(default)]
+    pub faults: Vec<String>,
 }
 
 /// What became of one object, as a line of a [`ResultCard`].

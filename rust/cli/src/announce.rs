@@ -53,6 +53,7 @@ pub(crate) fn print_result(result: &TrialResult) -> io::Result<()> {
         TrialEnd::Abort => answer("ended by the experimenter")?,
         TrialEnd::Restart => answer("ended for another trial")?,
         TrialEnd::Interrupt => answer("interrupted")?,
+        TrialEnd::Failed => answer("failed: the score does not count")?,
     }
     answer(format_args!("digest {}", result.digest))?;
     if let Some(dir) = &result.trial_dir {

@@ -152,7 +152,7 @@ impl BatchArgs {
             let mut digests = vec![String::new(); batch.count()];
             let whole = run_batch(batch, 0..batch.count(), None, &programs, |trial, result| {
                 let label = batch.label(trial);
-                tally.take(&label, trial.index, &result.score_name, result.score);
+                tally.take(&label, trial.index, result);
                 digests[trial.index].clone_from(&result.digest);
                 progress.set_message(format!("{label}: {} {}", result.score, result.score_name));
                 progress.inc(1);

@@ -10,10 +10,10 @@ use proact_app::{
     Registry,
     analysis::{self, ReportOptions, leader_board},
     answer,
-    batch::{Batch, MethodsBatch, NO_EVIDENCE, Sweep},
+    batch::{Batch, ConditionSummary, MethodsBatch, NO_EVIDENCE, Sweep},
     tell,
 };
-use serde_json::json;
+use serde_json::{Value, json};
 use std::error::Error;
 
 /// Arguments of `proact compare`.
@@ -98,11 +98,19 @@ pub(crate) fn command(registry: &Registry, args: CompareArgs) -> Result<bool, Bo
     })?;
     drawing.finish_and_clear();
     let leaders = leader_board(&collected, list.seed);
+    let summaries = merged.tally.summaries();
+    let all_counted = summaries.iter().all(|summary| summary.scores.is_some());
+    let failed: Vec<&ConditionSummary> = summaries.iter().filter(|summary| summary.failed > 0).collect();
+    failed.iter().filter_map(|summary| summary.failed_line()).for_each(tell);
     if args.json {
-        let object = json!({ "leaders": leaders, "out": dir, "report": written.page, "tables": written.tables,
+        let failed: Vec<Value> = failed
+            .iter()
+            .map(|own| json!({ "method": own.condition, "trials": own.failed, "failure": own.failure }))
+            .collect();
+        let object = json!({ "leaders": leaders, "failed": failed, "out": dir, "report": written.page, "tables": written.tables,
             "figures": written.figures, "notes": written.notes, "lines": merged.lines, "note": NO_EVIDENCE });
         answer(object.to_string())?;
-        return Ok(true);
+        return Ok(all_counted);
     }
     answer("     method      mean  [95 % interval]    sd   all   none  better than the next")?;
     for leader in &leaders {
@@ -118,6 +126,10 @@ pub(crate) fn command(registry: &Registry, args: CompareArgs) -> Result<bool, Bo
             leader.at_zero * 100.0
         ))?;
     }
+    for own in failed.iter().filter(|own| own.scores.is_none()) {
+        let reason = own.failure.as_deref().unwrap_or_default();
+        answer(format_args!("   - {:10} failed, all {} trials: {reason}", own.condition, own.failed))?;
+    }
     answer(format_args!("{NO_EVIDENCE} Open {}", written.page.display()))?;
-    Ok(true)
+    Ok(all_counted)
 }

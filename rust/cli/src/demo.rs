@@ -11,13 +11,13 @@ use crate::{
 use clap::Args;
 use proact_app::{
     Arm, Audience, CardTally, Recorder, Registry, ResultCards, Rosbridge, TrackedShoulder, answer,
-    default_dir, page_content, run_to_end, tell,
+    default_dir, page_content, run_to_end, tell, tell_faults,
     trial::{self, Assembly},
 };
 use proact_bridge::{AfterTrial, ClientInput, PageContent, PageOptions, PageServer};
 use proact_devices::{EmgOrigin, FeedbackSinks};
 use proact_emg::{EmgConfig, EmgModel};
-use proact_testbed::{Session, TrialConfig, TrialEnd, TrialResult};
+use proact_testbed::{ResultFault, ResultFaultKind, Session, TrialConfig, TrialEnd, TrialResult};
 use proact_types::{MOST_TEXT_BYTES, read_text};
 use std::{
     error::Error,
@@ -227,7 +227,7 @@ impl Shown {
         loop {
             let result = self.once(registry, how, &mut room)?;
             let Room { page, interrupted, .. } = &mut room;
-            let ended = Ok(result.ended != TrialEnd::Interrupt);
+            let ended = Ok(result.ended != TrialEnd::Interrupt && !failed_or_idle(&result));
             let Some(shown) = page.as_ref().filter(|_| !how.exit && !interrupted.load(Ordering::Relaxed))
             else {
                 return ended;
@@ -310,6 +310,7 @@ impl Shown {
         if let Some(page) = page {
             room.cards.show(page, briefing.most, &result, "Simulated participant", tally, &room.offers);
         }
+        tell_faults(&result);
         if how.json {
             answer(serde_json::to_string(&result)?)?;
         } else {
@@ -317,6 +318,12 @@ impl Shown {
         }
         Ok(result)
     }
+}
+
+/// Whether a part in another process failed, or was a method that never acted.
+fn failed_or_idle(result: &TrialResult) -> bool {
+    let idle = |fault: &ResultFault| fault.kind == ResultFaultKind::NeverActed;
+    result.ended == TrialEnd::Failed || result.trial_faults.iter().any(idle)
 }
 
 /// What the page asks for after a trial; none when the command is ended.

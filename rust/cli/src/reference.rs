@@ -71,6 +71,8 @@ fn configuration() -> Result<String, Box<dyn Error>> {
     for (key, value) in keys_of(&table, "") {
         text += &format!("| `{key}` | `{}` |\n", value.to_string().replace('|', "\\|").replace('\n', " "));
     }
+    // A configuration leaves it out while it has its default.
+    text += &format!("| `failed_plans_limit` | `{}` |\n", config.failed_plans_limit);
     for (name, file) in COMMENTED {
         text += &format!("\n## The {name}\n\n```toml\n{}\n```\n", file.trim_end());
     }

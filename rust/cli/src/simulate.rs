@@ -87,8 +87,7 @@ pub(crate) fn command(registry: &Registry, args: &SimulateArgs) -> Result<bool, 
             seeds.sort_unstable();
             seeds.dedup();
             let more = json!({ "seeds": seeds, "digests": digests });
-            told(args, &summaries, more, start)?;
-            Ok(true)
+            told(args, &summaries, more, start)
         }
         BatchOutcome::Merged(dir, merged) => told_of_folder(args, &dir, *merged, start),
         BatchOutcome::Shard(dir, shard, trials) => {
@@ -147,42 +146,60 @@ fn told_of_folder(
         object.insert("figures".into(), json!(figures));
         object.insert("sweep".into(), json!(table));
     }
-    told(args, &merged.tally.summaries(), more, start)?;
+    let all_counted = told(args, &merged.tally.summaries(), more, start)?;
     if !args.json {
         match sweep {
             Some(report) => answer(format_args!("tables and heat maps: open {}", report.page.display()))?,
             None => answer(format_args!("tables in {0}; the report: proact analyze {0}", dir.display()))?,
         }
     }
-    Ok(true)
+    Ok(all_counted)
 }
 
+/// Prints the figures. False if all trials of a condition failed.
 fn told(
     args: &SimulateArgs,
     summaries: &[ConditionSummary],
     more: Value,
     start: Instant,
-) -> Result<(), Box<dyn Error>> {
+) -> Result<bool, Box<dyn Error>> {
+    let all_counted = summaries.iter().all(|summary| summary.scores.is_some());
+    summaries.iter().filter_map(ConditionSummary::failed_line).for_each(proact_app::tell);
     if args.json {
         let mut methods = Map::new();
         for summary in summaries {
-            methods.insert(summary.condition.clone(), serde_json::to_value(summary)?);
+            let mut figures = serde_json::to_value(summary)?;
+            if summary.scores.is_none() {
+                figures["trials"] = json!(0);
+            }
+            methods.insert(summary.condition.clone(), figures);
         }
         let mut object = json!({ "methods": methods, "jobs": args.batch.jobs(),
             "wall_seconds": start.elapsed().as_secs_f64(), "note": NO_EVIDENCE });
         if let (Some(object), Value::Object(more)) = (object.as_object_mut(), more) {
             object.extend(more);
         }
-        return Ok(answer(object.to_string())?);
+        answer(object.to_string())?;
+        return Ok(all_counted);
     }
     answer("         mean    sd   min median   max  trials")?;
-    for ConditionSummary { condition, score_name, scores } in summaries {
+    for ConditionSummary { condition, score_name, scores, failed, failure } in summaries {
+        let Some(scores) = scores else {
+            let reason = failure.as_deref().unwrap_or_default();
+            answer(format_args!("{condition:6} failed, all {failed} trials: {reason}"))?;
+            continue;
+        };
         let sd = scores.sd.map_or("    -".to_owned(), |sd| format!("{sd:5.2}"));
         answer(format_args!(
-            "{condition:6} {:6.2} {sd} {:5.1} {:6.1} {:5.1} {:7}  {score_name}",
-            scores.mean, scores.min, scores.median, scores.max, scores.trials
+            "{condition:6} {:6.2} {sd} {:5.1} {:6.1} {:5.1} {:7}  {score_name}{}",
+            scores.mean,
+            scores.min,
+            scores.median,
+            scores.max,
+            scores.trials,
+            if *failed > 0 { format!("; {failed} more trials failed") } else { String::new() }
         ))?;
     }
     answer(format_args!("{NO_EVIDENCE} In {:.0} s.", start.elapsed().as_secs_f64()))?;
-    Ok(())
+    Ok(all_counted)
 }

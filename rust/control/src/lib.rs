@@ -43,8 +43,8 @@ pub use jog_profile::{JogProfile, JogSteps, ProportionalSpeed, VelocityRamp};
 pub use joint_jog::JointJog;
 pub use limited::Limited;
 pub use method::{
-    ControlInput, ControlMethod, ControlOutput, FingerCommand, HandCommand, JointStates, MotionCommand,
-    MotionState, PlanCommand, Shown,
+    ControlInput, ControlMethod, ControlOutput, FingerCommand, HandCommand, JointStates, MethodFault,
+    MotionCommand, MotionState, PlanCommand, Shown,
 };
 pub use pipe::{InputLine, OutputLine, PipeMethod};
 pub use profile::{
@@ -56,7 +56,7 @@ pub use registry::{MakeMethod, MethodEntry, MethodProgram, MethodRegistry, OUTSI
 pub use simultaneous::Simultaneous;
 pub use subset::{FollowsLimb, JointSubset};
 pub use synergy::{Synergy, SynergyProfile, SynergyRule};
-pub use watch::SourceWatch;
+pub use watch::{SourceWatch, UsedSources};
 
 /// Methods run at 100 Hz; what they look ahead is one such step, seconds.
 pub const STEP_SECS: f64 = 0.01;

@@ -99,6 +99,19 @@ pub struct ControlOutput {
     pub events: Vec<MethodEvent>,
     /// What is to be seen of it until the next step.
     pub shown: Shown,
+    /// Why a method in another process gave nothing in this step; none of a method in Rust.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fault: Option<MethodFault>,
+}
+
+/// Why a method in another process gave nothing in a step.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MethodFault {
+    /// It has not answered in time. The arm holds in this step, and stops if that goes on.
+    Missed(String),
+    /// It has ended, or its answer cannot be used. The arm stops.
+    Failed(String),
 }
 
 /// What is to be seen of a method. It moves nothing.

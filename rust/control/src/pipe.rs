@@ -1,12 +1,12 @@
 use crate::method::refused;
 use crate::ports::{ArmKinematics, MethodProcess};
 use crate::{
-    ControlInput, ControlMethod, ControlOutput, FingerCommand, HandCommand, JointStates, MotionCommand,
-    MotionState, PlanCommand, Shown,
+    ControlInput, ControlMethod, ControlOutput, FingerCommand, HandCommand, JointStates, MethodFault,
+    MotionCommand, MotionState, PlanCommand, Shown,
 };
 use proact_types::{
-    Gesture, GestureName, HandView, JointVector, MOST_METHOD_TEXT_BYTES, MethodEvent, ModeView, ObjectId,
-    PlanGoal, PlanReply, PlannerView, Point, Pose, SimTime, Target, TargetView, joints,
+    Gesture, GestureName, HandView, JointVector, MOST_METHOD_TEXT_BYTES, MethodAnswer, MethodEvent, ModeView,
+    Moves, ObjectId, PlanGoal, PlanReply, PlannerView, Point, Pose, SimTime, Target, TargetView, joints,
 };
 use serde::{Deserialize, Serialize};
 
@@ -105,8 +105,8 @@ pub struct OutputLine {
 /// A method that lives in another process: at each step an [`InputLine`] to it, within the step an [`OutputLine`]
 /// from it.
 ///
-/// While the answer to the present line is missing, broken or not understood, the arm holds and
-/// [`Shown::planner`] says why. Nothing is started here; deterministic as far as the process is.
+/// While the answer to the present line is missing or cannot be used, the arm holds and [`ControlOutput::fault`] and
+/// [`Shown::planner`] say why. Nothing is started here; deterministic as far as the process is.
 #[derive(Debug)]
 pub struct PipeMethod<P> {
     process: P,
@@ -122,11 +122,19 @@ impl<P: MethodProcess> PipeMethod<P> {
         Self { process, shown: Shown::default(), fingers: false }
     }
 
-    fn ask(&mut self, line: &InputLine, joints: usize) -> Result<OutputLine, String> {
-        let text = serde_json::to_string(line).map_err(|e| e.to_string())?;
-        let answer = self.process.ask(line.time, &text)?;
+    fn ask(&mut self, line: &InputLine, joints: usize) -> Result<OutputLine, MethodFault> {
+        let text = serde_json::to_string(line).map_err(|e| MethodFault::Failed(e.to_string()))?;
+        match self.process.ask(line.time, &text) {
+            MethodAnswer::Line(answer) => Self::read(&answer, line, joints).map_err(MethodFault::Failed),
+            MethodAnswer::Failed(reason) => Err(MethodFault::Failed(reason)),
+            MethodAnswer::Missed(reason) => Err(MethodFault::Missed(reason)),
+        }
+    }
+
+    /// The `answer` to `line`, of an arm with so many `joints`.
+    fn read(answer: &str, line: &InputLine, joints: usize) -> Result<OutputLine, String> {
         let parsed: OutputLine =
-            serde_json::from_str(&answer).map_err(|e| format!("the process answered {answer:?}: {e}"))?;
+            serde_json::from_str(answer).map_err(|e| format!("the process answered {answer:?}: {e}"))?;
         if parsed.time != line.time {
             let (got, asked) = (parsed.time.0, line.time.0);
             return Err(format!("the process answered {got} at {asked}, which was not asked"));
@@ -163,11 +171,15 @@ fn check(answer: &OutputLine, count: usize, objects: usize) -> Result<(), String
     }
     for event in &answer.events {
         let MethodEvent::Note { text } = event else { continue };
-        if text.len() > MOST_METHOD_TEXT_BYTES || text.chars().any(char::is_control) {
-            return Err(format!(
-                "note {text:?}: expected at most {MOST_METHOD_TEXT_BYTES} bytes without control characters"
-            ));
+        check_text("note", text)?;
+    }
+    answer.mode.as_ref().map_or(Ok(()), |mode| check_mode(mode, count))?;
+    match &answer.planner {
+        Some(PlannerView::Failed { reason, .. }) => check_text("planner.reason", reason)?,
+        Some(PlannerView::Executing { progress, .. }) if !(0.0..=1.0).contains(progress) => {
+            return Err(format!("planner.progress is {progress}, expected 0 to 1"));
         }
+        _ => {}
     }
     if let Some(PlanCommand::Request(PlanGoal::Pick { object, .. })) = &answer.plan
         && object.index() >= objects
@@ -183,6 +195,38 @@ fn check(answer: &OutputLine, count: usize, objects: usize) -> Result<(), String
             .try_for_each(|point| fits("q", &point.q, count).and(fits("qd", &point.qd, count))),
         Some(MotionCommand::Hold) | None => Ok(()),
     }
+}
+
+/// A text that can be shown.
+fn check_text(what: &str, text: &str) -> Result<(), String> {
+    if text.len() > MOST_METHOD_TEXT_BYTES || text.chars().any(char::is_control) {
+        return Err(format!(
+            "{what} {text:?}: expected at most {MOST_METHOD_TEXT_BYTES} bytes without control characters"
+        ));
+    }
+    Ok(())
+}
+
+/// A mode that an arm of `count` joints has.
+fn check_mode(mode: &ModeView, count: usize) -> Result<(), String> {
+    match mode.moves {
+        Moves::Joint(joint) if usize::from(joint) > count => {
+            return Err(format!(
+                "mode: got joint {joint}, expected 0 to {count}: the arm has {count} joints, then comes the hand"
+            ));
+        }
+        Moves::Translation(axis) | Moves::Rotation(axis) if axis > 2 => {
+            return Err(format!("mode: got axis {axis}, expected 0 (x), 1 (y) or 2 (z)"));
+        }
+        _ => {}
+    }
+    if !(-1..=1).contains(&mode.we_sign) {
+        return Err(format!("mode: we_sign is {}, expected -1, 0 or 1", mode.we_sign));
+    }
+    if let Some(secs) = mode.next_in_secs.filter(|secs| *secs < 0.0) {
+        return Err(format!("mode: next_in_secs is {secs}, expected 0 or more"));
+    }
+    [&mode.name, &mode.directions[0], &mode.directions[1]].into_iter().try_for_each(|t| check_text("mode", t))
 }
 
 impl<P: MethodProcess> ControlMethod for PipeMethod<P> {
@@ -230,14 +274,18 @@ impl<P: MethodProcess> ControlMethod for PipeMethod<P> {
                 shown.mode = mode.or(shown.mode.take());
                 shown.target = target.unwrap_or_else(|| std::mem::take(&mut shown.target));
                 shown.planner = planner.unwrap_or_else(|| shown.planner.clone());
-                ControlOutput { motion, hand, fingers, plan, events, shown: shown.clone() }
+                ControlOutput { motion, hand, fingers, plan, events, shown: shown.clone(), fault: None }
             }
-            Err(reason) => ControlOutput {
-                motion: Some(MotionCommand::Hold),
-                fingers: std::mem::take(&mut self.fingers).then_some(FingerCommand::Hold),
-                shown: Shown { planner: refused(&reason), ..self.shown.clone() },
-                ..ControlOutput::default()
-            },
+            Err(fault) => {
+                let (MethodFault::Missed(reason) | MethodFault::Failed(reason)) = &fault;
+                ControlOutput {
+                    motion: Some(MotionCommand::Hold),
+                    fingers: std::mem::take(&mut self.fingers).then_some(FingerCommand::Hold),
+                    shown: Shown { planner: refused(reason), ..self.shown.clone() },
+                    fault: Some(fault),
+                    ..ControlOutput::default()
+                }
+            }
         }
     }
 }

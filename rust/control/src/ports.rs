@@ -7,7 +7,7 @@ use proact_types::{JointVector, MethodAnswer, Pose, SimTime};
 /// A process that holds a control method.
 pub trait MethodProcess: Send {
     /// Hands over the line of the control step `now` (one JSON object, no line break) and gives the line that
-    /// answers it, or why there is none in time. Answers to earlier lines are skipped. Waits for a bounded time.
+    /// answers it. Answers to earlier lines are skipped. Waits for a bounded time.
     fn ask(&mut self, now: SimTime, line: &str) -> MethodAnswer;
 }
 
@@ -17,7 +17,7 @@ pub struct NoProcess;
 
 impl MethodProcess for NoProcess {
     fn ask(&mut self, _now: SimTime, _line: &str) -> MethodAnswer {
-        Err("there is no process to ask".to_owned())
+        MethodAnswer::Failed("there is no process to ask".to_owned())
     }
 }
 

@@ -20,13 +20,15 @@ const MOVING: u32 = 2;
 ///   arm of such a method at once, while an intent model in another process gives nothing.
 /// - A tracked shoulder or limb that has moved is dead when it has not moved for `tracking_ms`.
 /// - A participant in another program is dead from the tick in which it fails to the one in which it acts again.
+/// - A method in another process is dead from the step in which it fails to the one in which it answers again.
+/// - A limb tracker that the method does not use cannot die, nor can an armband whose gestures are overridden.
 /// - A stage that is a process of its own is dead from the sign that it was lost to the sign that it is back.
 ///
 /// Deterministic, and without storage that grows.
 #[derive(Clone, Debug)]
 pub struct SourceWatch {
     limits: Option<DeadManProfile>,
-    needs_gaze: bool,
+    uses: UsedSources,
     heard: [Heard; InputSource::ALL.len()],
     /// Which source commands gestures, if not the armband.
     commander: Option<InputSource>,
@@ -39,9 +41,20 @@ pub struct SourceWatch {
     intent: Option<String>,
     /// Why a participant in another program gives nothing.
     participant: Option<String>,
+    /// Why a method in another process gives nothing.
+    method: Option<(StopCause, String)>,
     stop: Option<Stop>,
     /// The source that stopped the arm is alive; a relaxed gesture is missing.
     returned: bool,
+}
+
+/// The devices that a method of a trial uses. A device that it does not use never stops the arm.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct UsedSources {
+    /// Gaze, and whatever infers intent from it.
+    pub gaze: bool,
+    /// The angles of the person's own limb.
+    pub limb: bool,
 }
 
 /// When a source did what last.
@@ -58,11 +71,11 @@ struct Heard {
 }
 
 impl SourceWatch {
-    /// At the start of a trial. `needs_gaze`: the method follows the gaze.
-    pub fn new(limits: Option<DeadManProfile>, needs_gaze: bool) -> Self {
+    /// At the start of a trial whose method uses the devices `uses`.
+    pub fn new(limits: Option<DeadManProfile>, uses: UsedSources) -> Self {
         Self {
             limits,
-            needs_gaze,
+            uses,
             heard: [Heard::default(); InputSource::ALL.len()],
             commander: None,
             spoken: true,
@@ -70,6 +83,7 @@ impl SourceWatch {
             armed: true,
             intent: None,
             participant: None,
+            method: None,
             stop: None,
             returned: false,
         }
@@ -127,6 +141,20 @@ impl SourceWatch {
     /// News of a participant in another program: it acts again, or why it gives nothing.
     pub fn participant(&mut self, answer: &ParticipantAnswer) {
         self.participant = answer.as_ref().err().cloned();
+    }
+
+    /// Why a method in another process gives nothing now; none while it answers, or if it is no process.
+    pub fn method(&mut self, fault: Option<(StopCause, String)>) {
+        self.method = fault;
+    }
+
+    /// Why a part of the trial in another process gives nothing now: the method, the decoder of the EMG, the intent model, or
+    /// the participant. None while all that the method uses answer.
+    pub fn external_fault(&self) -> Option<&str> {
+        let decoder = self.armband.as_ref().filter(|(cause, _)| *cause == StopCause::Undecided);
+        let intent = self.intent.as_ref().filter(|_| self.uses.gaze);
+        let method = self.method.as_ref().or(decoder).map(|(_, reason)| reason);
+        method.or(intent).or(self.participant.as_ref()).map(String::as_str)
     }
 
     /// Decides for `now`. `gesture` is the one in force. An event if the stop began or ended, which the method must
@@ -187,7 +215,8 @@ impl SourceWatch {
                 InputSource::ShoulderTracker | InputSource::LimbTracker => {
                     let limit = self.limits?.tracking_ms;
                     let moved = self.heard[source.index()].moves >= MOVING;
-                    self.dead_measurement(now, source, limit).filter(|_| moved)
+                    let used = source != InputSource::LimbTracker || self.uses.limb;
+                    self.dead_measurement(now, source, limit).filter(|_| moved && used)
                 }
                 InputSource::Stage => {
                     let lost = self.heard[source.index()].closed;
@@ -196,6 +225,7 @@ impl SourceWatch {
                 InputSource::Participant => {
                     self.participant.clone().map(|reason| (StopCause::Undecided, reason))
                 }
+                InputSource::Method => self.method.clone(),
             }?;
             Some((source, cause, what))
         })
@@ -226,12 +256,12 @@ impl SourceWatch {
     }
 
     fn dead_eye_tracker(&self, now: SimTime) -> Option<(StopCause, String)> {
-        if let Some(reason) = self.intent.as_ref().filter(|_| self.needs_gaze) {
+        if let Some(reason) = self.intent.as_ref().filter(|_| self.uses.gaze) {
             return Some((StopCause::Undecided, reason.clone()));
         }
         let limit = self.limits?.gaze_ms;
         let source = InputSource::EyeTracker;
-        let (cause, what) = self.dead_measurement(now, source, limit).filter(|_| self.needs_gaze)?;
+        let (cause, what) = self.dead_measurement(now, source, limit).filter(|_| self.uses.gaze)?;
         let blank = self.heard[source.index()].blank;
         if cause == StopCause::Silent && blank.is_some_and(|at| now.millis_since(at) <= RECENT_MS) {
             return Some((StopCause::Lost, "the eye tracker has lost the eye".to_owned()));
@@ -268,8 +298,11 @@ mod tests {
     const LIMITS: DeadManProfile =
         DeadManProfile { emg_ms: 300, link_ms: 200, gaze_ms: 1000, tracking_ms: 200 };
 
+    const ALL: UsedSources = UsedSources { gaze: true, limb: true };
+    const NONE: UsedSources = UsedSources { gaze: false, limb: false };
+
     fn watch() -> SourceWatch {
-        SourceWatch::new(Some(LIMITS), true)
+        SourceWatch::new(Some(LIMITS), ALL)
     }
 
     /// Steps from the tick after `from` to `to`; every event with its tick.
@@ -320,7 +353,7 @@ mod tests {
 
     #[test]
     fn a_link_that_is_closed_stops_the_arm_at_once_with_and_without_limits() {
-        for mut watch in [watch(), SourceWatch::new(None, true)] {
+        for mut watch in [watch(), SourceWatch::new(None, ALL)] {
             watch.hear(SimTime(1), Page, Commands);
             watch.hear(SimTime(5), Page, Closed);
             assert_eq!(stopped(&run(&mut watch, 4, 10, WristExtension)), [(5, Page, StopCause::Closed)]);
@@ -359,7 +392,7 @@ mod tests {
         let events = run(&mut blinks, 1000, 1002, WristExtension);
         assert_eq!(stopped(&events), [(1001, EyeTracker, StopCause::Lost)]);
 
-        let mut unused = SourceWatch::new(Some(LIMITS), false);
+        let mut unused = SourceWatch::new(Some(LIMITS), NONE);
         unused.hear(SimTime(0), EyeTracker, Fresh);
         assert_eq!(run(&mut unused, 0, 3000, WristExtension), []);
     }
@@ -384,7 +417,7 @@ mod tests {
 
     #[test]
     fn what_the_emg_stage_says_stops_the_arm_and_a_hand_that_it_holds_back_is_not_relaxed() {
-        let mut watch = SourceWatch::new(None, false);
+        let mut watch = SourceWatch::new(None, NONE);
         watch.armband(Some((StopCause::Frozen, "the armband repeats its samples".to_owned())), false);
         let events = run(&mut watch, 0, 10, NoMotion);
         assert_eq!(stopped(&events), [(1, Armband, StopCause::Frozen)]);

@@ -3,8 +3,8 @@ mod common;
 
 use common::{Rig, model};
 use proact_control::{
-    FingerCommand, HandCommand, InputLine, MethodEntry, MethodProgram, MotionCommand, OutputLine, PipeMethod,
-    Profile, ports::MethodProcess,
+    FingerCommand, HandCommand, InputLine, MethodEntry, MethodFault, MethodProgram, MotionCommand,
+    OutputLine, PipeMethod, Profile, ports::MethodProcess,
 };
 use proact_types::{
     Gesture, InputSource, MethodAnswer, MethodInfo, PlannerView, SimTime, Stop, StopCause, joints,
@@ -21,14 +21,16 @@ struct Script {
 impl MethodProcess for Script {
     fn ask(&mut self, now: SimTime, line: &str) -> MethodAnswer {
         *self.asked.lock().expect("one thread") = line.to_owned();
-        let spoken = self.answer.clone().expect("the script has an answer");
-        spoken.map(|line| line.replace("NOW", &now.0.to_string()))
+        match self.answer.clone().expect("the script has an answer") {
+            MethodAnswer::Line(line) => MethodAnswer::Line(line.replace("NOW", &now.0.to_string())),
+            other => other,
+        }
     }
 }
 
 fn rig(answer: Result<&str, &str>) -> (Rig, Script) {
     let answer = answer.map(str::to_owned).map_err(str::to_owned);
-    let script = Script { answer: Some(answer), ..Script::default() };
+    let script = Script { answer: Some(answer.into()), ..Script::default() };
     (Rig::with(Box::new(PipeMethod::new(script.clone()))), script)
 }
 
@@ -85,11 +87,29 @@ fn without_an_answer_that_is_a_command_the_arm_holds_and_the_reason_is_shown() {
             Ok("{\"time\":NOW,\"events\":[{\"event\":\"note\",\"text\":\"\\u0007\"}]}"),
             "without control characters",
         ),
+        (
+            Ok(
+                "{\"time\":NOW,\"mode\":{\"moves\":{\"joint\":8},\"name\":\"tail\",\"directions\":[\"up\",\"down\"]}}",
+            ),
+            "mode: got joint 8, expected 0 to 7",
+        ),
+        (
+            Ok(
+                "{\"time\":NOW,\"mode\":{\"moves\":{\"rotation\":3},\"name\":\"w\",\"directions\":[\"up\",\"down\"]}}",
+            ),
+            "mode: got axis 3",
+        ),
+        (
+            Ok("{\"time\":NOW,\"planner\":{\"state\":\"executing\",\"progress\":7,\"intermediate\":false}}"),
+            "planner.progress is 7, expected 0 to 1",
+        ),
         (Ok("{\"time\":99}"), "answered 99 at 10, which was not asked"),
         (Ok("\u{fffd}"), "expected value"),
     ] {
         let (mut rig, _) = rig(answer);
-        assert_eq!(rig.run(10)[0].motion, Some(MotionCommand::Hold), "{answer:?}");
+        let output = rig.run(10).remove(0);
+        assert_eq!(output.motion, Some(MotionCommand::Hold), "{answer:?}");
+        assert!(matches!(output.fault, Some(MethodFault::Failed(_))), "{answer:?}: {:?}", output.fault);
         assert!(rig.refusal().contains(expected), "{answer:?} gave {}", rig.refusal());
     }
 }
@@ -97,7 +117,7 @@ fn without_an_answer_that_is_a_command_the_arm_holds_and_the_reason_is_shown() {
 #[test]
 fn the_safeguards_of_the_profile_are_around_an_outside_method_too() {
     let fast = "{\"time\":NOW,\"motion\":{\"velocity\":[9,9,9,9,9,9,9]}}".to_owned();
-    let script = Script { answer: Some(Ok(fast)), ..Script::default() };
+    let script = Script { answer: Some(MethodAnswer::Line(fast)), ..Script::default() };
     let profile = Profile::named("default").expect("ships");
     let outside = MethodEntry::outside(MethodInfo::default(), MethodProgram::new(vec!["script".to_owned()]));
     let mut rig = Rig::with(outside.build(&profile, &model(), script).expect("the profile fits"));

@@ -108,8 +108,9 @@ impl DecoderProcess for ProcessDecoder {
     fn ask(&mut self, window: u64, line: &str) -> WindowAnswer {
         match self.process.ask(window, line.to_owned(), self.patience) {
             Ok(answer) => WindowAnswer::Line(answer),
-            Err(LineFault::Late { patience }) => {
-                WindowAnswer::Late { deadline_ms: patience.as_millis() as u64 }
+            // A window that waits to be read has no answer in time either.
+            Err(LineFault::Late { .. } | LineFault::NotRead) => {
+                WindowAnswer::Late { deadline_ms: self.patience.as_millis() as u64 }
             }
             Err(fault) => WindowAnswer::Failed(fault.to_string()),
         }

@@ -25,7 +25,10 @@ pub enum LineFault {
         /// Time that was waited.
         patience: Duration,
     },
-    /// It has ended, does not read, or says what is no line.
+    /// It does not read its input, so that lines wait for it.
+    #[error("the process does not read its input")]
+    NotRead,
+    /// It has ended, or says what is no line.
     #[error("{0}")]
     Broken(String),
 }
@@ -75,7 +78,7 @@ impl LineProcess {
         match self.lines.as_ref().map(|lines| lines.try_send(line)) {
             Some(Ok(())) => {}
             Some(Err(TrySendError::Full(_))) => {
-                return Err(LineFault::Broken("the process does not read its input".to_owned()));
+                return Err(LineFault::NotRead);
             }
             Some(Err(TrySendError::Disconnected(_))) | None => return Err(self.ended()),
         }

@@ -45,8 +45,7 @@ impl IntentProgram {
 
 /// A process that holds an intent model.
 pub trait IntentProcess: Send {
-    /// Hands over the line of the gaze at `now` (one JSON object, no line break) and gives the line that answers it, or why
-    /// there is none in time. Answers to earlier lines are skipped. Waits for a bounded time.
+    /// Hands over the line of the gaze at `now` (one JSON object, no line break) and gives the line that answers it. Answers to earlier lines are skipped. Waits for a bounded time.
     fn ask(&mut self, now: SimTime, line: &str) -> IntentAnswer;
 }
 
@@ -141,14 +140,21 @@ impl OutsideModel {
     ) -> Told {
         let line = LookLine::new(now, gaze, scene, &self.options);
         let answer = logged.cloned().unwrap_or_else(|| self.ask(&line));
-        let posterior = answer.as_deref().map_err(Clone::clone).and_then(|text| read(text, &line));
+        let posterior = match &answer {
+            IntentAnswer::Line(text) => read(text, &line),
+            IntentAnswer::Failed(reason) | IntentAnswer::Missed(reason) => Err(reason.clone()),
+        };
         Told { answer, posterior }
     }
 
     fn ask(&mut self, line: &LookLine) -> IntentAnswer {
-        let Some(process) = &mut self.process else { return Err("nobody was asked".to_owned()) };
-        let text = serde_json::to_string(line).map_err(|error| error.to_string())?;
-        process.ask(line.time, &text)
+        let Some(process) = &mut self.process else {
+            return IntentAnswer::Failed("the log holds no such answer".to_owned());
+        };
+        match serde_json::to_string(line) {
+            Ok(text) => process.ask(line.time, &text),
+            Err(error) => IntentAnswer::Failed(error.to_string()),
+        }
     }
 }
 
@@ -220,7 +226,7 @@ mod tests {
 
     fn answered(posterior: &str) -> Told {
         let line = format!("{{\"time\": 40, \"posterior\": {posterior}}}");
-        told(move |_| Ok(line.clone()))
+        told(move |_| IntentAnswer::Line(line.clone()))
     }
 
     #[test]
@@ -231,8 +237,8 @@ mod tests {
             assert_eq!((line.selection, line.prior[2]), (7, 0.0));
             assert!((line.prior.iter().sum::<f64>() - 1.0).abs() < 1e-12);
             assert_eq!(line.gaze, gaze());
-            Ok(serde_json::to_string(&InferredLine { time: line.time, posterior: Some(line.prior) })
-                .expect("numbers"))
+            let answer = InferredLine { time: line.time, posterior: Some(line.prior) };
+            IntentAnswer::Line(serde_json::to_string(&answer).expect("numbers"))
         });
         assert!(seen.posterior.is_ok(), "{seen:?}");
         assert_eq!(answered("[1, 2, 5, 1]").posterior, Ok(Some(vec![0.25, 0.5, 0.0, 0.25])));
@@ -255,22 +261,24 @@ mod tests {
             let told = answered(posterior);
             let reason = told.posterior.expect_err(posterior);
             assert!(reason.contains(words), "{posterior}: {reason}");
-            assert!(told.answer.is_ok(), "what was said belongs to the log");
+            assert!(matches!(told.answer, IntentAnswer::Line(_)), "what was said belongs to the log");
         }
-        let other = told(|_| Ok("{\"time\": 39, \"posterior\": null}".to_owned())).posterior;
+        let other = told(|_| IntentAnswer::Line("{\"time\": 39, \"posterior\": null}".to_owned())).posterior;
         assert_eq!(other, Err("it answered 39 at 40, which was not asked".to_owned()));
-        let dead = told(|_| Err("it has ended".to_owned()));
-        assert_eq!(dead.posterior, Err("it has ended".to_owned()));
+        for dead in [IntentAnswer::Failed, IntentAnswer::Missed] {
+            let told = told(move |_| dead("it has ended".to_owned()));
+            assert_eq!(told.posterior, Err("it has ended".to_owned()));
+        }
     }
 
     #[test]
     fn a_logged_answer_is_taken_instead_of_asking_and_without_either_nobody_was_asked() {
         let mut model = OutsideModel::new(IntentOptions::default());
-        let logged = Ok("{\"time\":40,\"posterior\":[0,1,0,0]}".to_owned());
+        let logged = IntentAnswer::Line("{\"time\":40,\"posterior\":[0,1,0,0]}".to_owned());
         let told = model.observe(SimTime(40), &gaze(), &scene(), Some(&logged));
         assert_eq!((told.answer, told.posterior), (logged, Ok(Some(vec![0.0, 1.0, 0.0, 0.0]))));
         let told = model.observe(SimTime(40), &gaze(), &scene(), None);
-        assert_eq!(told.posterior, Err("nobody was asked".to_owned()));
+        assert_eq!(told.posterior, Err("the log holds no such answer".to_owned()));
     }
 
     #[test]

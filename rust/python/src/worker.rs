@@ -6,7 +6,8 @@ use proact_emg::DecoderProcess;
 use proact_intent::IntentProcess;
 use proact_participants::Participant;
 use proact_types::{
-    DisplayFrame, Gesture, IntentAnswer, Intention, MethodAnswer, SimTime, TrunkPosture, Vector, WindowAnswer,
+    DisplayFrame, ExternalAnswer, Gesture, IntentAnswer, Intention, MethodAnswer, SimTime, TrunkPosture,
+    Vector, WindowAnswer,
 };
 use pyo3::{exceptions::PyKeyboardInterrupt, prelude::*};
 use std::{
@@ -88,12 +89,17 @@ impl Faults {
 }
 
 /// The answer of `worker`, which is this `part` of the trial, to `line`; what went wrong is noted among the `faults`.
-fn answer(worker: &Worker, faults: &Faults, part: &str, line: &str) -> Result<String, String> {
-    worker.ask(line).map_err(|fault| {
-        let text = fault.text(part);
-        faults.note(&text);
-        text
-    })
+fn answer(worker: &Worker, faults: &Faults, part: &str, line: &str) -> ExternalAnswer {
+    let fault = match worker.ask(line) {
+        Ok(line) => return ExternalAnswer::Line(line),
+        Err(fault) => fault,
+    };
+    let text = fault.text(part);
+    faults.note(&text);
+    match fault {
+        Fault::Late(_) => ExternalAnswer::Missed(text),
+        Fault::Raised(_) => ExternalAnswer::Failed(text),
+    }
 }
 
 /// A control method.

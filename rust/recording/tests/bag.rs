@@ -168,7 +168,7 @@ fn write_trial(bag: &mut TrialBag) {
             4_000 => vec![EventKind::Locked { object: Some(block) }],
             5_000 => {
                 bag.write_plan(now, &plan()).unwrap();
-                vec![EventKind::PlanFinished { request: 1, status: PlanStatus::Ok }]
+                vec![EventKind::PlanFinished { request: 1, status: PlanStatus::Ok, reason: None }]
             }
             10_001 => vec![EventKind::ObjectAttached { object: block }, EventKind::Unlocked],
             15_000 => vec![EventKind::ObjectReleased { object: block }],

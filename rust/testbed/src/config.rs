@@ -69,6 +69,14 @@ fn yes() -> bool {
     true
 }
 
+fn ten() -> u32 {
+    10
+}
+
+fn is_ten(limit: &u32) -> bool {
+    *limit == ten()
+}
+
 fn is_standard(feedback: &[FeedbackMapping]) -> bool {
     feedback == FeedbackMapping::standard()
 }
@@ -138,6 +146,13 @@ pub struct TrialConfig {
     pub emg: Option<EmgConfig>,
     /// The simulated participant; none when a person drives.
     pub participant: Option<ParticipantOptions>,
+    /// A part in another process that misses this many answers in a row ends the trial: the method, the decoder of the EMG,
+    /// or the intent model. Default: 3 where each answer is waited for, which takes at most 10 s each; 200 in a live trial.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub missed_answers_limit: Option<u32>,
+    /// This many failed plans in a row are a fault of the trial, told at its end.
+    #[serde(default = "ten", skip_serializing_if = "is_ten")]
+    pub failed_plans_limit: u32,
     /// Age and sex of whoever wears the arm, by which norms are shown beside the score; none where nobody told them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wearer: Option<Wearer>,
@@ -172,6 +187,8 @@ impl TrialConfig {
             intent: IntentOptions::default(),
             emg: None,
             participant: None,
+            missed_answers_limit: None,
+            failed_plans_limit: ten(),
             wearer: None,
         }
     }
@@ -434,6 +451,14 @@ impl TrialConfig {
         }
         if self.place_filter_ms > 10_000 {
             return bad("place_filter_ms", self.place_filter_ms.to_string(), "0 to 10000");
+        }
+        for (key, limit) in [
+            ("missed_answers_limit", self.missed_answers_limit.unwrap_or(1)),
+            ("failed_plans_limit", self.failed_plans_limit),
+        ] {
+            if !(1..=100_000).contains(&limit) {
+                return bad(key, limit.to_string(), "1 to 100000");
+            }
         }
         self.task.build_within(false, Some(self.limit_secs))?;
         self.physics.check()?;

@@ -7,7 +7,8 @@ use crate::stages::{ActuationOutput, EmgStageOutput, IntentOutput, MethodOutput}
 use blake3::Hasher;
 use proact_tasks::TaskState;
 use proact_types::{
-    JointGoal, ObjectId, PlantState, Pose, SimTime, Stop, TaskGoal, TickInput, Vector, WindowAnswer,
+    ExternalAnswer, JointGoal, ObjectId, PlantState, Pose, SimTime, Stop, TaskGoal, TickInput, Vector,
+    WindowAnswer,
 };
 use serde::{Deserialize, Serialize};
 
@@ -172,8 +173,7 @@ impl Digest {
     pub fn intent(&mut self, output: &IntentOutput) {
         // Without a model in another process there is none, and nothing enters.
         if let Some(answer) = &output.answer {
-            let (Ok(text) | Err(text)) = answer;
-            self.field(Field::InputGaze).word(u64::from(answer.is_ok())).text(text);
+            self.field(Field::InputGaze).answer(answer);
         }
         if output.heard.is_some() {
             let mut field = self.field(Field::Intent);
@@ -191,8 +191,7 @@ impl Digest {
             }
         }
         if let Some(answer) = &output.answer {
-            let (Ok(text) | Err(text)) = answer;
-            self.field(Field::InputMethod).word(u64::from(answer.is_ok())).text(text);
+            self.field(Field::InputMethod).answer(answer);
         }
         if output.stepped {
             let mut field = self.field(Field::Control);
@@ -305,6 +304,16 @@ impl FieldDigest<'_> {
         self.word(value.len() as u64);
         self.0.extend_from_slice(value.as_bytes());
         self
+    }
+
+    /// The answer of a part in another process.
+    fn answer(&mut self, answer: &ExternalAnswer) -> &mut Self {
+        let number = match answer {
+            ExternalAnswer::Failed(_) => 0,
+            ExternalAnswer::Line(_) => 1,
+            ExternalAnswer::Missed(_) => 2,
+        };
+        self.word(number).text(answer.text())
     }
 
     /// A vector.

@@ -24,6 +24,7 @@ pub mod ports;
 mod session;
 pub mod stages;
 mod tick;
+mod trial_faults;
 
 pub use config::{Setup, TrialConfig};
 pub use config_error::ConfigError;
@@ -43,3 +44,4 @@ pub use plans::plan_request;
 pub use session::{LoggedPlans, Session, Step, TrialEnd, TrialResult, replay};
 pub use stages::{GazeFilter, PersonParts};
 pub use tick::{Parts, Testbed, TestbedError, TickOutput};
+pub use trial_faults::{ResultFault, ResultFaultKind};

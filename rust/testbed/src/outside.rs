@@ -34,7 +34,7 @@ impl MethodProcess for RecorderTap {
         }
         let answer = match &mut state.process {
             Some(process) => process.ask(now, line),
-            None => Err("the log holds no such answer".to_owned()),
+            None => MethodAnswer::Failed("the log holds no such answer".to_owned()),
         };
         state.answer = Some(answer.clone());
         answer

@@ -1,5 +1,5 @@
 use crate::{
-    SpanDigest, Testbed, TestbedError, TickOutput,
+    ResultFault, ResultFaultKind, SpanDigest, Testbed, TestbedError, TickOutput,
     impairment::Impairments,
     ports::PlanService,
     stages::{Driven, PersonInput, PersonParts, PersonStage, StageName},
@@ -123,6 +123,8 @@ impl Session {
             lines.extend(norms.iter().map(ToString::to_string));
             result.insert("norms".to_owned(), serde_json::to_value(norms).unwrap_or_default());
         }
+        let trial_faults = testbed.faults();
+        let failed = trial_faults.iter().any(|fault| fault.kind == ResultFaultKind::ExternalPart);
         TrialResult {
             method: config.method_label(),
             seed: config.seed,
@@ -141,8 +143,13 @@ impl Session {
             digest: testbed.digest(),
             trial_dir: None,
             gesture_source: config.gesture_source.clone(),
-            ended: if testbed.task().state().finished { TrialEnd::Task } else { TrialEnd::Interrupt },
+            ended: match (failed, testbed.task().state().finished) {
+                (true, _) => TrialEnd::Failed,
+                (false, true) => TrialEnd::Task,
+                (false, false) => TrialEnd::Interrupt,
+            },
             unsolved_ticks: testbed.unsolved_ticks(),
+            trial_faults,
         }
     }
 }
@@ -159,6 +166,8 @@ pub enum TrialEnd {
     Restart,
     /// A signal such as that of Ctrl-C.
     Interrupt,
+    /// A part in another process failed and was not back at the end: the score says nothing.
+    Failed,
 }
 
 /// What is known of a trial when it is over.
@@ -205,6 +214,22 @@ pub struct TrialResult {
     /// Ticks in which the physics met the laws of contact inexactly; the event `contacts_unsolved` says when.
     #[serde(default)]
     pub unsolved_ticks: u64,
+    /// What is wrong with the trial; empty in records made before such faults were noted.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub trial_faults: Vec<ResultFault>,
+}
+
+impl TrialResult {
+    /// The score; none of a trial that failed, whose score says nothing.
+    pub fn counted_score(&self) -> Option<f64> {
+        (self.ended != TrialEnd::Failed).then_some(self.score)
+    }
+
+    /// Why the trial failed, if it did.
+    pub fn failure(&self) -> Option<&str> {
+        let external = self.trial_faults.iter().find(|fault| fault.kind == ResultFaultKind::ExternalPart);
+        (self.ended == TrialEnd::Failed).then(|| external.map_or("", |fault| fault.reason.as_str()))
+    }
 }
 
 /// Recomputes a trial from its inputs: the digests of all spans up to tick `last`. `inputs` ascend in time; ticks

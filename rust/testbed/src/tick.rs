@@ -1,5 +1,5 @@
 use crate::{
-    ConfigError, Digest, Pinned, SpanDigest, TrialConfig,
+    ConfigError, Digest, Pinned, ResultFault, SpanDigest, TrialConfig,
     ports::{PlanService, Plant, PlantError},
     stages::{
         ActuationInput, ActuationOutput, ActuationStage, DisplayInput, DisplayStage, Driven, EmgStage,
@@ -257,6 +257,11 @@ impl Testbed {
         self.method.stop()
     }
 
+    /// What is wrong with the trial up to now.
+    pub fn faults(&self) -> Vec<ResultFault> {
+        self.method.faults()
+    }
+
     /// Gesture in force.
     pub fn gesture(&self) -> Gesture {
         self.said.gesture.gesture
@@ -398,6 +403,9 @@ impl Testbed {
         let judged = TaskStageInput { world: self.world.state(), held: world.hand.holds };
         let task = self.task.step(now, judged);
         note(task.events);
+        if self.method.gave_up() && !task.state.finished {
+            note(vec![EventKind::TrialFinished]);
+        }
         self.world.rearrange(&task.placements);
         self.digest.task(&task.state, world.hand.holds);
 
@@ -408,7 +416,7 @@ impl Testbed {
         (output.request, output.plan, output.method) = (method.request, method.plan, method.answer);
         output.decoder.clone_from(&gesture.answers);
         output.intent = intent.answer.take();
-        output.finished = task.state.finished;
+        output.finished = task.state.finished || self.method.gave_up();
         output.span = self.digest.end_tick(now, last || output.finished);
         self.said = Said { gesture, intent, actuation, frozen: world.frozen };
         done(StageName::Task);
@@ -436,7 +444,9 @@ impl Testbed {
             task: self.task.task().state(),
             world_from_head,
         };
-        self.display.step(self.now, shown, self.kinematics.as_mut())
+        let mut frame = self.display.step(self.now, shown, self.kinematics.as_mut())?;
+        frame.finished |= self.method.gave_up();
+        Ok(frame)
     }
 
     fn check_input(&self, input: &TickInput) -> Result<(), TestbedError> {

@@ -5,11 +5,12 @@ mod common;
 use common::{Outcome, Run, config, replayed, stare_with};
 use proact_control::doubles::test_hand;
 use proact_testbed::{
-    Parts, TrialConfig,
+    Parts, ResultFaultKind, TrialConfig,
     doubles::{self, InstantPlans, PlanCall, PlanCalls, ScriptedGaze},
     first_divergence,
+    ports::PlanService,
 };
-use proact_types::{EventKind, Gesture, PlanReply, PlanStatus, SimTime, Trajectory};
+use proact_types::{EventKind, Gesture, PlanReply, PlanRequest, PlanStatus, SimTime, Trajectory};
 use std::sync::Arc;
 
 /// From a request to the tick in which its plan is due, as the default configuration has it.
@@ -101,5 +102,50 @@ fn the_answer_to_another_request_moves_nothing() -> Outcome {
     let mut inputs = run.inputs.clone();
     inputs[asked as usize + 100].1.plan = Some(stray);
     assert_eq!(first_divergence(&run.spans, &replayed(&config, &inputs)?), None);
+    Ok(())
+}
+
+/// Finds something in the way of every goal.
+struct Blocked;
+
+const WHY: &str = "The arm would touch something at the goal: wristz_link and lid.";
+
+impl PlanService for Blocked {
+    fn submit(&mut self, _request: PlanRequest) {}
+
+    fn poll(&mut self, id: u64) -> Option<PlanReply> {
+        Some(self.wait(id))
+    }
+
+    fn wait(&mut self, id: u64) -> PlanReply {
+        PlanReply::without_a_way(id, PlanStatus::GoalInCollision, WHY)
+    }
+
+    fn cancel(&mut self) {}
+}
+
+/// A trial whose planner refused everything ended without a word, and its events did not say what was in the way.
+#[test]
+fn ten_failed_plans_in_a_row_are_a_fault_of_the_trial_and_each_event_says_what_collides() -> Outcome {
+    for (asks, faults) in [(9, 0), (12, 1)] {
+        let config = config("C", 60.0);
+        let parts = Parts { plans: Box::new(Blocked), ..doubles::parts(&config) };
+        let each = |k: u64| [(1000 + 400 * k, Gesture::WristExtension), (1200 + 400 * k, Gesture::NoMotion)];
+        let script = (0..asks).flat_map(each).collect();
+        let mut session = stare_with(config.clone(), parts, script, ScriptedGaze::default())?;
+        let run = Run::of(&mut session, 1000 + 400 * asks)?;
+        let failed = |kind: &EventKind| matches!(kind, EventKind::PlanFinished { reason, .. } if reason.as_deref() == Some(WHY));
+        assert_eq!(run.times(failed).len() as u64, asks);
+        let in_a_row = |kind: &EventKind| matches!(kind, EventKind::PlansFailed { count: 10, .. });
+        assert_eq!(run.times(in_a_row).len(), faults);
+        let found = session.result().trial_faults;
+        assert_eq!(found.len(), faults, "{found:?}");
+        if let [fault] = found.as_slice() {
+            assert_eq!(fault.kind, ResultFaultKind::FailedPlans);
+            assert!(fault.reason.starts_with("12 plans failed in a row"), "{}", fault.reason);
+            assert!(fault.reason.contains("wristz_link and lid"), "{}", fault.reason);
+        }
+        assert_eq!(replayed(&config, &run.inputs)?, run.spans);
+    }
     Ok(())
 }

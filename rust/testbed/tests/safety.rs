@@ -9,8 +9,8 @@ use proact_testbed::{
     ports::{Plant, PlantError},
 };
 use proact_types::{
-    BodyState, DisplayFrame, EventKind, Gesture, InputSource, Intention, JointVector, PlantCommand,
-    PlantState, Pose, SimTime, StopCause, TickInput, TrunkPosture, Vector, joints,
+    BodyState, DisplayFrame, EventKind, GazeSample, Gesture, InputSource, Intention, JointVector,
+    PlantCommand, PlantState, Point, Pose, SimTime, StopCause, TickInput, TrunkPosture, Vector, joints,
 };
 
 fn testbed(method: &str) -> Outcome<Testbed> {
@@ -260,5 +260,32 @@ fn a_participant_that_fails_stops_the_arm_with_its_reason_until_it_acts_again_wi
         |(time, input): &(SimTime, TickInput)| (*time, TickInput { participant: None, ..input.clone() });
     let forgets: Vec<_> = run.inputs.iter().map(without).collect();
     assert_ne!(replayed(&config, &forgets)?, run.spans, "the log would not be missed");
+    Ok(())
+}
+
+/// A limb tracker that the method did not use stopped the arm.
+#[test]
+fn a_device_that_the_method_does_not_use_may_fall_silent_and_one_that_it_uses_may_not() -> Outcome {
+    for (method, stops) in [("A", None), ("C", Some(InputSource::EyeTracker))] {
+        let mut session = Session::new(testbed(method)?, PersonParts::default());
+        let mut found = Vec::new();
+        for tick in 1..=4000_u32 {
+            if tick < 500 && tick.is_multiple_of(10) {
+                let moves = 1e-4 * f64::from(tick);
+                session.person().track_limb(&[moves; 7])?;
+                let direction = Vector::new(1.0, moves, -0.3);
+                session.person().look(GazeSample { origin: Point::origin(), direction, valid: true });
+            }
+            session.person().act(Gesture::WristExtension);
+            found.extend(session.step(false)?.output.events.into_iter().filter_map(
+                |event| match event.kind {
+                    EventKind::Stopped { source, .. } => Some(source),
+                    _ => None,
+                },
+            ));
+        }
+        assert_eq!(found.first().copied(), stops, "method {method}: {found:?}");
+        assert!(!found.contains(&InputSource::LimbTracker), "the whole arm is lost");
+    }
     Ok(())
 }

@@ -129,6 +129,18 @@ pub enum EventKind {
         request: u64,
         /// How it ended.
         status: PlanStatus,
+        /// One sentence when there is no full plan. Of a start or goal in collision it names both
+        /// links, or the link and the obstacle.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[cfg_attr(feature = "ts", ts(optional))]
+        reason: Option<String>,
+    },
+    /// As many plans failed in a row as the configuration allows (`failed_plans_limit`).
+    PlansFailed {
+        /// How many.
+        count: u32,
+        /// Why the last one failed.
+        reason: String,
     },
     /// The control method says something of its own.
     MethodNote {

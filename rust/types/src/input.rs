@@ -70,12 +70,40 @@ pub struct GazeSample {
     pub valid: bool,
 }
 
-/// What a method in another process answered to one control step: its line, or why there is none.
-pub type MethodAnswer = Result<String, String>;
+/// Answer of a part in another process to one line. It belongs to the input log: a replay asks no process.
+///
+/// In the input log the first two variants have the encoding of a `Result`, which logs of older programs hold.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ExternalAnswer {
+    /// The line that it wrote.
+    #[serde(rename = "Ok")]
+    Line(String),
+    /// It cannot answer, and why: it has ended, or wrote bytes that are no line.
+    #[serde(rename = "Err")]
+    Failed(String),
+    /// It has not answered in time, and how long that was.
+    Missed(String),
+}
 
-/// What an intent model in another process answered to one gaze: its line, or why there is none. It belongs to the input log: a
-/// replay asks no process.
-pub type IntentAnswer = Result<String, String>;
+impl ExternalAnswer {
+    /// The line, or the reason for its absence.
+    pub fn text(&self) -> &str {
+        let (Self::Line(text) | Self::Failed(text) | Self::Missed(text)) = self;
+        text
+    }
+}
+
+impl From<Result<String, String>> for ExternalAnswer {
+    fn from(answer: Result<String, String>) -> Self {
+        answer.map_or_else(Self::Failed, Self::Line)
+    }
+}
+
+/// Answer of a method in another process to one control step.
+pub type MethodAnswer = ExternalAnswer;
+
+/// Answer of an intent model in another process to one gaze.
+pub type IntentAnswer = ExternalAnswer;
 
 /// How it stands with a participant in another program: it acts again, or why it gives nothing. It belongs to the input log: a
 /// replay asks no participant.

@@ -45,8 +45,8 @@ pub use gesture::{Gesture, UnknownGesture};
 pub use gesture_commands::{GestureCommands, GestureTableError};
 pub use gesture_name::{BadGestureName, GestureName, MAX_GESTURES};
 pub use input::{
-    ChannelValues, EmgSample, GazeSample, IntentAnswer, MAX_EMG_CHANNELS, MAX_SIGNS, MAX_TICK_SAMPLES,
-    MethodAnswer, ParticipantAnswer, TickInput, WindowAnswer,
+    ChannelValues, EmgSample, ExternalAnswer, GazeSample, IntentAnswer, MAX_EMG_CHANNELS, MAX_SIGNS,
+    MAX_TICK_SAMPLES, MethodAnswer, ParticipantAnswer, TickInput, WindowAnswer,
 };
 pub use instruction::Instruction;
 pub use intention::{Intention, TrunkPosture};

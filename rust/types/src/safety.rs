@@ -23,11 +23,13 @@ pub enum InputSource {
     Stage,
     /// A participant in another program.
     Participant,
+    /// The control method, where it is another program.
+    Method,
 }
 
 impl InputSource {
     /// All of them; of several that are dead the first is named.
-    pub const ALL: [InputSource; 8] = [
+    pub const ALL: [InputSource; 9] = [
         InputSource::Armband,
         InputSource::GestureTopic,
         InputSource::Page,
@@ -36,6 +38,7 @@ impl InputSource {
         InputSource::LimbTracker,
         InputSource::Stage,
         InputSource::Participant,
+        InputSource::Method,
     ];
 
     /// Whether it measures where something is: the eye, the shoulder, the limb.
@@ -60,6 +63,7 @@ impl fmt::Display for InputSource {
             InputSource::LimbTracker => "limb tracker",
             InputSource::Stage => "stage",
             InputSource::Participant => "participant",
+            InputSource::Method => "method",
         })
     }
 }

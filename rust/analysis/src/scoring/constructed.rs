@@ -82,8 +82,8 @@ fn trace() -> Trace {
         event(1800, EventKind::GraspFailed { object: Some(A), reason: GraspFault::OneDigit }),
         event(2000, EventKind::ObjectAttached { object: A }),
         event(4000, EventKind::ObjectReleased { object: A }),
-        event(4100, EventKind::PlanFinished { request: 1, status: PlanStatus::NoPlan }),
-        event(4200, EventKind::PlanFinished { request: 2, status: PlanStatus::Cancelled }),
+        event(4100, EventKind::PlanFinished { request: 1, status: PlanStatus::NoPlan, reason: None }),
+        event(4200, EventKind::PlanFinished { request: 2, status: PlanStatus::Cancelled, reason: None }),
         event(6000, EventKind::ObjectAttached { object: B }),
         event(7000, EventKind::ObjectReleased { object: B }),
     ];

@@ -24,6 +24,8 @@ pub enum FaultKind {
     Disturbed,
     /// The planner found no path to the goal.
     PlanFailed,
+    /// As many plans failed in a row as the configuration allows.
+    PlansFailedInARow,
     /// A gesture came and went within 200 ms.
     FalseTrigger,
     /// A source of signals died, and the arm stood still.
@@ -34,7 +36,7 @@ pub enum FaultKind {
 
 impl FaultKind {
     /// All of them.
-    pub const ALL: [FaultKind; 10] = [
+    pub const ALL: [FaultKind; 11] = [
         FaultKind::WrongObject,
         FaultKind::GraspFailed,
         FaultKind::Dropped,
@@ -42,6 +44,7 @@ impl FaultKind {
         FaultKind::OnFloor,
         FaultKind::Disturbed,
         FaultKind::PlanFailed,
+        FaultKind::PlansFailedInARow,
         FaultKind::FalseTrigger,
         FaultKind::Stopped,
         FaultKind::ShoulderJumped,
@@ -57,6 +60,7 @@ impl FaultKind {
             FaultKind::OnFloor => "on_floor",
             FaultKind::Disturbed => "disturbed",
             FaultKind::PlanFailed => "plan_failed",
+            FaultKind::PlansFailedInARow => "plans_failed_in_a_row",
             FaultKind::FalseTrigger => "false_trigger",
             FaultKind::Stopped => "stopped",
             FaultKind::ShoulderJumped => "shoulder_jumped",
@@ -67,7 +71,11 @@ impl FaultKind {
     pub(super) fn needs_events(self) -> bool {
         matches!(
             self,
-            FaultKind::GraspFailed | FaultKind::PlanFailed | FaultKind::Stopped | FaultKind::ShoulderJumped
+            FaultKind::GraspFailed
+                | FaultKind::PlanFailed
+                | FaultKind::PlansFailedInARow
+                | FaultKind::Stopped
+                | FaultKind::ShoulderJumped
         )
     }
 }
@@ -104,10 +112,14 @@ pub fn faults(trace: &Trace, phases: &[ActionPhase], objects: &[Handling]) -> Ve
     for event in &trace.events {
         let (kind, object, detail) = match &event.kind {
             EventKind::GraspFailed { object, reason } => (FaultKind::GraspFailed, *object, word(reason)),
-            EventKind::PlanFinished { status, .. }
+            EventKind::PlanFinished { status, reason, .. }
                 if !matches!(status, PlanStatus::Ok | PlanStatus::Intermediate | PlanStatus::Cancelled) =>
             {
-                (FaultKind::PlanFailed, None, word(status))
+                let why = reason.as_ref().map_or(String::new(), |reason| format!(": {reason}"));
+                (FaultKind::PlanFailed, None, word(status) + &why)
+            }
+            EventKind::PlansFailed { count, reason } => {
+                (FaultKind::PlansFailedInARow, None, format!("{count} in a row: {reason}"))
             }
             EventKind::Stopped { reason, .. } => (FaultKind::Stopped, None, reason.clone()),
             EventKind::BaseHeld { distance } => (FaultKind::ShoulderJumped, None, format!("{distance:.3} m")),

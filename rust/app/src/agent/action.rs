@@ -176,7 +176,7 @@ impl MethodProcess for Board {
         let mut asked = self.open();
         let motion = Some(MotionCommand::Velocity(asked.speeds.clone()));
         let line = OutputLine { time: now, motion, hand: asked.hand.take(), ..OutputLine::default() };
-        serde_json::to_string(&line).map_err(|error| error.to_string())
+        serde_json::to_string(&line).map_err(|error| error.to_string()).into()
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::{
     scores::{Rows, Source, empty, score_all, trials_and_blocks},
-    summaries::participant,
+    summaries::{failed_notes, participant},
 };
 use crate::study::{
     PLAN_FILE, STUDY_FILE, Study, look,
@@ -113,6 +113,7 @@ pub fn collect(
         let notes: String = collected.notes.iter().map(|note| format!("\n  {note}")).collect();
         return Err(format!("{}: there is no finished trial to analyse{notes}", dir.display()).into());
     }
+    collected.notes.extend(failed_notes(&collected.tables["trials"]));
     Ok(collected)
 }
 

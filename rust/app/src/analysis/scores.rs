@@ -142,8 +142,9 @@ pub(super) fn score_all(
 fn rows_of(methods: &MethodRegistry, source: &Source) -> Result<Rows, Box<dyn Error>> {
     match source {
         Source::Counted { key, dir } => {
+            let result: TrialResult = read_result(dir)?;
             let trace = traces::of_record(methods, dir)?;
-            Ok(Rows { scores: scores(key, &trace), ..Rows::default() })
+            Ok(Rows { scores: counted(scores(key, &trace), &result), ..Rows::default() })
         }
         Source::Loose { dir } => loose(methods, dir),
         Source::Bag { path } => bag(path),
@@ -176,7 +177,7 @@ fn loose(methods: &MethodRegistry, dir: &Path) -> Result<Rows, Box<dyn Error>> {
         "arm" => result.arm.as_str().into(),
         "setup" => result.setup.as_str().into(),
         "ended" => word(&result.ended).into(),
-        "score" => result.score.into(),
+        "score" => result.counted_score().into(),
         "score_name" => result.score_name.as_str().into(),
         "seconds" => result.sim_seconds.into(),
         "gesture_source" => result.gesture_source.as_str().into(),
@@ -186,13 +187,24 @@ fn loose(methods: &MethodRegistry, dir: &Path) -> Result<Rows, Box<dyn Error>> {
         _ => Cell::Missing,
     });
     let trace = traces::of_record(methods, dir)?;
-    Ok(Rows {
-        scores: scores(&key, &trace),
-        blocks: block_rows(&key, &result.beside, &result.result),
-        trial: Some(trial),
-        notes: Vec::new(),
-    })
+    let blocks = if result.failure().is_some() {
+        Vec::new()
+    } else {
+        block_rows(&key, &result.beside, &result.result)
+    };
+    Ok(Rows { scores: counted(scores(&key, &trace), &result), blocks, trial: Some(trial), notes: Vec::new() })
 }
+
+/// Of a trial that failed the faults alone say something.
+fn counted([measures, objects, phases, faults]: ScoredRows, result: &TrialResult) -> ScoredRows {
+    match result.failure() {
+        None => [measures, objects, phases, faults],
+        Some(_) => [Vec::new(), Vec::new(), Vec::new(), faults],
+    }
+}
+
+/// Rows of `measures`, `objects`, `phases`, `faults`.
+type ScoredRows = [Vec<Vec<Cell>>; 4];
 
 fn bag(path: &Path) -> Result<Rows, Box<dyn Error>> {
     let arm = Arm::named(proact_testbed::TrialConfig::DEFAULT_ARM)?;

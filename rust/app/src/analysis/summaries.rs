@@ -6,8 +6,9 @@ use super::{
 };
 use proact_analysis::{
     summary::SampleSummary,
-    table::{Cell, Table},
+    table::{Cell, Table, word},
 };
+use proact_testbed::TrialEnd;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// A table of the report: words, as they are printed.
@@ -54,11 +55,35 @@ pub(super) fn values(table: &Table, column: &str, wanted: impl Fn(&[Cell]) -> bo
     .collect()
 }
 
-/// The conditions of the trials, by name.
+/// The conditions of the trials, by name. One whose trials all failed has no numbers to compare.
 pub(super) fn conditions(collected: &Collected) -> Vec<String> {
     let trials = &collected.tables["trials"];
-    let names: BTreeSet<String> = trials.rows.iter().map(|row| trials.words(row, "condition")).collect();
+    let counted = trials.rows.iter().filter(|row| !has_failed(trials, row));
+    let names: BTreeSet<String> = counted.map(|row| trials.words(row, "condition")).collect();
     names.into_iter().collect()
+}
+
+/// Whether a row of the trials is of one that failed.
+fn has_failed(trials: &Table, row: &[Cell]) -> bool {
+    trials.words(row, "ended") == word(&TrialEnd::Failed)
+}
+
+/// A note about the trials of each condition that failed.
+pub(super) fn failed_notes(trials: &Table) -> Vec<String> {
+    let mut counts: BTreeMap<String, (usize, usize)> = BTreeMap::new();
+    for row in &trials.rows {
+        let (failed, all) = counts.entry(trials.words(row, "condition")).or_default();
+        *failed += usize::from(has_failed(trials, row));
+        *all += 1;
+    }
+    let note = |(condition, (failed, all)): (String, (usize, usize))| {
+        (failed > 0).then(|| {
+            format!(
+                "{condition}: {failed} of {all} trials failed and have no score; the table faults says why"
+            )
+        })
+    };
+    counts.into_iter().filter_map(note).collect()
 }
 
 /// A number as papers print it.

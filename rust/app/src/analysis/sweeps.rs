@@ -9,6 +9,7 @@ use crate::{
     batch::{BatchFolder, ConditionSummary, Merged, NO_EVIDENCE, Sweep},
     write_whole,
 };
+use proact_analysis::summary::SampleSummary;
 use serde_json::json;
 use std::{collections::BTreeMap, error::Error, fs, path::PathBuf};
 
@@ -59,20 +60,26 @@ pub fn sweep_report(folder: &BatchFolder, merged: &Merged) -> Result<Option<Swee
             else {
                 continue;
             };
-            let numbers =
-                [Some(scores.mean), scores.sd, Some(scores.min), Some(scores.median), Some(scores.max)];
+            let number = |of: fn(&SampleSummary) -> f64| scores.as_ref().map(of);
+            let numbers = [
+                number(|scores| scores.mean),
+                scores.and_then(|scores| scores.sd),
+                number(|scores| scores.min),
+                number(|scores| scores.median),
+                number(|scores| scores.max),
+            ];
             let row = values
                 .iter()
                 .map(|(_, value)| (*value).to_owned())
-                .chain([condition.clone(), scores.trials.to_string()]);
+                .chain([condition.clone(), scores.map_or(0, |scores| scores.trials).to_string()]);
             let row =
                 row.chain(numbers.map(|number| number.map_or_else(String::new, |number| number.to_string())));
             table.rows.push(row.chain([score_name.clone()]).collect());
-            points.push((
-                values.iter().map(|(_, value)| (*value).to_owned()).collect::<Vec<_>>(),
-                condition.clone(),
-                scores.mean,
-            ));
+            // A cell whose trials all failed is left open.
+            points.extend(scores.map(|scores| {
+                let values: Vec<String> = values.iter().map(|(_, value)| (*value).to_owned()).collect();
+                (values, condition.clone(), scores.mean)
+            }));
         }
     }
     let figures = figures(&sweep, &keys, &points);

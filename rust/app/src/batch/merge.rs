@@ -172,7 +172,7 @@ impl Output {
                 "arm" => result.arm.as_str().into(),
                 "setup" => result.setup.as_str().into(),
                 "ended" => proact_analysis::table::word(&result.ended).into(),
-                "score" => result.score.into(),
+                "score" => result.counted_score().into(),
                 "score_name" => result.score_name.as_str().into(),
                 "seconds" => result.sim_seconds.into(),
                 "gesture_source" => result.gesture_source.as_str().into(),
@@ -186,9 +186,16 @@ impl Output {
         let own = own.iter().find(|table| table.name == "trials").map_or(&[][..], |table| table.columns);
         let rest = own.iter().skip(key.len()).map(|column| of_trial(column.name));
         write("trials", &mut key.iter().cloned().chain(rest))?;
-        for row in block_rows(&key, &result.beside, &result.result) {
-            write("blocks", &mut row.into_iter())?;
-        }
+        // Of a trial that failed the faults alone say something.
+        let scores = match result.failure() {
+            None => {
+                for row in block_rows(&key, &result.beside, &result.result) {
+                    write("blocks", &mut row.into_iter())?;
+                }
+                scores
+            }
+            Some(_) => TrialScores { faults: scores.faults, ..TrialScores::default() },
+        };
         let TrialScores { measures, objects, phases, faults } = scores;
         for (name, rows) in
             [("measures", measures), ("objects", objects), ("phases", phases), ("faults", faults)]
@@ -202,13 +209,13 @@ impl Output {
             "condition": condition, "position": trial.position, "number": trial.trial,
             "values": values.iter().map(|(key, value)| ((*key).to_owned(), json!(value))).collect::<serde_json::Map<_, _>>(),
             "seed": trial.seed, "method": result.method, "task": result.task, "arm": result.arm, "setup": result.setup,
-            "arrangement": arrangement, "score": result.score, "score_name": result.score_name, "seconds": result.sim_seconds,
-            "ended": result.ended, "gesture_source": result.gesture_source, "unsolved_ticks": result.unsolved_ticks,
+            "arrangement": arrangement, "score": result.counted_score(), "score_name": result.score_name, "seconds": result.sim_seconds,
+            "ended": result.ended, "failure": result.failure(), "gesture_source": result.gesture_source, "unsolved_ticks": result.unsolved_ticks,
             "result": result.result, "outcomes": result.beside.get("outcomes"), "digest": result.digest, "simulated": true,
         });
         serde_json::to_writer(&mut self.lines, &line)?;
         self.lines.write_all(b"\n")?;
-        self.merged.tally.take(&label, trial.index, &result.score_name, result.score);
+        self.merged.tally.take(&label, trial.index, &result);
         self.merged.scores.push(result.score);
         self.merged.digests.push(result.digest.clone());
         Ok(())

@@ -115,9 +115,29 @@ pub struct ConditionSummary {
     pub condition: String,
     /// What is counted, such as `blocks on target`.
     pub score_name: String,
-    /// Its trials in figures.
+    /// Its trials in figures; none if all of them failed.
     #[serde(flatten)]
-    pub scores: SampleSummary,
+    pub scores: Option<SampleSummary>,
+    /// Trials without a score, because a part in another process failed.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub failed: usize,
+    /// Why the first of them failed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub failure: Option<String>,
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
+}
+
+impl ConditionSummary {
+    /// One line about the trials that failed, if any did.
+    pub fn failed_line(&self) -> Option<String> {
+        let Self { condition, failed, failure, .. } = self;
+        let all = failed + self.scores.map_or(0, |scores| scores.trials);
+        let reason = failure.as_deref()?;
+        Some(format!("{condition}: {failed} of {all} trials failed and do not count: {reason}"))
+    }
 }
 
 /// Scores by condition, in whatever order trials end: one number a trial.
@@ -126,18 +146,22 @@ pub struct ScoreTally {
     conditions: Vec<ConditionScores>,
 }
 
-/// Name of a condition and of its score, then place and score of each trial.
-type ConditionScores = (String, String, Vec<(usize, f64)>);
+/// What came of a trial: its score, or why it failed.
+type Counted = Result<f64, String>;
+
+/// Name of a condition and of its score, then place and outcome of each trial.
+type ConditionScores = (String, String, Vec<(usize, Counted)>);
 
 impl ScoreTally {
-    /// Takes the score of the trial in place `index`.
-    pub fn take(&mut self, condition: &str, index: usize, score_name: &str, score: f64) {
+    /// Takes the trial in place `index`.
+    pub fn take(&mut self, condition: &str, index: usize, result: &TrialResult) {
         let place = self.conditions.iter().position(|(name, ..)| name == condition);
         let place = place.unwrap_or_else(|| {
-            self.conditions.push((condition.to_owned(), score_name.to_owned(), Vec::new()));
+            self.conditions.push((condition.to_owned(), result.score_name.clone(), Vec::new()));
             self.conditions.len() - 1
         });
-        self.conditions[place].2.push((index, score));
+        let counted = result.failure().map_or(Ok(result.score), |reason| Err(reason.to_owned()));
+        self.conditions[place].2.push((index, counted));
     }
 
     /// Of each condition, in the order of their first trials.
@@ -145,10 +169,17 @@ impl ScoreTally {
         // Sums of the same numbers in another order are other sums.
         self.conditions.iter_mut().for_each(|(.., scores)| scores.sort_by_key(|(index, _)| *index));
         self.conditions.sort_by_key(|(.., scores)| scores.first().map(|(index, _)| *index));
-        let summary = |(condition, score_name, scores): ConditionScores| {
-            let scores: Vec<f64> = scores.into_iter().map(|(_, score)| score).collect();
-            Some(ConditionSummary { condition, score_name, scores: SampleSummary::of(&scores)? })
+        let summary = |(condition, score_name, trials): ConditionScores| {
+            let (mut scores, mut failures) = (Vec::new(), Vec::new());
+            for (_, counted) in trials {
+                match counted {
+                    Ok(score) => scores.push(score),
+                    Err(reason) => failures.push(reason),
+                }
+            }
+            let (scores, failed) = (SampleSummary::of(&scores), failures.len());
+            ConditionSummary { condition, score_name, scores, failed, failure: failures.into_iter().next() }
         };
-        self.conditions.into_iter().filter_map(summary).collect()
+        self.conditions.into_iter().map(summary).collect()
     }
 }

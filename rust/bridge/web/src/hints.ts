@@ -88,7 +88,7 @@ function confirmation(planner: PlannerView): string | null {
 /** The way out of a stop. */
 export function afterStop(stop: Stop, now: Circumstances): string {
   if (RETURNED.test(stop.reason)) return now.key("wrist_extension") ? words.letGoOfKeys : words.relax;
-  if (stop.cause === "undecided") return words.program;
+  if (stop.cause === "undecided" || stop.source === "method") return words.program;
   const ways: Record<InputSource, string> = {
     armband: words.armband,
     gesture_topic: words.gestureTopic,
@@ -102,6 +102,7 @@ export function afterStop(stop: Stop, now: Circumstances): string {
     limb_tracker: words.limb,
     stage: words.stage,
     participant: words.program,
+    method: words.program,
   };
   return ways[stop.source];
 }

@@ -409,7 +409,10 @@ export function eventText(event: TrialEvent): string {
     case "plan_requested":
       return happened.planning;
     case "plan_finished":
-      return PLANNED[event.status];
+      // The reason names the links or objects that collide.
+      return event.reason ? happened.planFailed(PLANNED[event.status], event.reason) : PLANNED[event.status];
+    case "plans_failed":
+      return happened.plansFailed(event.count, event.reason);
     case "method_note":
       return event.text;
     case "motion_stopped":

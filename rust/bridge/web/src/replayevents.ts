@@ -20,6 +20,7 @@ const GROUP_OF: Record<TrialEvent["event"], EventGroup> = {
   unlocked: "gaze",
   plan_requested: "plan",
   plan_finished: "plan",
+  plans_failed: "plan",
   method_note: "plan",
   motion_stopped: "plan",
   motion_finished: "plan",

@@ -103,6 +103,7 @@ export class ResultView {
       ...(objects.length > 0 ? [table("figures-table", words.blockColumns, objects)] : []),
       table("figures-table", ["", capital(card.score_name), ...words.trialColumns], rows),
       element("p", "verdict", comparison(results)),
+      ...card.faults.map((fault) => element("p", "verdict bad", capital(fault))),
       ...card.norms.map((norm) => element("p", "norm", capital(norm))),
     );
     this.buttons.replaceChildren(

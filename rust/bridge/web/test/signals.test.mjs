@@ -84,7 +84,7 @@ test("an interval is Student's, within what the numbers can be", () => {
   assert.ok(Math.abs(wide[1] - half - (2.0 * sd) / Math.sqrt(61)) < 1e-3);
 });
 
-const card = { who: 'You, "me"', method: "D", score: 3, most: 4, score_name: "blocks on target", seconds: 61.5, attempts: 4, path_m: 2.5, objects: [], norms: [] };
+const card = { who: 'You, "me"', method: "D", score: 3, most: 4, score_name: "blocks on target", seconds: 61.5, attempts: 4, path_m: 2.5, objects: [], norms: [], faults: [] };
 const content = { setup: "still", briefing: { most: 4, score_name: "blocks on target" }, arm: { side: "right" } };
 
 test("trials of a visit become a row each for a spreadsheet", () => {

@@ -265,6 +265,7 @@ pub(super) fn read_decision(message: &Decision) -> Result<EmgStageOutput, Refuse
         drives: drives(&message.drives)?,
         fault: None,
         armed: message.armed,
+        overridden: false,
         events: events(&message.events)?,
         // A classifier's own answers stay with the node that asks it.
         answers: vec![],

@@ -56,6 +56,8 @@ pub struct EmgStageOutput {
     pub fault: Option<(StopCause, String)>,
     /// Gestures pass: no relaxed hand is waited for.
     pub armed: bool,
+    /// A gesture is given directly, so that what the EMG says is not used: its stream may die.
+    pub overridden: bool,
     /// What befell the stream, for the record.
     pub events: Vec<EventKind>,
     /// What a process that decodes said of the windows that ended.
@@ -76,6 +78,7 @@ impl Default for EmgStageOutput {
             drives: Drives::new(),
             fault: None,
             armed: true,
+            overridden: false,
             events: Vec::new(),
             answers: Vec::new(),
         }
@@ -159,6 +162,7 @@ impl EmgStage {
             (self.confidence, self.effort) = (1.0, 1.0);
         }
         if let Some(given) = self.given {
+            (output.fault, output.armed, output.overridden) = (None, true, true);
             self.drives = self.places.iter().map(|(drive, _)| drive.target(given.into())).collect();
         }
         output.drives = self.drives.clone();

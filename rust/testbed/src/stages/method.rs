@@ -1,20 +1,21 @@
 use super::{ActuationOutput, EmgStageOutput, GazeHeard, IntentOutput, object_centres};
 use crate::{
-    TestbedError, TrialConfig,
+    ResultFault, ResultFaultKind, TestbedError, TrialConfig,
     outside::RecorderTap,
     plans::{PlanBook, plan_request},
     ports::PlanService,
+    trial_faults::{ExternalPart, FailedPlans, MissedAnswers},
 };
 use proact_arm::ArmModel;
 use proact_control::{
     ControlInput, ControlMethod, ControlOutput, FingerCommand, HandCommand, JointStates, JointSubset,
-    MethodEntry, MotionCommand, PlanCommand, Shown, SourceWatch,
+    MethodEntry, MethodFault, MotionCommand, PlanCommand, Shown, SourceWatch, UsedSources,
     ports::{ArmKinematics, MethodProcess},
 };
 use proact_types::{
-    EventKind, Gesture, HandView, InputSign, InputSource, JointVector, MethodAnswer, ModeView,
-    ParticipantAnswer, PlanReply, PlanRequest, PlannerView, PlantState, Scene, SignKind, SimTime, Stop,
-    TargetView,
+    EventKind, Gesture, HandView, InputSign, InputSource, IntentAnswer, JointVector, MethodAnswer,
+    MethodStyle, ModeView, ParticipantAnswer, PlanReply, PlanRequest, PlannerView, PlantState, Scene,
+    SignKind, SimTime, Stop, StopCause, TargetView, WindowAnswer,
 };
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -36,13 +37,53 @@ pub struct MethodStage {
     /// Where the answers of a method in another process pass through.
     recorder_tap: RecorderTap,
     watch: SourceWatch,
+    external: ExternalMethod,
+    missed: MissedAnswers,
     plans: PlanBook,
+    failed_plans: FailedPlans,
     /// Angles of the person's own limb as tracked last.
     limb: Option<JointVector>,
     /// Arm joints that the person's own limb has: no plan moves them.
     held: Vec<usize>,
     acted_on: Gesture,
     tracked_at: Option<SimTime>,
+}
+
+/// What is known of a method in another process.
+struct ExternalMethod {
+    /// The method is one.
+    is_external: bool,
+    /// It has commanded the arm, the hand or the planner.
+    acted: bool,
+    /// Why it failed first.
+    failed: Option<String>,
+    /// The first answer in a row that it has missed.
+    missing_since: Option<SimTime>,
+    /// Missed answers stop the arm when they last longer than this, ms; none: they only hold it.
+    silence_ms: Option<u64>,
+}
+
+impl ExternalMethod {
+    /// What the outcome `fault` of the step at `now` is to the watch over all sources. None: nothing new.
+    fn take(&mut self, now: SimTime, fault: Option<MethodFault>) -> Option<Option<(StopCause, String)>> {
+        let since = self.missing_since.take();
+        let found = match fault {
+            None => return Some(None),
+            Some(MethodFault::Failed(reason)) => {
+                (StopCause::Undecided, format!("the method failed: {reason}"))
+            }
+            Some(MethodFault::Missed(reason)) => {
+                let since = since.unwrap_or(now);
+                self.missing_since = Some(since);
+                if self.silence_ms.is_none_or(|limit| now.millis_since(since) < limit) {
+                    return None;
+                }
+                (StopCause::Silent, format!("the method does not answer: {reason}"))
+            }
+        };
+        self.failed.get_or_insert_with(|| found.1.clone());
+        Some(Some(found))
+    }
 }
 
 /// What enters the method in one tick.
@@ -127,6 +168,22 @@ impl MethodStage {
         let built = method.build(&config.profile, &model, recorder_tap.clone())?;
         let driven = JointSubset::of(method.info().style, &config.profile, &model)?;
         let held = (0..model.arm_count()).filter(|joint| !driven.contains(*joint)).collect();
+        let is_external = method.program().is_some();
+        let uses = UsedSources {
+            gaze: method.needs().gaze,
+            // A method in another process is given the limb and may use it.
+            limb: !driven.is_whole() || is_external || method.info().style == MethodStyle::Imitating,
+        };
+        let waits = config.wait_for_plans;
+        let link_ms = config.profile.dead_man.map(|limits| limits.link_ms);
+        let external = ExternalMethod {
+            is_external,
+            acted: false,
+            failed: None,
+            missing_since: None,
+            // Where each answer is waited for, a missed one has been waited for long enough.
+            silence_ms: if waits { Some(0) } else { link_ms },
+        };
         Ok(Self {
             digit_of: model.digit_places(),
             model,
@@ -136,8 +193,11 @@ impl MethodStage {
             held,
             shown: Shown::default(),
             recorder_tap,
-            watch: SourceWatch::new(config.profile.dead_man, method.needs().gaze),
+            watch: SourceWatch::new(config.profile.dead_man, uses),
+            external,
+            missed: MissedAnswers::new(config.missed_answers_limit, waits),
             plans: PlanBook::new(config, plans),
+            failed_plans: FailedPlans::new(config.failed_plans_limit),
             limb: None,
             acted_on: Gesture::NoMotion,
             tracked_at: None,
@@ -147,6 +207,28 @@ impl MethodStage {
     /// Why the arm must stand still; none while it need not.
     pub fn stop(&self) -> Option<&Stop> {
         self.watch.stop()
+    }
+
+    /// Whether the trial must end because a part in another process does not answer.
+    pub(crate) fn gave_up(&self) -> bool {
+        self.missed.over().is_some()
+    }
+
+    /// What is wrong with the trial up to now.
+    pub(crate) fn faults(&self) -> Vec<ResultFault> {
+        let ExternalMethod { is_external, acted, failed, .. } = &self.external;
+        let never_acted = *is_external && !*acted;
+        let failed_always = failed.as_deref().filter(|_| never_acted);
+        let external = self.missed.over().or(self.watch.external_fault()).or(failed_always);
+        let fault = |kind, reason: &str| ResultFault { kind, reason: reason.to_owned() };
+        let mut faults: Vec<ResultFault> = Vec::new();
+        faults.extend(external.map(|reason| fault(ResultFaultKind::ExternalPart, reason)));
+        if never_acted {
+            let reason = "the method commanded neither the arm nor the hand nor the planner";
+            faults.push(fault(ResultFaultKind::NeverActed, reason));
+        }
+        faults.extend(self.failed_plans.fault());
+        faults
     }
 
     /// What there is to see.
@@ -191,16 +273,41 @@ impl MethodStage {
         if output.stepped {
             self.acted_on = gesture;
             self.recorder_tap.exchange(input.answer.clone());
-            self.control(now, &input, kinematics, &mut output);
+            let fault = self.control(now, &input, kinematics, &mut output);
             output.answer = self.recorder_tap.exchange(None);
+            self.watch_method(now, gesture, fault, &mut output);
         }
         output
+    }
+
+    /// A method in another process that fails stops the arm in the same tick.
+    fn watch_method(
+        &mut self,
+        now: SimTime,
+        gesture: Gesture,
+        fault: Option<MethodFault>,
+        output: &mut MethodOutput,
+    ) {
+        if !self.external.is_external {
+            return;
+        }
+        let missed = output.answer.as_ref().and_then(|answer| match answer {
+            MethodAnswer::Missed(reason) => Some(reason.as_str()),
+            _ => None,
+        });
+        self.missed.take(ExternalPart::Method, missed);
+        if let Some(found) = self.external.take(now, fault) {
+            let fails = found.is_some();
+            self.watch.method(found);
+            output.events.extend(fails.then(|| self.watch.step(now, gesture)).flatten());
+        }
     }
 
     /// Whether the sources are alive. Some if the arm must stop now, or may go on: the method must know at once.
     fn watch_sources(&mut self, now: SimTime, input: &MethodInput<'_>) -> Option<EventKind> {
         let watch = &mut self.watch;
-        if input.gesture.decision.as_ref().is_some_and(|decision| !decision.stale) {
+        let decides = input.gesture.decision.as_ref().is_some_and(|decision| !decision.stale);
+        if decides && !input.gesture.overridden {
             watch.hear(now, InputSource::Armband, SignKind::Fresh);
         }
         match input.intent.heard {
@@ -213,6 +320,19 @@ impl MethodStage {
             watch.hear(now, sign.source, sign.kind);
         }
         watch.intent(input.intent.fault.as_deref());
+        if let Some(answer) = &input.intent.answer {
+            let missed = matches!(answer, IntentAnswer::Missed(_)).then(|| answer.text());
+            self.missed.take(ExternalPart::IntentModel, missed);
+        }
+        for answer in &input.gesture.answers {
+            let missed = match answer {
+                WindowAnswer::Late { deadline_ms } => {
+                    Some(format!("it has not answered within {deadline_ms} ms"))
+                }
+                _ => None,
+            };
+            self.missed.take(ExternalPart::Decoder, missed.as_deref());
+        }
         if let Some(answer) = input.participant {
             watch.participant(answer);
         }
@@ -243,9 +363,11 @@ impl MethodStage {
         input: &MethodInput<'_>,
         kinematics: &mut dyn ArmKinematics,
         output: &mut MethodOutput,
-    ) {
+    ) -> Option<MethodFault> {
         if let Some(plan) = &output.plan {
-            output.events.push(EventKind::PlanFinished { request: plan.id, status: plan.status });
+            let reason = (!plan.reason.is_empty()).then(|| plan.reason.clone());
+            output.events.push(EventKind::PlanFinished { request: plan.id, status: plan.status, reason });
+            output.events.extend(self.failed_plans.take(now, plan));
         }
         let (world, arm) = (input.world, self.model.arm_count());
         let commanded = &input.actuation.command.position[..arm];
@@ -276,11 +398,15 @@ impl MethodStage {
             gaze_age_ms: age(input.intent.seen_at),
             tracking_age_ms: age(self.tracked_at),
         };
-        let ControlOutput { motion, hand, fingers, plan, events, shown } =
+        let ControlOutput { motion, hand, fingers, plan, events, shown, fault } =
             self.method.step(now, &seen, kinematics);
         output.said = events.len();
         output.events.extend(events.into_iter().map(EventKind::from));
         self.shown = shown;
+        self.external.acted |= motion.as_ref().is_some_and(|motion| *motion != MotionCommand::Hold)
+            || hand.is_some()
+            || matches!(fingers, Some(FingerCommand::Goto(_)))
+            || matches!(plan, Some(PlanCommand::Request(_)));
         (output.motion, output.hand, output.fingers) = (motion, hand, fingers);
         match plan {
             Some(PlanCommand::Request(goal)) => {
@@ -296,5 +422,6 @@ impl MethodStage {
             Some(PlanCommand::Cancel) => self.plans.cancel(),
             None => {}
         }
+        fault
     }
 }

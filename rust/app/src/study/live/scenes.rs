@@ -251,7 +251,7 @@ impl LiveStudy<'_> {
         let left = inputs.left.take();
         journal_holds(&mut self.state)?;
         let ended = match result.ended {
-            TrialEnd::Task | TrialEnd::Restart => Ended::Finished,
+            TrialEnd::Task | TrialEnd::Failed | TrialEnd::Restart => Ended::Finished,
             TrialEnd::Abort => Ended::Aborted,
             TrialEnd::Interrupt => Ended::Interrupted,
         };
@@ -289,6 +289,13 @@ fn outcome(result: &TrialResult) -> String {
         TrialEnd::Task => "",
         TrialEnd::Abort => ", ended by the experimenter",
         TrialEnd::Restart | TrialEnd::Interrupt => ", interrupted",
+        TrialEnd::Failed => {
+            return format!(
+                "failed after {:.0} s: {}",
+                result.sim_seconds,
+                result.failure().unwrap_or_default()
+            );
+        }
     };
     format!("{} {} in {:.0} s{ended}", result.score, result.score_name, result.sim_seconds)
 }

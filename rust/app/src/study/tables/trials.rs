@@ -70,7 +70,9 @@ impl TrialTables {
         let config = TrialConfig::from_toml(&record.header().config_toml)?;
         let key = told.trial_key(counted.planned);
         self.trial(told, counted, &result);
-        block_rows(&key, &result.beside, &result.result).into_iter().for_each(|row| self.blocks.push(row));
+        if result.failure().is_none() {
+            self.blocks.rows.extend(block_rows(&key, &result.beside, &result.result));
+        }
         let events = record.events()?;
         let arm = crate::Arm::recorded(&dir, &config)?;
         let task = config.build_task(arm.model())?;
@@ -98,7 +100,7 @@ impl TrialTables {
             counted.attempt.into(),
             if departures.is_empty() { Cell::Missing } else { "*".into() },
             departures.into(),
-            result.score.into(),
+            result.counted_score().into(),
             result.score_name.as_str().into(),
             result.sim_seconds.into(),
             result.gesture_source.as_str().into(),
@@ -120,7 +122,11 @@ impl TrialTables {
                 }
                 EventKind::GraspFailed { object, reason } => (object.and_then(name), word(reason)),
                 EventKind::Locked { object } => (object.and_then(name), String::new()),
-                EventKind::PlanFinished { status, .. } => (None, word(status)),
+                EventKind::PlanFinished { status, reason, .. } => {
+                    let why = reason.as_ref().map_or(String::new(), |reason| format!(": {reason}"));
+                    (None, word(status) + &why)
+                }
+                EventKind::PlansFailed { count, reason } => (None, format!("{count} in a row: {reason}")),
                 EventKind::MethodNote { text } => (None, text.clone()),
                 EventKind::Stopped { reason, .. } => (None, reason.clone()),
                 EventKind::Unlocked

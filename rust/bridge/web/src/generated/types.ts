@@ -623,7 +623,7 @@ unit: string,
 value: number | null, };
 
 /** What gives gestures or measurements to a trial, and may die while the arm moves. */
-export type InputSource = "armband" | "gesture_topic" | "page" | "eye_tracker" | "shoulder_tracker" | "limb_tracker" | "stage" | "participant";
+export type InputSource = "armband" | "gesture_topic" | "page" | "eye_tracker" | "shoulder_tracker" | "limb_tracker" | "stage" | "participant" | "method";
 
 /** What gaze and task say of what is meant, each for itself and both together. Lists have the order of the scene and sum to
  * one, rounded. */
@@ -1173,7 +1173,9 @@ attempts: number,
 /** What became of each object, for tasks that tell. */
 objects: Array<ResultLine>,
 /** What people with two sound hands reach, a line each, where that is known. */
-norms: Array<string>, };
+norms: Array<string>,
+/** What is wrong with the trial, a sentence each. */
+faults: Array<string>, };
 
 /** What became of one object, as a line of a [`ResultCard`]. */
 export type ResultLine = {
@@ -1626,7 +1628,14 @@ request: number, } | { "event": "plan_finished",
 /** Number of the request in this trial. */
 request: number,
 /** How it ended. */
-status: PlanStatus, } | { "event": "method_note",
+status: PlanStatus,
+/** One sentence when there is no full plan. Of a start or goal in collision it names both
+ * links, or the link and the obstacle. */
+reason?: string, } | { "event": "plans_failed",
+/** How many. */
+count: number,
+/** Why the last one failed. */
+reason: string, } | { "event": "method_note",
 /** What it says. */
 text: string, } | { "event": "motion_stopped" } | { "event": "motion_finished" } | { "event": "object_on_target",
 /** Which object. */

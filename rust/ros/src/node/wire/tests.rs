@@ -129,6 +129,7 @@ fn decisions_intents_and_commands_come_back() {
         drives: [-1.0, 1.0 / 3.0].into_iter().collect(),
         fault: Some((StopCause::Flat, "channel 2 stands still".to_owned())),
         armed: false,
+        overridden: false,
         events: vec![EventKind::EmgGap { gaps: 1, unusable_samples: 0, rejected_windows: 2 }],
         answers: vec![],
     };
