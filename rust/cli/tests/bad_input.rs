@@ -199,3 +199,26 @@ fn files_and_lines_without_end_are_refused_with_their_bound() {
     std::os::unix::fs::symlink("/dev/zero", recordings.join("R_0_C_0.csv")).expect("a link");
     endless(&["emg", "evaluate", "--data", "recordings"]);
 }
+
+#[test]
+fn a_bad_name_of_a_new_participant_is_refused_before_the_page_starts() {
+    // The page started and waited for a person.
+    let place = place();
+    assert!(proact(place.path(), &["study", "new", "pilot"]).status.success());
+    for name in ["..", "/abs", "", "two words", &"x".repeat(5000)] {
+        let words = ["study", "run", "pilot", "--participant", name, "--new", "--no-browser"];
+        let error = refused(place.path(), &words);
+        assert_names(&error, &["expected a pseudonym of 1 to 32 letters, digits, - and _"]);
+        assert!(error.len() < 200, "{error}");
+    }
+}
+
+#[test]
+fn seconds_beyond_any_clock_are_refused_with_their_range() {
+    // Both panicked.
+    let place = place();
+    let train = ["emg", "train", "--source", "synthetic", "--out", "model.json", "--patience", "1e300"];
+    assert_names(&refused(place.path(), &train), &["--patience is 1e300", "0.001 to 1000000"]);
+    let simulate = ["emg", "simulate", "--seconds", "1e300"];
+    assert_names(&refused(place.path(), &simulate), &["--seconds is 1e300", "0.001 to 1000000000"]);
+}

@@ -39,7 +39,7 @@ pub enum WriteError {
     /// The operating system refused.
     #[error("cannot write {}: {source}", path.display())]
     Io {
-        /// The file or folder, as it was named.
+        /// The path that the user gave.
         path: PathBuf,
         /// What the system said.
         source: io::Error,

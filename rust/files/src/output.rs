@@ -19,7 +19,7 @@ pub(crate) const SUFFIX: &str = ".partial";
 /// existing file is unchanged.
 #[derive(Debug)]
 pub struct OutputFile {
-    /// As it was named.
+    /// For error messages.
     path: PathBuf,
     growing: Growing,
 }
