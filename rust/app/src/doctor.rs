@@ -426,7 +426,9 @@ mod tests {
         let left = fs::read_dir(folder.path()).expect("it can be read").count();
         assert_eq!(left, 0, "the probe must be removed");
 
-        let check = writable(&folder.path().join("missing"));
+        let file = folder.path().join("file");
+        fs::write(&file, "").expect("it can be written");
+        let check = writable(&file);
         assert_eq!(check.status, Status::Fail);
         assert!(check.advice.contains("--out"), "{}", check.advice);
     }

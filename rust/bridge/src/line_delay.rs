@@ -35,8 +35,8 @@ impl LineDelay {
 
     /// A ping came back. Its answer is one to all before it (RFC 6455, 5.5.3); what was not asked is ignored.
     pub(crate) fn answer(&mut self, carried: &[u8], now: Instant) {
-        let number = std::str::from_utf8(carried).ok().and_then(|text| text.parse::<u64>().ok());
-        let Some(place) = number.and_then(|n| self.waiting.iter().position(|(asked, _)| *asked == n)) else {
+        let is_asked = |(number, _): &(u64, Instant)| number.to_string().as_bytes() == carried;
+        let Some(place) = self.waiting.iter().position(is_asked) else {
             return;
         };
         if let Some((_, asked)) = self.waiting.drain(..=place).last() {

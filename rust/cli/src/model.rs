@@ -162,7 +162,7 @@ fn run_check(args: &CheckArgs, json: bool) -> Result<bool, Box<dyn Error>> {
 }
 
 fn run_import(args: &ImportArgs, json: bool) -> Result<bool, Box<dyn Error>> {
-    check_folder(&args.out)?;
+    check_folder(&args.out).map_err(|error| format!("{error}. Choose another folder with --out"))?;
     let srdf = args.srdf.as_deref().map(read_text).transpose()?;
     match import(&read_text(&args.file)?, srdf.as_deref()) {
         Ok(imported) => {

@@ -36,10 +36,11 @@ pub struct ReportFault {
 /// The faults of the tables, in their order.
 pub(super) fn report_faults(tables: &BTreeMap<&'static str, Table>) -> Vec<ReportFault> {
     let trials = tables.get("trials");
+    // A table that came without its trials names no record.
     let record = |key: &[proact_analysis::table::Cell]| {
-        let trials = trials?;
-        let row = trials.rows.iter().find(|row| row.starts_with(key))?;
-        Some(trials.words(row, "record"))
+        let found =
+            trials.and_then(|trials| Some((trials, trials.rows.iter().find(|row| row.starts_with(key))?)));
+        found.map_or_else(String::new, |(trials, row)| trials.words(row, "record"))
     };
     let of_table = |table: &Table| {
         let faults = impossible(table).into_iter().map(|found| {
@@ -51,7 +52,7 @@ pub(super) fn report_faults(tables: &BTreeMap<&'static str, Table>) -> Vec<Repor
             };
             ReportFault {
                 table: table.name,
-                record: record(&row[..5]).unwrap_or_default(),
+                record: record(&row[..5]),
                 participant: participant(table, row),
                 condition: words("condition"),
                 trial: words("trial"),

@@ -173,8 +173,8 @@ fn what_cannot_be_typed_is_found() {
         assert_eq!(refusal_in_prose(&words(good)), None, "{good}");
         assert!(refusal_in_prose(&words(bad)).is_some(), "{bad}");
     }
-    let prose = "Type `./proact demo, then /emg`, or `proact\nstudy`.\n```\nproact no\n```\nSo `proact serve\n--arm wam`.";
-    assert_eq!(commands_in_prose(prose), [vec!["demo"], vec!["serve", "--arm", "wam"]]);
+    let prose = "Type `./proact demo, then /emg`, or `proact\nstudy`.\n```\nproact no\n```\nSo `proact serve\n--port 8091`.";
+    assert_eq!(commands_in_prose(prose), [vec!["demo"], vec!["serve", "--port", "8091"]]);
 }
 
 /// The default of `emg test --tests` was shown as `sequence trial`, which the option does not take; `--steering` and

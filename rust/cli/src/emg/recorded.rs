@@ -1,7 +1,7 @@
 //! What is said about recordings before anything is trained on them or tested with them.
 
 use clap::Args;
-use proact_app::{answer, tell, trial::AssemblyError};
+use proact_app::{answer_json, tell, trial::AssemblyError};
 use proact_devices::{DeviceError, FaultPolicy, Recordings, findings_json};
 use proact_emg::{CalibrationConfig, RecordedFault};
 use proact_types::GestureName;
@@ -46,7 +46,7 @@ pub(crate) fn answer_refusal(error: &(dyn Error + 'static), json: bool) {
     };
     if let Some(DeviceError::Faults { findings, .. }) = refusal.filter(|_| json) {
         // That nobody reads it is no reason for another error.
-        let _ = answer(json!({ "error": error.to_string(), "findings": findings_json(findings) }));
+        let _ = answer_json(&json!({ "error": error.to_string(), "findings": findings_json(findings) }));
     }
 }
 

@@ -91,10 +91,10 @@ fn a_record_that_becomes_another_trial_or_is_of_another_program_is_scored_from_i
         header.config_toml = config.to_toml().unwrap();
     });
     again(&dir, &foreign, |header| {
-        header.versions.insert("proact".to_owned(), "0.0.1".to_owned());
+        header.versions.insert("KDL".to_owned(), "0.0.1".to_owned());
     });
     for (dir, flaw, told) in
-        [(diverged, "diverged", "is not the recorded one between"), (foreign, "foreign", "proact 0.0.1")]
+        [(diverged, "diverged", "is not the recorded one between"), (foreign, "foreign", "KDL 0.0.1")]
     {
         let OfRecord { trace, flaws } = of_record(&methods, &dir).unwrap();
         assert_eq!(flaws.iter().map(Flaw::label).collect::<Vec<_>>(), [flaw]);

@@ -297,11 +297,8 @@ fn outcome(result: &TrialResult) -> String {
         TrialEnd::Abort => ", ended by the experimenter",
         TrialEnd::Restart | TrialEnd::Interrupt => ", interrupted",
         TrialEnd::Failed => {
-            return format!(
-                "failed after {:.0} s: {}",
-                result.sim_seconds,
-                result.failure().unwrap_or_default()
-            );
+            let reason = result.failure().map(|reason| format!(": {reason}"));
+            return format!("failed after {:.0} s{}", result.sim_seconds, reason.as_deref().unwrap_or(""));
         }
     };
     format!("{} {} in {:.0} s{ended}", result.score, result.score_name, result.sim_seconds)
