@@ -123,7 +123,7 @@ fn what_the_process_says_is_highlighted_and_whatever_it_does_wrong_stops_the_arm
         ("answer['posterior'] = [math.nan] * 4", "it answered"),
         ("answer['posterior'] = [1.0]", "posterior has 1 values, expected 4"),
         ("answer['posterior'] = [1.0, -1.0, 0, 0]", "posterior 1 is -1"),
-        ("answer['time'] += 1", "which was not asked"),
+        ("answer['time'] += 1", "it answered the gaze of"),
         ("answer = 'hello'", "it answered"),
     ];
     for (wrong, expected) in cases {

@@ -137,7 +137,7 @@ impl<P: MethodProcess> PipeMethod<P> {
             serde_json::from_str(answer).map_err(|e| format!("the process answered {answer:?}: {e}"))?;
         if parsed.time != line.time {
             let (got, asked) = (parsed.time.0, line.time.0);
-            return Err(format!("the process answered {got} at {asked}, which was not asked"));
+            return Err(format!("the process answered the step of {got} ms, expected {asked} ms"));
         }
         check(&parsed, joints, line.objects.len())?;
         if let Some(FingerCommand::Goto(angles)) = &parsed.fingers {

@@ -103,7 +103,7 @@ fn without_an_answer_that_is_a_command_the_arm_holds_and_the_reason_is_shown() {
             Ok("{\"time\":NOW,\"planner\":{\"state\":\"executing\",\"progress\":7,\"intermediate\":false}}"),
             "planner.progress is 7, expected 0 to 1",
         ),
-        (Ok("{\"time\":99}"), "answered 99 at 10, which was not asked"),
+        (Ok("{\"time\":99}"), "answered the step of 99 ms, expected 10 ms"),
         (Ok("\u{fffd}"), "expected value"),
     ] {
         let (mut rig, _) = rig(answer);

@@ -39,6 +39,8 @@ pub struct LineProcess {
     child: Child,
     lines: Option<SyncSender<String>>,
     answers: Receiver<Result<String, String>>,
+    /// Stamps of lines that were not answered in time, rising.
+    missed: Vec<u64>,
     /// Milliseconds that may be waited for its end.
     moments: u32,
 }
@@ -66,11 +68,11 @@ impl LineProcess {
             thread::spawn(move || write(input, &to_write));
             thread::spawn(move || read(output, longest_line, &heard));
         }
-        Ok(LineProcess { child, lines: Some(lines), answers, moments: MOMENTS })
+        Ok(LineProcess { child, lines: Some(lines), answers, missed: Vec::new(), moments: MOMENTS })
     }
 
-    /// Writes `line` and waits at most for `patience` for its answer. Answers whose stamp (`time` or `window`) is below
-    /// `stamp` came too late for their own line and are skipped; what is no answer at all is given.
+    /// Writes `line` and waits at most for `patience` for its answer. Answers to earlier lines (by their `time` or `window`) that
+    /// were not answered in time are skipped; all else is given.
     ///
     /// # Errors
     /// [`LineFault`].
@@ -87,12 +89,17 @@ impl LineProcess {
             let left = deadline.saturating_duration_since(Instant::now());
             let answer = match self.answers.recv_timeout(left) {
                 Ok(answer) => answer.map_err(LineFault::Broken)?,
-                Err(RecvTimeoutError::Timeout) => return Err(LineFault::Late { patience }),
+                Err(RecvTimeoutError::Timeout) => {
+                    self.missed.push(stamp);
+                    return Err(LineFault::Late { patience });
+                }
                 Err(RecvTimeoutError::Disconnected) => return Err(self.ended()),
             };
-            let late = serde_json::from_str::<Stamp>(&answer).is_ok_and(|found| found.time < stamp);
-            if !late {
-                return Ok(answer);
+            match serde_json::from_str::<Stamp>(&answer) {
+                Ok(late) if late.time < stamp && self.missed.contains(&late.time) => {
+                    self.missed.retain(|missed| *missed > late.time);
+                }
+                _ => return Ok(answer),
             }
         }
     }
@@ -146,5 +153,21 @@ impl Drop for LineProcess {
         self.lines = None;
         let _ = self.child.kill();
         let _ = self.child.wait();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    // Catches an answer with the stamp of an earlier line that was skipped until the deadline, and called no answer.
+    #[test]
+    fn an_answer_to_a_line_that_was_answered_already_is_given_and_not_skipped() {
+        let command = ["sh", "-c", "while read -r line; do echo '{\"time\": 5}'; done"].map(str::to_owned);
+        let mut process = LineProcess::start(&command, 100).expect("there is a shell");
+        for stamp in [5, 10] {
+            let answer = process.ask(stamp, "{}".to_owned(), Duration::from_secs(60));
+            assert_eq!(answer, Ok("{\"time\": 5}".to_owned()));
+        }
     }
 }

@@ -165,7 +165,7 @@ fn read(text: &str, line: &LookLine) -> Result<Option<Posterior>, String> {
         serde_json::from_str(text).map_err(|error| format!("it answered {shown:?}: {error}"))?;
     if answer.time != line.time {
         let (got, asked) = (answer.time.0, line.time.0);
-        return Err(format!("it answered {got} at {asked}, which was not asked"));
+        return Err(format!("it answered the gaze of {got} ms, expected {asked} ms"));
     }
     let Some(mut weights) = answer.posterior else { return Ok(None) };
     if weights.len() != line.objects.len() {
@@ -264,7 +264,7 @@ mod tests {
             assert!(matches!(told.answer, IntentAnswer::Line(_)), "what was said belongs to the log");
         }
         let other = told(|_| IntentAnswer::Line("{\"time\": 39, \"posterior\": null}".to_owned())).posterior;
-        assert_eq!(other, Err("it answered 39 at 40, which was not asked".to_owned()));
+        assert_eq!(other, Err("it answered the gaze of 39 ms, expected 40 ms".to_owned()));
         for dead in [IntentAnswer::Failed, IntentAnswer::Missed] {
             let told = told(move |_| dead("it has ended".to_owned()));
             assert_eq!(told.posterior, Err("it has ended".to_owned()));

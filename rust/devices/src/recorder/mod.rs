@@ -108,9 +108,10 @@ fn rising(stream: RecordedStream) -> Result<RecordedStream, String> {
     }
 }
 
-/// Hands over what is in memory and on to the disk.
+/// Hands over what is in memory and on to the disk. Pipes and devices have nothing that could be synchronized.
 fn close(file: BufWriter<File>) -> io::Result<()> {
-    file.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()
+    let file = file.into_inner().map_err(io::IntoInnerError::into_error)?;
+    if file.metadata()?.is_file() { file.sync_all() } else { Ok(()) }
 }
 
 #[cfg(test)]
