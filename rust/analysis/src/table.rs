@@ -88,6 +88,8 @@ impl Cell {
     pub fn read(text: &str) -> Self {
         match (text.parse::<i64>(), text.parse::<f64>()) {
             _ if text.is_empty() => Cell::Missing,
+            // Tables of earlier versions have it.
+            _ if text == "-0" => Cell::Real(0.0),
             // `007` is a name.
             (Ok(whole), _) if whole.to_string() == text => Cell::Whole(whole),
             (Err(_), Ok(real)) if real.is_finite() => real.into(),
@@ -167,7 +169,7 @@ mod tests {
     /// Tables had `-0`, which a reader takes for another value than 0.
     #[test]
     fn no_cell_shows_a_negative_zero() {
-        for cell in [Cell::from(-0.0), Cell::read("-0.0"), Cell::from(Some(-0.0))] {
+        for cell in [Cell::from(-0.0), Cell::read("-0.0"), Cell::read("-0"), Cell::from(Some(-0.0))] {
             assert_eq!(cell.to_string(), "0");
             assert_eq!(serde_json::to_string(&cell).unwrap(), "0.0");
         }

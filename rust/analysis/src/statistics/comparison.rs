@@ -1,7 +1,6 @@
 use super::{
     Friedman, Interval, PairedEffect, PermutationTest, Repeated, StatisticsError, Wilcoxon, bootstrap,
-    friedman, friedman::concordance, holm_of_pairs, paired_permutation, skewness_test,
-    wilcoxon::PairedDifferences,
+    friedman, friedman::concordance, holm_of_pairs, skewness_test, wilcoxon::PairedDifferences,
 };
 use serde::Serialize;
 
@@ -136,7 +135,7 @@ fn pair(values: &Repeated, a: usize, b: usize, seed: u64, notes: &mut Vec<String
         left_out: values.people() - differences.len(),
         wilcoxon: ranked,
         p_holm: None,
-        permutation: paired_permutation(differences, seed).ok(),
+        permutation: paired.permutation(seed).ok(),
         effect,
         a: name_a,
         b: name_b,
