@@ -61,6 +61,7 @@ pub fn counterfactual(
         }
     }
     let checked = check_record(dir, other_versions)?;
+    checked.record.check_computed()?;
     let (record, config, recorded) = (checked.record, checked.config, checked.recorded);
     if config.method_process.is_some() {
         return Err("the method was another program: what it would have answered is not in the record".into());

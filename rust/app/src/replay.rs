@@ -223,6 +223,7 @@ pub(crate) fn open_checked(
     options: &ReplayOptions,
 ) -> Result<Opened, Box<dyn Error>> {
     let Checked { record, config, recorded, result } = checked;
+    record.check_computed()?;
     let arm = Arm::recorded(dir, &config)?;
     let classifier = read_classifier(&record, &config)?;
     let (testbed, plans) = if options.replan {

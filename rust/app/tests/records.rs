@@ -130,3 +130,14 @@ fn rewrite(original: &Trial, to: &Path, text: &str, spans: &[SpanDigest]) -> Out
     writer.finish(original.end(), &result)?;
     Ok(())
 }
+
+// Catches a format whose records can no longer be read for their scores, or a refusal that names no program.
+#[test]
+fn a_record_of_an_earlier_format_is_read_and_its_replay_names_the_program_that_computes_it() -> Outcome {
+    let dir = repository().join("tests/records_earlier/format_7");
+    let record = Trial::open(&dir)?;
+    assert!(record.format() == 7 && record.finished() && !record.events()?.is_empty());
+    let refusal = replay_trial(&dir, options(true)).map(|_| ()).expect_err("another format").to_string();
+    assert!(refusal.contains("format 7") && refusal.contains("ca6e481"), "{refusal}");
+    Ok(())
+}

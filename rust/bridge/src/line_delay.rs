@@ -39,7 +39,7 @@ impl LineDelay {
         let Some(place) = self.waiting.iter().position(is_asked) else {
             return;
         };
-        if let Some((_, asked)) = self.waiting.drain(..=place).last() {
+        if let Some((_, asked)) = self.waiting.drain(..=place).next_back() {
             self.measured = Some(now.saturating_duration_since(asked));
         }
     }

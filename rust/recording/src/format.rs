@@ -3,7 +3,7 @@
 use crate::RecordingError;
 use std::path::Path;
 
-/// The format that this program writes, and the only one that it reads. It stands in the head of `inputs.log`.
+/// The format that this program writes, and the only one that it replays. It stands in the head of `inputs.log`.
 ///
 /// It goes up by one when any file of a trial directory changes its layout, or when the same inputs no longer lead to
 /// the same digest. The program before the change then enters [`LAST_READERS`].
@@ -20,18 +20,29 @@ const LAST_READERS: [(u32, &str); 7] = [
     (7, "0.1.0 at commit ca6e481"),
 ];
 
-/// Accepts a record in `dir` of format `got`.
+/// The oldest format that can be read: its files are laid out as today's, but the same inputs lead to another digest.
+const OLDEST_READ: u32 = 7;
+
+/// Accepts a record in `dir` of format `got` that can be read.
+///
+/// # Errors
+/// As [`check_computed`], for formats of another layout.
+pub(crate) fn check_read(dir: &Path, got: u32, writer: Option<&str>) -> Result<(), RecordingError> {
+    if (OLDEST_READ..=RECORD_FORMAT).contains(&got) { Ok(()) } else { check_computed(dir, got, writer) }
+}
+
+/// Accepts a record in `dir` of format `got` that can be computed again.
 ///
 /// # Errors
 /// [`RecordingError::WrongFormat`] for any other than [`RECORD_FORMAT`], with the program that replays it; `writer` is
-/// the version and commit that wrote the record, if they could be read.
-pub(crate) fn check(dir: &Path, got: u32, writer: Option<&str>) -> Result<(), RecordingError> {
+/// the version that wrote the record, if that could be read.
+pub(crate) fn check_computed(dir: &Path, got: u32, writer: Option<&str>) -> Result<(), RecordingError> {
     if got == RECORD_FORMAT {
         return Ok(());
     }
     let last = LAST_READERS.iter().find(|(format, _)| *format == got).map(|(_, version)| *version);
     let replayed_by = match (last, writer) {
-        (Some(version), _) => format!("the last program that replays it is proact {version}"),
+        (Some(version), _) => format!("the last program that replays format {got} is proact {version}"),
         (None, Some(version)) => format!("proact {version} wrote it and replays it"),
         (None, None) if got > RECORD_FORMAT => "a newer proact replays it".to_owned(),
         (None, None) => "no program is known that replays it".to_owned(),
@@ -44,7 +55,7 @@ mod tests {
     use super::*;
 
     fn refusal(got: u32, writer: Option<&str>) -> String {
-        check(Path::new("trial"), got, writer).expect_err("another format").to_string()
+        check_computed(Path::new("trial"), got, writer).expect_err("another format").to_string()
     }
 
     // Catches a new format whose predecessor was left out of the table.
@@ -59,8 +70,15 @@ mod tests {
     }
 
     #[test]
+    fn formats_of_another_layout_cannot_be_read() {
+        let read = |got| check_read(Path::new("trial"), got, None).is_ok();
+        let formats: Vec<u32> = (0..=RECORD_FORMAT + 1).filter(|got| read(*got)).collect();
+        assert_eq!(formats, (OLDEST_READ..=RECORD_FORMAT).collect::<Vec<u32>>());
+    }
+
+    #[test]
     fn a_newer_format_names_who_wrote_it() {
-        assert!(check(Path::new("trial"), RECORD_FORMAT, None).is_ok());
+        assert!(check_computed(Path::new("trial"), RECORD_FORMAT, None).is_ok());
         assert!(refusal(RECORD_FORMAT + 1, Some("0.7.0")).contains("proact 0.7.0 wrote it"));
         assert!(refusal(RECORD_FORMAT + 1, None).contains("a newer proact"));
     }

@@ -216,6 +216,7 @@ impl InputLogWriter {
 pub struct InputLog {
     file: BufReader<File>,
     path: PathBuf,
+    format: u32,
     header: LogHeader,
     length: u64,
     offset: u64,
@@ -243,6 +244,7 @@ impl InputLog {
         let mut log = InputLog {
             file: BufReader::new(file),
             path,
+            format: RECORD_FORMAT,
             header: LogHeader {
                 seed: 0,
                 versions: BTreeMap::new(),
@@ -266,10 +268,15 @@ impl InputLog {
         let payload = log.read_record();
         // The first record of another format may look like anything; what it says of its writer helps.
         let writer = payload.as_ref().ok().and_then(|json| serde_json::from_slice::<Writer>(json).ok());
-        format::check(dir, found, writer.and_then(Writer::label).as_deref())?;
+        format::check_read(dir, found, writer.and_then(Writer::label).as_deref())?;
+        log.format = found;
         let payload = payload?;
         log.header = serde_json::from_slice(&payload).map_err(|e| log.damaged(start, &e.to_string()))?;
         Ok(log)
+    }
+
+    pub(crate) fn format(&self) -> u32 {
+        self.format
     }
 
     pub(crate) fn header(&self) -> &LogHeader {

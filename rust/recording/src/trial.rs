@@ -1,8 +1,8 @@
 use crate::{
-    CONFIG_FILE, DIGESTS_FILE, EVENTS_FILE, INPUTS_FILE, InputLog, InputRecord, MANIFEST_FILE, RESULT_FILE,
-    RecordingError, TrialHeader,
+    CONFIG_FILE, DIGESTS_FILE, EVENTS_FILE, INPUTS_FILE, InputLog, InputRecord, MANIFEST_FILE, RECORD_FORMAT,
+    RESULT_FILE, RecordingError, TrialHeader,
     checked_lines::{Lines, read_lines},
-    files,
+    files, format,
     input_log::LogHeader,
     manifest,
     trial_writer::Coverage,
@@ -23,6 +23,7 @@ use std::{
 #[derive(Clone, Debug)]
 pub struct Trial {
     dir: PathBuf,
+    format: u32,
     header: TrialHeader,
     finished: bool,
     extent: Extent,
@@ -89,7 +90,7 @@ impl Trial {
             inputs: line.inputs,
             events: line.events,
         });
-        let trial = Trial { dir: dir.to_owned(), header, finished, extent };
+        let trial = Trial { dir: dir.to_owned(), format: log.format(), header, finished, extent };
         // A result is written when the logs are on the disk: with it they are whole, if only the manifest is missing.
         if finished || dir.join(RESULT_FILE).exists() {
             let end = log.end().map_or(SimTime(0), |end| end.time);
@@ -112,7 +113,21 @@ impl Trial {
             return Err(error);
         }
         let (dir, header, extent) = (dir.to_owned(), TrialHeader::default(), Extent::default());
-        Ok(Trial { dir, header, finished: false, extent })
+        Ok(Trial { dir, format: RECORD_FORMAT, header, finished: false, extent })
+    }
+
+    /// The format of the record.
+    pub fn format(&self) -> u32 {
+        self.format
+    }
+
+    /// Refuses a record that can be read, but whose inputs lead to another digest in this program.
+    ///
+    /// # Errors
+    /// [`RecordingError::WrongFormat`] with the program that replays it.
+    pub fn check_computed(&self) -> Result<(), RecordingError> {
+        let writer = self.header.versions.get("proact").map(String::as_str);
+        format::check_computed(&self.dir, self.format, writer)
     }
 
     fn inconsistent(&self, end: SimTime) -> RecordingError {
