@@ -68,6 +68,8 @@ pub enum RecordedFault {
         recordings: Vec<(GestureName, u32)>,
         /// Recordings in all.
         of: usize,
+        /// The gesture or repetition that it covers while the others are better.
+        coincides: Option<Coincidence>,
         /// Their files.
         files: Vec<String>,
     },
@@ -165,12 +167,26 @@ pub enum RecordedFault {
     },
 }
 
+/// With what a fault of a channel coincides: a gesture that is recognised by the fault, or a repetition that is tested or
+/// trained on with another set of channels than the others.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Coincidence {
+    /// Most recordings of this gesture.
+    Gesture(GestureName),
+    /// Most recordings of this repetition.
+    Repetition(u32),
+}
+
 impl RecordedFault {
     /// Red: nothing should be trained on it or tested with it. Amber is said and used all the same: a channel that is dead or hums in no
-    /// more than half of the recordings, a noisy one, and slow channels that are at least half of all.
+    /// more than half of the recordings and not just in one gesture or repetition, a noisy one, and slow channels that are at least half
+    /// of all.
     pub fn light(&self) -> Light {
         match self {
-            RecordedFault::Channel { light, recordings, of, .. } if 2 * recordings.len() <= *of => {
+            RecordedFault::Channel { light, recordings, of, coincides: None, .. }
+                if 2 * recordings.len() <= *of =>
+            {
                 (*light).min(Light::Amber)
             }
             RecordedFault::Channel { light, .. } => *light,
@@ -238,8 +254,11 @@ fn channel_fault(
         let in_which = session.repetitions.iter().zip(&found).filter(|(_, found)| **found);
         let recordings: Vec<_> = in_which.map(|(r, _)| (r.gesture, r.repetition)).collect();
         let (of, files) = (found.len(), session.files(|index| found[index]));
+        // A strong gesture is cut off in all its recordings.
+        let coincides =
+            if finding == ChannelFault::Railed { None } else { coincidence(session.repetitions, &found) };
         let any = !recordings.is_empty();
-        any.then_some(RecordedFault::Channel { channel, light, finding, recordings, of, files })
+        any.then_some(RecordedFault::Channel { channel, light, finding, recordings, of, coincides, files })
     };
     let dead = match column.is_still() || column.loudest() < DEAD * typical {
         true => vec![true; column.values.len()],
@@ -257,9 +276,27 @@ fn channel_fault(
             if at_least_half { fault(ChannelFault::Railed, Light::Red, found) } else { None }
         })
         .or_else(|| {
-            let (light, humming) = hum(session.rate_hz, column);
+            let (light, humming) = hum(session, column);
             fault(ChannelFault::Mains, light, humming)
         })
+}
+
+/// With what a fault in the recordings `found` coincides: it is in most recordings of a gesture or repetition, and in less
+/// than half as large a share of the others.
+fn coincidence(repetitions: &[RecordedRepetition<'_>], found: &[bool]) -> Option<Coincidence> {
+    let covers = |fewest: usize, belongs: &dyn Fn(&RecordedRepetition<'_>) -> bool| {
+        let count = |inside: bool, faulty: bool| {
+            let all = repetitions.iter().zip(found);
+            all.filter(|(r, found)| belongs(r) == inside && (!faulty || **found)).count()
+        };
+        let share = |inside: bool| count(inside, true) as f64 / count(inside, false).max(1) as f64;
+        count(true, false) >= fewest && share(true) > 0.5 && share(false) < 0.5 * share(true)
+    };
+    let gesture = repetitions.iter().map(|r| r.gesture).find(|gesture| covers(1, &|r| r.gesture == *gesture));
+    // One recording of a repetition that other gestures lack is one recording.
+    let numbers = || repetitions.iter().map(|r| r.repetition);
+    let repetition = || numbers().find(|number| covers(2, &|r| r.repetition == *number));
+    gesture.map(Coincidence::Gesture).or_else(|| repetition().map(Coincidence::Repetition))
 }
 
 /// In which recordings a channel that is alive in others is dead.
@@ -274,7 +311,8 @@ fn dead_here(session: &RecordedSession<'_>, column: &Column) -> Vec<bool> {
 }
 
 /// How much a channel hums, and in which recordings. A hum that only fills the silence of a relaxed hand is none.
-fn hum(rate_hz: f64, column: &Column) -> (Light, Vec<bool>) {
+fn hum(session: &RecordedSession<'_>, column: &Column) -> (Light, Vec<bool>) {
+    let rate_hz = session.rate_hz;
     let block = ((rate_hz / HUM_BLOCKS).round() as usize).max(1);
     // Of each recording: variance in blocks, and that at either frequency.
     let powers: Vec<[f64; 3]> = column
@@ -298,6 +336,11 @@ fn hum(rate_hz: f64, column: &Column) -> (Light, Vec<bool>) {
     let total = powers.iter().fold([0.0; 3], |sums, of| [0, 1, 2].map(|k| sums[k] + of[k]));
     let mean = total[0] / powers.len().max(1) as f64;
     let above = |limit: f64| -> Vec<bool> { powers.iter().map(|of| share(of) > limit).collect() };
+    // Louder than the muscle is on the average.
+    let loud: Vec<bool> = powers.iter().map(|of| share(of) > HUM[1] && of[1].max(of[2]) > mean).collect();
+    if coincidence(session.repetitions, &loud).is_some() {
+        return (Light::Red, loud);
+    }
     for (limit, light) in [(HUM[1], Light::Red), (HUM[0], Light::Amber)] {
         let found = above(limit);
         let most = 2 * found.iter().filter(|found| **found).count() > found.len();
@@ -305,9 +348,7 @@ fn hum(rate_hz: f64, column: &Column) -> (Light, Vec<bool>) {
             return (light, found);
         }
     }
-    // Louder than the muscle is on the average.
-    let loud = powers.iter().map(|of| share(of) > HUM[1] && of[1].max(of[2]) > mean);
-    (Light::Red, loud.collect())
+    (Light::Red, loud)
 }
 
 /// Which of the channels in `suspects` are noisy.
