@@ -202,7 +202,7 @@ pub enum DeviceError {
     /// Recordings with findings that make an accuracy wrong.
     #[error(
         "the recordings in {} are not fit to train on or to test with:{}\ncorrect the files, record again or leave repetitions out, \
-         or use them all the same with --accept-faults",
+         or use them all the same with --accept-faults; --json, a model file and a trial's configuration record it",
         path.display(), lines(findings)
     )]
     Faults {
@@ -409,8 +409,7 @@ fn numbers(values: &[u32]) -> String {
     }
 }
 
-/// What makes an accuracy wrong, one after the other.
-/// One finding a line.
+/// What makes an accuracy wrong, one finding a line.
 fn lines(findings: &[RecordedFault]) -> String {
     crate::accepted(findings).iter().map(|finding| format!("\n  - {finding}")).collect()
 }

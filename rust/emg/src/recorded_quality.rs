@@ -202,6 +202,8 @@ const DEAD: f64 = 0.02;
 const DEAD_HERE: f64 = 0.05;
 /// Recordings of a gesture of which one can be told to be unusual.
 const FEWEST_TAKES: usize = 3;
+/// Steps of its converter that the median channel moves at rest, above which a channel that is still at rest is dead.
+const RESTING_STEPS: f64 = 3.0;
 /// Share of samples at the ends of a channel's range above which it is cut off.
 const CUT_OFF: f64 = 0.3;
 /// Distinct values that a channel needs before its ends tell anything: one that rounds to a handful of counts is at its
@@ -231,9 +233,16 @@ pub fn check_recordings(session: &RecordedSession<'_>) -> Vec<RecordedFault> {
     let all = electrodes(&explained);
     faults.extend(copies::copies(session, &columns, &all));
     faults.extend(held_rows::held_rows(session, &columns, &all));
-    let loudest = crate::model::median(all.iter().map(|channel| columns[*channel].loudest()).collect());
+    let typical = |sd: &dyn Fn(usize) -> f64| crate::model::median(all.iter().copied().map(sd).collect());
+    let usual = Usual {
+        loudest: typical(&|channel| columns[channel].loudest()).unwrap_or(0.0),
+        at_rest: typical(&|channel| {
+            largest(session, &columns[channel], |gesture| gesture == session.rest).unwrap_or(0.0)
+        })
+        .unwrap_or(0.0),
+    };
     for channel in all {
-        if let Some(fault) = channel_fault(session, channel, &columns[channel], loudest.unwrap_or(0.0)) {
+        if let Some(fault) = channel_fault(session, channel, &columns[channel], &usual) {
             explained[channel] = fault.light() == Light::Red;
             faults.push(fault);
         }
@@ -243,24 +252,39 @@ pub fn check_recordings(session: &RecordedSession<'_>) -> Vec<RecordedFault> {
     faults
 }
 
-/// What is wrong with a channel: dead, else cut off, else humming. `typical` is how loud the median channel gets.
+/// Standard deviations of the median channel.
+struct Usual {
+    /// In the loudest recording.
+    loudest: f64,
+    /// In the loudest of a relaxed hand.
+    at_rest: f64,
+}
+
+/// What is wrong with a channel: dead, else cut off, else humming.
 fn channel_fault(
     session: &RecordedSession<'_>,
     channel: usize,
     column: &Column,
-    typical: f64,
+    usual: &Usual,
 ) -> Option<RecordedFault> {
     let fault = |finding: ChannelFault, light: Light, found: Vec<bool>| {
         let in_which = session.repetitions.iter().zip(&found).filter(|(_, found)| **found);
         let recordings: Vec<_> = in_which.map(|(r, _)| (r.gesture, r.repetition)).collect();
         let (of, files) = (found.len(), session.files(|index| found[index]));
-        // A strong gesture is cut off in all its recordings.
-        let coincides =
-            if finding == ChannelFault::Railed { None } else { coincidence(session.repetitions, &found) };
+        let by_itself = |with: &Coincidence| match finding {
+            // A strong gesture is cut off in all its recordings.
+            ChannelFault::Railed => true,
+            // A relaxed hand may be less than a step of the converter.
+            ChannelFault::Flat => {
+                *with == Coincidence::Gesture(session.rest) && usual.at_rest < RESTING_STEPS * column.step
+            }
+            _ => false,
+        };
+        let coincides = coincidence(session.repetitions, &found).filter(|with| !by_itself(with));
         let any = !recordings.is_empty();
         any.then_some(RecordedFault::Channel { channel, light, finding, recordings, of, coincides, files })
     };
-    let dead = match column.is_still() || column.loudest() < DEAD * typical {
+    let dead = match column.is_still() || column.loudest() < DEAD * usual.loudest {
         true => vec![true; column.values.len()],
         false => dead_here(session, column),
     };
@@ -351,17 +375,24 @@ fn hum(session: &RecordedSession<'_>, column: &Column) -> (Light, Vec<bool>) {
     (Light::Red, loud)
 }
 
+/// The largest standard deviation in recordings of the gestures that `which` names.
+fn largest(
+    session: &RecordedSession<'_>,
+    column: &Column,
+    which: impl Fn(GestureName) -> bool,
+) -> Option<f64> {
+    let of = session.repetitions.iter().zip(&column.sds);
+    of.filter(|(r, _)| which(r.gesture)).map(|(_, sd)| *sd).max_by(f64::total_cmp)
+}
+
 /// Which of the channels in `suspects` are noisy.
 fn noisy(session: &RecordedSession<'_>, columns: &[Column], suspects: &[usize]) -> Vec<RecordedFault> {
-    let largest = |channel: usize, resting: bool| {
-        let of = session.repetitions.iter().zip(&columns[channel].sds);
-        let of = of.filter(|(r, _)| (r.gesture == session.rest) == resting).map(|(_, sd)| *sd);
-        of.fold(None, |most: Option<f64>, sd| Some(most.map_or(sd, |most| most.max(sd))))
-    };
-    let at_rest: Vec<f64> = suspects.iter().filter_map(|channel| largest(*channel, true)).collect();
+    let rested = |channel: usize| largest(session, &columns[channel], |gesture| gesture == session.rest);
+    let moved = |channel: usize| largest(session, &columns[channel], |gesture| gesture != session.rest);
+    let at_rest: Vec<f64> = suspects.iter().filter_map(|channel| rested(*channel)).collect();
     let Some(median) = crate::model::median(at_rest) else { return vec![] };
     let loud = |channel: usize| {
-        let (rested, moved) = (largest(channel, true)?, largest(channel, false)?);
+        let (rested, moved) = (rested(channel)?, moved(channel)?);
         let times = rested / median.max(columns[channel].step);
         let noisy = times > NOISY[0] && moved < NOISY[1] * rested;
         noisy.then(|| RecordedFault::Noisy { channel, times, files: session.files(|_| true) })

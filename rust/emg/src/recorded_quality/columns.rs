@@ -196,18 +196,19 @@ fn fixed_length(columns: &[Column], found: &[bool], count: usize, spread: f64) -
         }
         let (length, deviation) = length_and_deviation(group, None);
         let columns_deviation = group.iter().map(|c| c.variance).sum::<f64>().sqrt();
-        // A clock or an offset beside electrodes; an acceleration beside one.
-        let as_well = |(part, of_part): (f64, f64)| of_part * length <= AS_WELL * deviation * part;
-        let without =
-            |left_out| count == ORIENTATION.0 && as_well(length_and_deviation(group, Some(left_out)));
-        if group.chunks(1).any(|one| as_well(length_and_deviation(one, None))) || (0..count).any(without) {
-            return None;
-        }
         let share = deviation / columns_deviation;
         let fixed = share < FIXED_LENGTH[0]
             || share < FIXED_LENGTH[1] && group.iter().any(|c| c.slow_share > RATHER_SLOW)
             || group.iter().all(|c| c.is_still() || c.is_unmodulated());
-        (deviation < spread * length && fixed).then_some((first, length, deviation / length))
+        if !fixed || deviation >= spread * length {
+            return None;
+        }
+        // An offset or a clock beside electrodes; an electrode beside an acceleration.
+        let as_well = |(part, of_part): (f64, f64)| of_part * length <= AS_WELL * deviation * part;
+        let one = || group.chunks(1).any(|one| as_well(length_and_deviation(one, None)));
+        let three = || (0..count).any(|left_out| as_well(length_and_deviation(group, Some(left_out))));
+        let in_part = one() || count == ORIENTATION.0 && three();
+        (!in_part).then_some((first, length, deviation / length))
     };
     let all = (0..columns.len()).filter_map(candidate);
     all.min_by(|a, b| a.2.total_cmp(&b.2)).map(|(first, length, _)| (first, length))

@@ -225,6 +225,16 @@ fn a_fault_that_coincides_with_a_gesture_or_a_repetition_is_refused() {
     }
 }
 
+#[test]
+fn a_relaxed_hand_below_a_step_of_the_converter_is_no_reason_to_refuse() {
+    let coarse = check(&changed(|recording, _, row| {
+        let resting = recording % 2 == 0;
+        row.iter().enumerate().map(|(c, v)| if resting && c < 2 { 0.0 } else { (v / 3.0).round() }).collect()
+    }));
+    assert!(coarse.iter().all(|fault| fault.light() == Light::Amber), "{coarse:?}");
+    assert_eq!(coarse.len(), 2, "{coarse:?}");
+}
+
 /// An electrode beside an acceleration, and three beside a clock, were taken for an orientation and advised to be removed.
 #[test]
 fn no_electrode_is_taken_for_a_part_of_what_stands_beside_it() {
