@@ -201,9 +201,9 @@ pub enum DeviceError {
     },
     /// Recordings with findings that make an accuracy wrong.
     #[error(
-        "the recordings in {} are not fit to train on or to test with: {}; correct the files, record again or leave repetitions out, \
-         or use them all the same with --accept-faults, which is recorded",
-        path.display(), sentences(findings)
+        "the recordings in {} are not fit to train on or to test with:{}\ncorrect the files, record again or leave repetitions out, \
+         or use them all the same with --accept-faults; --json, a model file and a trial's configuration record it",
+        path.display(), lines(findings)
     )]
     Faults {
         /// The folder or file.
@@ -409,7 +409,7 @@ fn numbers(values: &[u32]) -> String {
     }
 }
 
-/// What makes an accuracy wrong, one after the other.
-fn sentences(findings: &[RecordedFault]) -> String {
-    crate::accepted(findings).join("; ")
+/// What makes an accuracy wrong, one finding a line.
+fn lines(findings: &[RecordedFault]) -> String {
+    crate::accepted(findings).iter().map(|finding| format!("\n  - {finding}")).collect()
 }

@@ -13,7 +13,7 @@ pub enum FaultPolicy {
     /// They are refused.
     #[default]
     Refuse,
-    /// They are used all the same, which is recorded.
+    /// They are used all the same; models and trials record it.
     Accept,
 }
 

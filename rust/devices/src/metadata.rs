@@ -1,3 +1,5 @@
+mod rate_names;
+
 use crate::DeviceError;
 use proact_emg::ImuChannel;
 use proact_types::{Gesture, GestureName, MAX_GESTURES, MOST_TEXT_BYTES, read_text};
@@ -60,15 +62,6 @@ const RATE_KEYS: [&str; 24] = [
     "srate",
     "hz",
 ];
-/// Parts of a name that may be that of a rate.
-const RATE_PARTS: [&str; 6] = ["rate", "freq", "hz", "sampl", "hertz", "emg"];
-/// Rates of amplifiers: a number of these under any other name may be the rate too.
-const USUAL_RATES_HZ: [f64; 14] = [
-    250.0, 256.0, 500.0, 512.0, 1000.0, 1024.0, 1111.0, 1200.0, 2000.0, 2048.0, 2400.0, 4000.0, 4096.0,
-    5120.0,
-];
-/// What the rate of a stream of EMG can be, Hz.
-const RATES_HZ: std::ops::RangeInclusive<f64> = 20.0..=50_000.0;
 /// Keys that are read, and those in which LibEMG keeps how it prompted.
 const OTHER_KEYS: [&str; 9] =
     ["class_map", "classes", "rest", "bridged", "imu", "num_reps", "num_motions", "rep_time", "rest_time"];
@@ -176,18 +169,23 @@ impl Metadata {
         Ok(Metadata { rate_hz, classes, rest, bridged, imu, unknown })
     }
 
-    /// What is said of keys that are unknown, one sentence each.
-    pub(crate) fn notes(&self) -> impl Iterator<Item = String> + '_ {
-        self.unknown
-            .keys()
+    /// What is said of keys that are unknown, one sentence each: not of those that hold one of `rate_names`, which are a finding.
+    pub(crate) fn notes(&self, rate_names: &[String]) -> impl Iterator<Item = String> + '_ {
+        let found = |key: &str| {
+            let within = |name: &String| {
+                name.strip_prefix(key).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+            };
+            rate_names.iter().any(within)
+        };
+        let unknown = self.unknown.keys().filter(|key| !found(key)).collect::<Vec<_>>();
+        unknown
+            .into_iter()
             .map(|key| format!("the metadata has the key {key:?}, which is unknown and not used"))
     }
 
-    /// Unknown keys, also within others, that may say the rate by their name or their number.
+    /// Unknown keys, also within others, that may say the rate or the sampling interval by the words of their names.
     pub(crate) fn unknown_rate_keys(&self) -> Vec<String> {
-        let mut keys = Vec::new();
-        self.unknown.iter().for_each(|(key, value)| collect_rates(key, key, value, &mut keys));
-        keys
+        self.unknown.iter().flat_map(|(key, value)| rate_names::rate_names(key, value)).collect()
     }
 
     /// The channels of the inertial measurement unit.
@@ -282,26 +280,6 @@ pub fn read_class_map(path: &Path) -> Result<Vec<GestureName>, DeviceError> {
         Metadata::parse(&text).and_then(|metadata| metadata.classes.ok_or("it names no classes".to_owned()));
     let named = named.map_err(|reason| DeviceError::Metadata { path: path.to_owned(), reason })?;
     Ok(named.into_values().collect())
-}
-
-/// Puts `path`, whose last part is `key`, into `keys` if its value may be a rate, or those within it.
-fn collect_rates(path: &str, key: &str, value: &Value, keys: &mut Vec<String>) {
-    let number = match value {
-        Value::Object(inside) => {
-            return inside
-                .iter()
-                .for_each(|(key, value)| collect_rates(&format!("{path}.{key}"), key, value, keys));
-        }
-        Value::Number(number) => number.as_f64(),
-        Value::String(text) => text.trim().trim_end_matches(|c: char| !c.is_ascii_digit()).parse().ok(),
-        _ => None,
-    };
-    let name = plain(key);
-    let named = RATE_PARTS.iter().any(|part| name.contains(part)) || RATE_KEYS.contains(&name.as_str());
-    let may_be = |hz: f64| RATES_HZ.contains(&hz) && named || USUAL_RATES_HZ.contains(&hz);
-    if number.is_some_and(may_be) {
-        keys.push(path.to_owned());
-    }
 }
 
 /// The gesture that a folder calls `name`: the five in any spelling, all others as they stand.

@@ -197,9 +197,9 @@ impl Recordings {
         let three_dc = items.iter().any(|r: &Recording| three_dc_name(&r.path).is_some());
         let rate_hz = told_hz.or(myo.then_some(MYO_RATE_HZ)).or(three_dc.then_some(THREE_DC_RATE_HZ));
         let rate_hz = rate_hz.ok_or_else(|| DeviceError::UnknownRate { path: dir.to_owned() })?;
-        notes.extend(metadata.notes());
         let path = dir.to_owned();
         let unknown_rate_keys = if told_hz.is_none() { metadata.unknown_rate_keys() } else { Vec::new() };
+        notes.extend(metadata.notes(&unknown_rate_keys));
         let mut recordings =
             Recordings { path, rate_hz, channels: 0, imu, expected, rest, items, notes, unknown_rate_keys };
         recordings.check_items()?;

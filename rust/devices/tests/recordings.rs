@@ -397,20 +397,26 @@ fn a_rate_is_found_under_its_usual_names_and_an_unknown_name_is_a_finding() {
     for (text, key) in [
         (r#"{"acquisition_freq": 1000}"#, "acquisition_freq"),
         (r#"{"device": {"name": "x", "sampling_rate": "1000 Hz"}}"#, "device.sampling_rate"),
-        (r#"{"f": 2048}"#, "f"),
+        (r#"{"sampling_interval_ms": 1}"#, "sampling_interval_ms"),
     ] {
         write(dir.path(), "metadata.json", text);
         let read = Recordings::open(dir.path(), None).unwrap();
-        assert!(read.notes.iter().any(|note| note.contains("is unknown and not used")), "{:?}", read.notes);
+        // The finding uses the key.
+        assert_eq!(read.notes, Vec::<String>::new());
         let error = read.judge(&[], FaultPolicy::Refuse).unwrap_err().to_string();
         assert!(error.contains(key) && error.contains("200 Hz is assumed"), "{error}");
+        assert!(
+            error.lines().nth(1).is_some_and(|line| line.trim_start().starts_with("- the metadata")),
+            "{error}"
+        );
         let found = read.judge(&[], FaultPolicy::Accept).unwrap();
         assert!(matches!(found.as_slice(), [RecordedFault::RateKey { .. }]), "{found:?}");
         // The rate is asked for, or the key is another's.
         let asked = Recordings::open(dir.path(), Some(1000.0)).unwrap();
+        assert!(asked.notes.iter().any(|note| note.contains("is unknown and not used")), "{:?}", asked.notes);
         assert_eq!(asked.judge(&[], FaultPolicy::Refuse).unwrap(), []);
     }
-    write(dir.path(), "metadata.json", r#"{"subject": "p7", "age": 31, "num_trials": 3}"#);
+    write(dir.path(), "metadata.json", r#"{"subject": "p7", "gain": 1000, "mains_hz": 50}"#);
     let read = Recordings::open(dir.path(), None).unwrap();
     assert_eq!((read.notes.len(), read.judge(&[], FaultPolicy::Refuse).unwrap()), (3, vec![]));
     write(dir.path(), "metadata.json", r#"{"fs": 200, "sampling_rate": 1000}"#);

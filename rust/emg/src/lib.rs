@@ -111,7 +111,9 @@ pub use motion_test::{MotionAttempt, MotionReport, MotionTest, MotionTestConfig}
 pub use pipeline::{EmgOutput, EmgPipeline, StreamEvents};
 pub use process::{DecoderProcess, ProcessConfig, ProcessInput, WindowLine, begin_line};
 pub use quality::{ChannelFault, ChannelQuality, Light, QualityConfig, QualityMonitor, StreamQuality};
-pub use recorded_quality::{RecordedFault, RecordedRepetition, RecordedSession, check_recordings};
+pub use recorded_quality::{
+    Coincidence, RecordedFault, RecordedRepetition, RecordedSession, check_recordings,
+};
 pub use regression::RegressionConfig;
 pub use rotation::{BandProposal, RollEvidence, RotationReport, accuracy_at, check_rotation};
 pub use selection::{SelectedFeature, SelectionCriterion, SelectionData, select_features};

@@ -68,6 +68,8 @@ pub enum RecordedFault {
         recordings: Vec<(GestureName, u32)>,
         /// Recordings in all.
         of: usize,
+        /// The gesture or repetition that it covers while the others are better.
+        coincides: Option<Coincidence>,
         /// Their files.
         files: Vec<String>,
     },
@@ -165,12 +167,26 @@ pub enum RecordedFault {
     },
 }
 
+/// With what a fault of a channel coincides: a gesture that is recognised by the fault, or a repetition that is tested or
+/// trained on with another set of channels than the others.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Coincidence {
+    /// Most recordings of this gesture.
+    Gesture(GestureName),
+    /// Most recordings of this repetition.
+    Repetition(u32),
+}
+
 impl RecordedFault {
     /// Red: nothing should be trained on it or tested with it. Amber is said and used all the same: a channel that is dead or hums in no
-    /// more than half of the recordings, a noisy one, and slow channels that are at least half of all.
+    /// more than half of the recordings and not just in one gesture or repetition, a noisy one, and slow channels that are at least half
+    /// of all.
     pub fn light(&self) -> Light {
         match self {
-            RecordedFault::Channel { light, recordings, of, .. } if 2 * recordings.len() <= *of => {
+            RecordedFault::Channel { light, recordings, of, coincides: None, .. }
+                if 2 * recordings.len() <= *of =>
+            {
                 (*light).min(Light::Amber)
             }
             RecordedFault::Channel { light, .. } => *light,
@@ -186,6 +202,8 @@ const DEAD: f64 = 0.02;
 const DEAD_HERE: f64 = 0.05;
 /// Recordings of a gesture of which one can be told to be unusual.
 const FEWEST_TAKES: usize = 3;
+/// Steps of its converter that the median channel moves at rest, above which a channel that is still at rest is dead.
+const RESTING_STEPS: f64 = 3.0;
 /// Share of samples at the ends of a channel's range above which it is cut off.
 const CUT_OFF: f64 = 0.3;
 /// Distinct values that a channel needs before its ends tell anything: one that rounds to a handful of counts is at its
@@ -215,9 +233,16 @@ pub fn check_recordings(session: &RecordedSession<'_>) -> Vec<RecordedFault> {
     let all = electrodes(&explained);
     faults.extend(copies::copies(session, &columns, &all));
     faults.extend(held_rows::held_rows(session, &columns, &all));
-    let loudest = crate::model::median(all.iter().map(|channel| columns[*channel].loudest()).collect());
+    let typical = |sd: &dyn Fn(usize) -> f64| crate::model::median(all.iter().copied().map(sd).collect());
+    let usual = Usual {
+        loudest: typical(&|channel| columns[channel].loudest()).unwrap_or(0.0),
+        at_rest: typical(&|channel| {
+            largest(session, &columns[channel], |gesture| gesture == session.rest).unwrap_or(0.0)
+        })
+        .unwrap_or(0.0),
+    };
     for channel in all {
-        if let Some(fault) = channel_fault(session, channel, &columns[channel], loudest.unwrap_or(0.0)) {
+        if let Some(fault) = channel_fault(session, channel, &columns[channel], &usual) {
             explained[channel] = fault.light() == Light::Red;
             faults.push(fault);
         }
@@ -227,21 +252,39 @@ pub fn check_recordings(session: &RecordedSession<'_>) -> Vec<RecordedFault> {
     faults
 }
 
-/// What is wrong with a channel: dead, else cut off, else humming. `typical` is how loud the median channel gets.
+/// Standard deviations of the median channel.
+struct Usual {
+    /// In the loudest recording.
+    loudest: f64,
+    /// In the loudest of a relaxed hand.
+    at_rest: f64,
+}
+
+/// What is wrong with a channel: dead, else cut off, else humming.
 fn channel_fault(
     session: &RecordedSession<'_>,
     channel: usize,
     column: &Column,
-    typical: f64,
+    usual: &Usual,
 ) -> Option<RecordedFault> {
     let fault = |finding: ChannelFault, light: Light, found: Vec<bool>| {
         let in_which = session.repetitions.iter().zip(&found).filter(|(_, found)| **found);
         let recordings: Vec<_> = in_which.map(|(r, _)| (r.gesture, r.repetition)).collect();
         let (of, files) = (found.len(), session.files(|index| found[index]));
+        let by_itself = |with: &Coincidence| match finding {
+            // A strong gesture is cut off in all its recordings.
+            ChannelFault::Railed => true,
+            // A relaxed hand may be less than a step of the converter.
+            ChannelFault::Flat => {
+                *with == Coincidence::Gesture(session.rest) && usual.at_rest < RESTING_STEPS * column.step
+            }
+            _ => false,
+        };
+        let coincides = coincidence(session.repetitions, &found).filter(|with| !by_itself(with));
         let any = !recordings.is_empty();
-        any.then_some(RecordedFault::Channel { channel, light, finding, recordings, of, files })
+        any.then_some(RecordedFault::Channel { channel, light, finding, recordings, of, coincides, files })
     };
-    let dead = match column.is_still() || column.loudest() < DEAD * typical {
+    let dead = match column.is_still() || column.loudest() < DEAD * usual.loudest {
         true => vec![true; column.values.len()],
         false => dead_here(session, column),
     };
@@ -257,9 +300,27 @@ fn channel_fault(
             if at_least_half { fault(ChannelFault::Railed, Light::Red, found) } else { None }
         })
         .or_else(|| {
-            let (light, humming) = hum(session.rate_hz, column);
+            let (light, humming) = hum(session, column);
             fault(ChannelFault::Mains, light, humming)
         })
+}
+
+/// With what a fault in the recordings `found` coincides: it is in most recordings of a gesture or repetition, and in less
+/// than half as large a share of the others.
+fn coincidence(repetitions: &[RecordedRepetition<'_>], found: &[bool]) -> Option<Coincidence> {
+    let covers = |fewest: usize, belongs: &dyn Fn(&RecordedRepetition<'_>) -> bool| {
+        let count = |inside: bool, faulty: bool| {
+            let all = repetitions.iter().zip(found);
+            all.filter(|(r, found)| belongs(r) == inside && (!faulty || **found)).count()
+        };
+        let share = |inside: bool| count(inside, true) as f64 / count(inside, false).max(1) as f64;
+        count(true, false) >= fewest && share(true) > 0.5 && share(false) < 0.5 * share(true)
+    };
+    let gesture = repetitions.iter().map(|r| r.gesture).find(|gesture| covers(1, &|r| r.gesture == *gesture));
+    // One recording of a repetition that other gestures lack is one recording.
+    let numbers = || repetitions.iter().map(|r| r.repetition);
+    let repetition = || numbers().find(|number| covers(2, &|r| r.repetition == *number));
+    gesture.map(Coincidence::Gesture).or_else(|| repetition().map(Coincidence::Repetition))
 }
 
 /// In which recordings a channel that is alive in others is dead.
@@ -274,7 +335,8 @@ fn dead_here(session: &RecordedSession<'_>, column: &Column) -> Vec<bool> {
 }
 
 /// How much a channel hums, and in which recordings. A hum that only fills the silence of a relaxed hand is none.
-fn hum(rate_hz: f64, column: &Column) -> (Light, Vec<bool>) {
+fn hum(session: &RecordedSession<'_>, column: &Column) -> (Light, Vec<bool>) {
+    let rate_hz = session.rate_hz;
     let block = ((rate_hz / HUM_BLOCKS).round() as usize).max(1);
     // Of each recording: variance in blocks, and that at either frequency.
     let powers: Vec<[f64; 3]> = column
@@ -298,6 +360,11 @@ fn hum(rate_hz: f64, column: &Column) -> (Light, Vec<bool>) {
     let total = powers.iter().fold([0.0; 3], |sums, of| [0, 1, 2].map(|k| sums[k] + of[k]));
     let mean = total[0] / powers.len().max(1) as f64;
     let above = |limit: f64| -> Vec<bool> { powers.iter().map(|of| share(of) > limit).collect() };
+    // Louder than the muscle is on the average.
+    let loud: Vec<bool> = powers.iter().map(|of| share(of) > HUM[1] && of[1].max(of[2]) > mean).collect();
+    if coincidence(session.repetitions, &loud).is_some() {
+        return (Light::Red, loud);
+    }
     for (limit, light) in [(HUM[1], Light::Red), (HUM[0], Light::Amber)] {
         let found = above(limit);
         let most = 2 * found.iter().filter(|found| **found).count() > found.len();
@@ -305,22 +372,27 @@ fn hum(rate_hz: f64, column: &Column) -> (Light, Vec<bool>) {
             return (light, found);
         }
     }
-    // Louder than the muscle is on the average.
-    let loud = powers.iter().map(|of| share(of) > HUM[1] && of[1].max(of[2]) > mean);
-    (Light::Red, loud.collect())
+    (Light::Red, loud)
+}
+
+/// The largest standard deviation in recordings of the gestures that `which` names.
+fn largest(
+    session: &RecordedSession<'_>,
+    column: &Column,
+    which: impl Fn(GestureName) -> bool,
+) -> Option<f64> {
+    let of = session.repetitions.iter().zip(&column.sds);
+    of.filter(|(r, _)| which(r.gesture)).map(|(_, sd)| *sd).max_by(f64::total_cmp)
 }
 
 /// Which of the channels in `suspects` are noisy.
 fn noisy(session: &RecordedSession<'_>, columns: &[Column], suspects: &[usize]) -> Vec<RecordedFault> {
-    let largest = |channel: usize, resting: bool| {
-        let of = session.repetitions.iter().zip(&columns[channel].sds);
-        let of = of.filter(|(r, _)| (r.gesture == session.rest) == resting).map(|(_, sd)| *sd);
-        of.fold(None, |most: Option<f64>, sd| Some(most.map_or(sd, |most| most.max(sd))))
-    };
-    let at_rest: Vec<f64> = suspects.iter().filter_map(|channel| largest(*channel, true)).collect();
+    let rested = |channel: usize| largest(session, &columns[channel], |gesture| gesture == session.rest);
+    let moved = |channel: usize| largest(session, &columns[channel], |gesture| gesture != session.rest);
+    let at_rest: Vec<f64> = suspects.iter().filter_map(|channel| rested(*channel)).collect();
     let Some(median) = crate::model::median(at_rest) else { return vec![] };
     let loud = |channel: usize| {
-        let (rested, moved) = (largest(channel, true)?, largest(channel, false)?);
+        let (rested, moved) = (rested(channel)?, moved(channel)?);
         let times = rested / median.max(columns[channel].step);
         let noisy = times > NOISY[0] && moved < NOISY[1] * rested;
         noisy.then(|| RecordedFault::Noisy { channel, times, files: session.files(|_| true) })

@@ -12,7 +12,8 @@ use std::error::Error;
 #[derive(Clone, Copy, Debug, Args)]
 pub(crate) struct FaultArgs {
     /// Use recordings whose faults make an accuracy wrong all the same: columns that are no electrode, samples that stand in two
-    /// recordings, held rows, an unread rate, dead or humming channels. What was accepted is recorded.
+    /// recordings, held rows, an unread rate, dead or humming channels. With --json, in a model file and in a trial's configuration it
+    /// is recorded what was accepted.
     #[arg(long)]
     accept_faults: bool,
 }

@@ -38,6 +38,9 @@ const FEWEST_CHANGES: usize = 20;
 /// Columns of fixed length: how many, and the largest deviation of the length over its mean. Four electrodes reach 0.58 at least.
 const ORIENTATION: (usize, f64) = (4, 0.05);
 const ACCELERATION: (usize, f64) = (3, 0.15);
+/// Some of the columns keep the length as well as all do if their relative deviation is no more than this many times as large: the
+/// others have no part in it.
+const AS_WELL: f64 = 1.01;
 /// Deviation of the length over that of the columns: one for independent columns is `1 / sqrt(columns)`.
 const FIXED_LENGTH: [f64; 2] = [0.05, 0.3];
 /// An electrode is more than this much louder in its loudest recording than in its quietest.
@@ -191,20 +194,34 @@ fn fixed_length(columns: &[Column], found: &[bool], count: usize, spread: f64) -
         if found[first..first + count].contains(&true) || group.iter().filter(|c| !c.is_still()).count() < 2 {
             return None;
         }
-        let rows = (0..group[0].values.len())
-            .flat_map(|part| (0..group[0].values[part].len()).map(move |k| (part, k)));
-        let lengths = rows.map(|(part, k)| {
-            group.iter().map(|c| c.values[part].get(k).map_or(0.0, |v| v * v)).sum::<f64>().sqrt()
-        });
-        let (length, variance) = moments(lengths, None);
-        let (deviation, columns_deviation) =
-            (variance.sqrt(), group.iter().map(|c| c.variance).sum::<f64>().sqrt());
+        let (length, deviation) = length_and_deviation(group, None);
+        let columns_deviation = group.iter().map(|c| c.variance).sum::<f64>().sqrt();
         let share = deviation / columns_deviation;
         let fixed = share < FIXED_LENGTH[0]
             || share < FIXED_LENGTH[1] && group.iter().any(|c| c.slow_share > RATHER_SLOW)
             || group.iter().all(|c| c.is_still() || c.is_unmodulated());
-        (deviation < spread * length && fixed).then_some((first, length, deviation / length))
+        if !fixed || deviation >= spread * length {
+            return None;
+        }
+        // An offset or a clock beside electrodes; an electrode beside an acceleration.
+        let as_well = |(part, of_part): (f64, f64)| of_part * length <= AS_WELL * deviation * part;
+        let one = || group.chunks(1).any(|one| as_well(length_and_deviation(one, None)));
+        let three = || (0..count).any(|left_out| as_well(length_and_deviation(group, Some(left_out))));
+        let in_part = one() || count == ORIENTATION.0 && three();
+        (!in_part).then_some((first, length, deviation / length))
     };
     let all = (0..columns.len()).filter_map(candidate);
     all.min_by(|a, b| a.2.total_cmp(&b.2)).map(|(first, length, _)| (first, length))
+}
+
+/// Mean and standard deviation of the length of columns, without the one that is left out.
+fn length_and_deviation(group: &[Column], left_out: Option<usize>) -> (f64, f64) {
+    let square = |part: usize, k: usize| {
+        let kept = group.iter().enumerate().filter(|(index, _)| Some(*index) != left_out);
+        kept.map(|(_, c)| c.values[part].get(k).map_or(0.0, |v| v * v)).sum::<f64>()
+    };
+    let rows =
+        (0..group[0].values.len()).flat_map(|part| (0..group[0].values[part].len()).map(move |k| (part, k)));
+    let (length, variance) = moments(rows.map(|(part, k)| square(part, k).sqrt()), None);
+    (length, variance.sqrt())
 }

@@ -179,6 +179,106 @@ fn a_copy_is_found_whatever_its_gain_offset_shift_and_stamps() {
     );
 }
 
+/// A gesture was recognised by the fault of a channel, at 100 % on noise, with no more than a word.
+#[test]
+fn a_fault_that_coincides_with_a_gesture_or_a_repetition_is_refused() {
+    let hum = |k: usize| 40.0 * (std::f64::consts::TAU * 50.0 * k as f64 / RATE_HZ).sin();
+    let names = ["no_motion", "hand_close", "a", "b", "c"].map(|name| name.parse::<GestureName>().unwrap());
+    // Noise: five gestures, three repetitions, channel 1 faulty in the recordings of `faulty`.
+    let faults = |faulty: &dyn Fn(usize, u32) -> bool, fault: &dyn Fn(usize, f64) -> f64| {
+        let mut session = Vec::new();
+        for (class, repetition) in (0..5).flat_map(|class| (0..3).map(move |repetition| (class, repetition)))
+        {
+            let sample = |k: usize| {
+                let seed = 100 * class as u64 + 10 * u64::from(repetition);
+                let value = |c: usize| (20.0 * noise(seed + c as u64, k as u64)).round();
+                let mut channels: Vec<f64> = (0..CHANNELS).map(value).collect();
+                if faulty(class, repetition) {
+                    channels[1] = fault(k, channels[1]);
+                }
+                EmgSample { counter: k as u64, channels: channels.into_iter().collect() }
+            };
+            session.push((names[class], repetition, (0..600).map(sample).collect()));
+        }
+        check(&session)
+    };
+    type Fault<'a> = &'a dyn Fn(usize, f64) -> f64;
+    let kinds: [(ChannelFault, Fault<'_>); 2] =
+        [(ChannelFault::Flat, &|_, _| 0.0), (ChannelFault::Mains, &|k, v| v + hum(k))];
+    for (finding, fault) in kinds {
+        let only = |faulty: &dyn Fn(usize, u32) -> bool| match faults(faulty, fault).as_slice() {
+            [found @ RecordedFault::Channel { channel: 1, finding: kind, coincides, .. }]
+                if *kind == finding =>
+            {
+                (found.light(), *coincides)
+            }
+            other => panic!("{other:?}"),
+        };
+        let gesture = |class: usize| (Light::Red, Some(Coincidence::Gesture(names[class])));
+        assert_eq!(only(&|class, _| class == 3), gesture(3));
+        assert_eq!(only(&|class, repetition| class == 0 && repetition < 2), gesture(0));
+        assert_eq!(only(&|_, repetition| repetition == 2), (Light::Red, Some(Coincidence::Repetition(2))));
+        assert_eq!(
+            only(&|class, repetition| class as u32 % 3 == repetition && class < 3),
+            (Light::Amber, None)
+        );
+    }
+}
+
+#[test]
+fn a_relaxed_hand_below_a_step_of_the_converter_is_no_reason_to_refuse() {
+    let coarse = check(&changed(|recording, _, row| {
+        let resting = recording % 2 == 0;
+        row.iter().enumerate().map(|(c, v)| if resting && c < 2 { 0.0 } else { (v / 3.0).round() }).collect()
+    }));
+    assert!(coarse.iter().all(|fault| fault.light() == Light::Amber), "{coarse:?}");
+    assert_eq!(coarse.len(), 2, "{coarse:?}");
+}
+
+/// An electrode beside an acceleration, and three beside a clock, were taken for an orientation and advised to be removed.
+#[test]
+fn no_electrode_is_taken_for_a_part_of_what_stands_beside_it() {
+    let gravity = |recording: usize, k: usize, seed: u64| {
+        let tilt = 0.25 * (recording % 5) as f64 + 0.05 * (k as f64 / 64.0 + recording as f64).sin();
+        let parts = [tilt.sin(), 0.2 * tilt.cos(), tilt.cos()];
+        [0, 1, 2].map(|c| parts[c] + 0.03 * noise(seed + c as u64, k as u64))
+    };
+    // Units of the electrodes and of an acceleration beside them.
+    for (emg, unit) in [(1.0, 2048.0), (1.0, 1000.0), (1.0, 16_384.0), (1e-6, 1.0), (1e-6, 9.81)] {
+        for at in [0, 2, CHANNELS] {
+            let beside = |columns: &dyn Fn(usize, usize) -> Vec<f64>| {
+                let session = changed(|recording, k, row| {
+                    let mut row: Vec<f64> = row.iter().map(|v| emg * v).collect();
+                    row.splice(at..at, columns(recording, k));
+                    row
+                });
+                check(&session)
+            };
+            let count = if unit > 100.0 { 1.0 } else { 1e-6 };
+            let acceleration = |recording: usize, k: usize| -> Vec<f64> {
+                gravity(recording, k, 70 + recording as u64)
+                    .iter()
+                    .map(|v| (unit * v / count).round() * count)
+                    .collect()
+            };
+            match beside(&acceleration).as_slice() {
+                [RecordedFault::Acceleration { channels, .. }] => {
+                    assert_eq!(*channels, [at, at + 1, at + 2], "{unit}, {emg}");
+                }
+                other => panic!("{unit}, {emg}, {at}: {other:?}"),
+            }
+            // Time stamps of a computer that come late.
+            let clock = |recording: usize, k: usize| {
+                vec![1.7e9 + 100.0 * recording as f64 + 0.005 * k as f64 + 0.004 * noise(80, k as u64)]
+            };
+            match beside(&clock).as_slice() {
+                [RecordedFault::Slow { channel, .. }] => assert_eq!(*channel, at),
+                other => panic!("{emg}, {at}: {other:?}"),
+            }
+        }
+    }
+}
+
 /// Columns that are no electrode raised an accuracy without a word.
 #[test]
 fn each_column_that_is_no_electrode_is_named() {

@@ -1,6 +1,6 @@
 //! Findings as sentences: what, where, and what to do.
 
-use super::RecordedFault;
+use super::{Coincidence, RecordedFault};
 use crate::{ChannelFault, Light};
 use std::fmt;
 
@@ -11,7 +11,7 @@ impl fmt::Display for RecordedFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let remove = "remove the column";
         match self {
-            RecordedFault::Channel { channel, light, finding, recordings, of, .. } => {
+            RecordedFault::Channel { channel, light, finding, recordings, of, coincides, .. } => {
                 let light = if *light == Light::Red { "red" } else { "amber" };
                 let named = recordings
                     .iter()
@@ -20,11 +20,18 @@ impl fmt::Display for RecordedFault {
                 let more = if recordings.len() > NAMED { ", ..." } else { "" };
                 write!(
                     f,
-                    "channel {channel} is {light} ({}) in {} of {of} recordings: {}{more}{}; {}",
+                    "channel {channel} is {light} ({}) in {} of {of} recordings: {}{more}{}{}; {}",
                     finding.text(),
                     recordings.len(),
                     named.collect::<Vec<_>>().join(", "),
                     self.place(),
+                    match coincides {
+                        Some(Coincidence::Gesture(gesture)) =>
+                            format!(", which tells {gesture} from the others"),
+                        Some(Coincidence::Repetition(number)) =>
+                            format!(", which sets repetition {number} apart"),
+                        None => String::new(),
+                    },
                     match finding {
                         ChannelFault::Mains => "look at electrode, ground and cable, and record again",
                         ChannelFault::Railed => "lower the gain, and record again",
@@ -100,8 +107,8 @@ impl fmt::Display for RecordedFault {
             ),
             RecordedFault::RateKey { keys, assumed_hz } => write!(
                 f,
-                "the metadata has the unknown key {}, which may be the rate, while {assumed_hz} Hz is assumed; call the key \
-                 rate_hz, or give the rate with --emg-rate",
+                "the metadata has the unknown key {}, which may say the rate or the sampling interval, while {assumed_hz} Hz \
+                 is assumed; write the rate under the key rate_hz, or give it with --emg-rate",
                 keys.join(", ")
             ),
         }
