@@ -119,7 +119,7 @@ pub fn report(
     for table in &tables {
         let path = printed.join(format!("{}.csv", table.name));
         write_whole(&path, &printed_csv(table)?)?;
-        write_whole(&path.with_extension("tex"), &html::latex(table))?;
+        write_whole(&path.with_extension("tex"), html::latex(table))?;
         report.tables.insert(format!("report_{}", table.name), path);
     }
     write_whole(&out.join("statistics.json"), &proact_types::to_json_pretty(&compared)?)?;
@@ -138,7 +138,7 @@ pub fn report(
         pictures.push((figure.name, svg));
     }
     let page = |replays| page(collected, &notes, &compared, &tables, &planned, &pictures, replays);
-    write_whole(&report.page, &page(Replays::Elsewhere))?;
+    write_whole(&report.page, page(Replays::Elsewhere))?;
     report.served = page(Replays::Served(&summaries::records(&collected.tables["trials"])));
     report.notes = notes;
     Ok(report)

@@ -115,7 +115,7 @@ pub fn sweep_report(folder: &BatchFolder, merged: &Merged) -> Result<Option<Swee
         presumed: &[],
         replays: html::Replays::Elsewhere,
     };
-    write_whole(&report.page, &html::page(&head, &parts))?;
+    write_whole(&report.page, html::page(&head, &parts))?;
     Ok(Some(report))
 }
 
