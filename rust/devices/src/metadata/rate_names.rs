@@ -118,6 +118,9 @@ const OTHER_FIGURE: [&str; 47] = [
 /// Words that are written together with these.
 const BESIDE: [&str; 7] = ["sample", "emg", "semg", "data", "scan", "signal", "device"];
 
+/// Bytes of the longest word that may be several: a name can be as long as its file.
+const MOST_LETTERS: usize = 40;
+
 /// The unknown key `key`, or those within its value, that may say the rate.
 pub(super) fn rate_names(key: &str, value: &Value) -> Vec<String> {
     let mut names = Vec::new();
@@ -183,9 +186,10 @@ fn split(word: &str) -> Option<Vec<String>> {
     if word.is_empty() {
         return Some(Vec::new());
     }
-    let mut known = [&RATE[..], &OTHER_SIGNAL, &OTHER_FIGURE, &BESIDE].concat();
-    known.sort_by_key(|known| std::cmp::Reverse(known.len()));
-    known.into_iter().find_map(|known| {
+    if word.len() > MOST_LETTERS {
+        return None;
+    }
+    [&RATE[..], &OTHER_SIGNAL, &OTHER_FIGURE, &BESIDE].concat().into_iter().find_map(|known| {
         let mut rest = split(word.strip_prefix(known)?)?;
         rest.insert(0, known.to_owned());
         Some(rest)
@@ -280,6 +284,7 @@ mod tests {
                 assert_eq!(!names.is_empty(), expected, "{example}: {names:?}");
             }
         }
+        assert_eq!(rate_names(&("lowpass".repeat(100_000) + "x"), &json!(1000)), Vec::<String>::new());
         let nested = json!({"name": "x", "rates": [{"fs": 1000}, {"fs": 1000}]});
         assert_eq!(rate_names("device", &nested), ["device.rates.fs"]);
     }

@@ -183,7 +183,8 @@ fn a_copy_is_found_whatever_its_gain_offset_shift_and_stamps() {
 #[test]
 fn a_fault_that_coincides_with_a_gesture_or_a_repetition_is_refused() {
     let hum = |k: usize| 40.0 * (std::f64::consts::TAU * 50.0 * k as f64 / RATE_HZ).sin();
-    let names = ["no_motion", "hand_close", "a", "b", "c"].map(|name| name.parse::<GestureName>().unwrap());
+    let names = ["no_motion", "hand_close", "a", "b", "c"]
+        .map(|name| name.parse::<GestureName>().expect("a good name"));
     // Noise: five gestures, three repetitions, channel 1 faulty in the recordings of `faulty`.
     let faults = |faulty: &dyn Fn(usize, u32) -> bool, fault: &dyn Fn(usize, f64) -> f64| {
         let mut session = Vec::new();
