@@ -366,7 +366,7 @@ lane_image() {
 lane_ros() {
     build_ros
     for test in test_messages test_names test_launch test_moveit test_layouts test_sim test_rosbridge test_compat \
-        test_tracking test_mocap test_scores; do
+        test_tracking test_mocap; do
         PROACT_BINARY=$ros_binary /usr/bin/python3 -W ignore "$root/tests/ros/$test.py" || return 1
     done
     # In lock-step nothing depends on the clock: one half of the methods beside the other, each on a master of its own.
