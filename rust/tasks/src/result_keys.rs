@@ -88,6 +88,7 @@ fn readable(error: serde_json::Error) -> ResultError {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
     use crate::{DEFAULT_TASK, SHIPPED, TaskChoice, TaskInput, TaskResult};

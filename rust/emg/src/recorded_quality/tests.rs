@@ -137,11 +137,12 @@ fn repetitions_that_share_samples_are_named_whole_or_in_part() {
 #[test]
 fn a_copy_is_found_whatever_its_gain_offset_shift_and_stamps() {
     let close = GestureName::from(Gesture::HandClose);
-    let copies: [(&str, &dyn Fn(usize, f64) -> f64); 4] = [
-        ("gain and offset", &|_, v| 0.6 * v + 7.0),
-        ("rounded", &|_, v| (0.6 * v).round()),
-        ("polarity", &|_, v| -v),
-        ("noise", &|k, v| v + 0.5 * noise(99, k as u64)),
+    type Change = fn(usize, f64) -> f64;
+    let copies: [(&str, Change); 4] = [
+        ("gain and offset", |_, v| 0.6 * v + 7.0),
+        ("rounded", |_, v| (0.6 * v).round()),
+        ("polarity", |_, v| -v),
+        ("noise", |k, v| v + 0.5 * noise(99, k as u64)),
     ];
     for (name, change) in copies {
         let mut session = session(|_, v| v);
