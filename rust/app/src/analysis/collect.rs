@@ -296,7 +296,7 @@ fn is_number(table: &Table, column: &Column) -> bool {
         || MEASURED.contains(&table.name) && !names
 }
 
-/// Refuses what would else vanish from the report: words where a number stands, and an outcome that nobody knows.
+/// Refuses words in a column of numbers and an unknown outcome, which the report would drop.
 fn check_cell(table: &Table, column: &Column, cell: &Cell) -> Result<(), String> {
     let Cell::Words(words) = cell else { return Ok(()) };
     let outcomes = OUTCOMES.map(|(outcome, ..)| outcome);

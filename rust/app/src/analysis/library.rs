@@ -22,7 +22,7 @@ impl ReportLibrary {
     /// The trials of `collected`, in the order of the links of `written`.
     ///
     /// # Errors
-    /// A trial without score or length, or with a seed that is none.
+    /// A trial without score or length, or with an invalid seed.
     pub fn new(
         methods: &MethodRegistry,
         collected: &Collected,

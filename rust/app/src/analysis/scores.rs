@@ -113,7 +113,7 @@ pub(super) struct Rows {
     pub(super) blocks: Vec<Vec<Cell>>,
     /// What is missing or wrong.
     pub(super) notes: Vec<String>,
-    /// Why nothing at all may be made of these sources: the result has a key or an outcome that nobody knows.
+    /// Why the whole analysis is refused: the result has an unknown key or outcome.
     pub(super) refused: Option<String>,
 }
 

@@ -157,7 +157,7 @@ fn recomputed(
     Ok((trace, diverged))
 }
 
-/// The same trial as it was seen in its bag.
+/// The same trial from its bag.
 ///
 /// # Errors
 /// A bag without what scoring needs.
@@ -235,7 +235,7 @@ pub(super) fn of_bag(path: &Path, arm: &Arm) -> Result<OfBag, Box<dyn Error>> {
 /// The instants of a bag that can be scored.
 ///
 /// # Errors
-/// There is none: a bag without joints, base and objects.
+/// A bag that lacks joints, base or objects.
 fn seen_in(watched: &film_of_bag::Watched, path: &Path) -> Result<Vec<Seen>, Box<dyn Error>> {
     if watched.scored.is_empty() {
         let missing = if watched.missing.is_empty() {
