@@ -59,17 +59,40 @@ mkdir -p "$usr/share/bash-completion/completions" "$usr/share/zsh/vendor-complet
 
 # The program has its arms and tasks inside; these are for a lab to copy and change. Those of tasks/shipped need another name first.
 data=$usr/share/proact
-committed() { # PATH INTO: a folder as it was committed, without what tests left in it
+copy_committed() { # PATH INTO: a folder as it was committed, without what tests left in it
     mkdir -p "$2"
     git -C "$repository" archive HEAD:"$1" | tar -xf - -C "$2"
 }
-committed ros1_ws/src/proact_description/arms "$data/arms"
-committed docs/methods "$data/methods"
-committed docs/decoders "$data/decoders"
-committed docs/intent_models "$data/intent_models"
-committed docs/tasks "$data/tasks"
-committed rust/tasks/data "$data/tasks/shipped"
+copy_committed ros1_ws/src/proact_description/arms "$data/arms"
+copy_committed docs/methods "$data/methods"
+copy_committed docs/decoders "$data/decoders"
+copy_committed docs/intent_models "$data/intent_models"
+copy_committed docs/tasks "$data/tasks"
+copy_committed examples "$data/examples"
+copy_committed rust/tasks/data "$data/tasks/shipped"
 rm "$data/tasks/shipped/bbt_norms.toml"
+
+# What roslaunch, rospack, rosmsg and rostopic look for, under the prefix where they look: launch files, arm descriptions,
+# message packages and their Python classes. The link in proact_nodes is the executable: ROS without Debian's patches finds
+# it there as well, where /usr/share is in ROS_PACKAGE_PATH.
+suggested="www-browser, r-cran-lme4, r-cran-ordinal"
+if "$program" doctor 2>/dev/null | grep '^ok *feature ros ' >/dev/null; then
+    copy_committed ros1_ws/src "$work/ros"
+    for package in proact_bringup proact_description proact_moveit_config proact_nodes; do
+        rm "$work/ros/$package/CMakeLists.txt"
+        cp -R "$work/ros/$package" "$usr/share/"
+    done
+    rm -r "$usr/share/proact_description/arms"
+    ln -s ../proact/arms "$usr/share/proact_description/arms"
+    ln -s ../../bin/proact "$usr/share/proact_nodes/proact"
+    /usr/bin/python3 "$repository/ros1_ws/python_messages.py" "$work/ros" "$work/messages" || fail "the Python classes of the messages"
+    cp -R "$work/messages/share/." "$usr/share/"
+    mkdir -p "$usr/lib/python3/dist-packages"
+    cp -R "$work/messages/lib/." "$usr/lib/python3/dist-packages/"
+    suggested="$suggested, ros-core, python3-roslaunch, python3-rostopic, ros-robot-state-publisher, rviz"
+else
+    echo "release: the program was built without ROS 1, so that the packages have no nodes" >&2
+fi
 
 mkdir -p "$doc"
 gzip -9nc "$repository/CHANGELOG.md" >"$doc/changelog.gz"
@@ -82,6 +105,7 @@ cp "$repository/README.md" "$repository/THIRD_PARTY.md" "$repository/CITATION.cf
     cat "$repository/LICENSE-APACHE"
 } >"$doc/copyright"
 find "$usr" -type f ! -path "$usr/bin/*" -exec chmod 644 {} +
+find "$usr" -type d -exec chmod 755 {} +
 
 # --- Debian package --------------------------------------------------------------------------------------
 
@@ -97,7 +121,7 @@ Architecture: $architecture
 Maintainer: The ProACT contributors <contributors@proact.invalid>
 Installed-Size: $(du -sk "$usr" | cut -f1)
 Depends: $libraries, fonts-dejavu-core
-Suggests: www-browser, r-cran-lme4, r-cran-ordinal
+Suggests: $suggested
 Section: science
 Priority: optional
 Description: open testbed for intelligent prosthetic arms
@@ -107,6 +131,20 @@ Description: open testbed for intelligent prosthetic arms
  .
  "proact demo" shows a trial in the browser. No ROS and no hardware is needed.
 CONTROL
+if [ -d "$usr/lib/python3" ]; then
+    # As Debian's own packages of Python modules do: compiled where Python is, and nothing of it stays behind.
+    cat >"$work/deb/DEBIAN/postinst" <<'POSTINST'
+#!/bin/sh
+set -e
+if [ "$1" = configure ] && command -v py3compile >/dev/null; then py3compile -p proact; fi
+POSTINST
+    cat >"$work/deb/DEBIAN/prerm" <<'PRERM'
+#!/bin/sh
+set -e
+if command -v py3clean >/dev/null; then py3clean -p proact; fi
+PRERM
+    chmod 755 "$work/deb/DEBIAN/postinst" "$work/deb/DEBIAN/prerm"
+fi
 (cd "$work/deb" && find usr -type f -print0 | LC_ALL=C sort -z | xargs -0 md5sum >DEBIAN/md5sums)
 find "$work/deb" -exec touch --no-dereference --date="@$SOURCE_DATE_EPOCH" {} +
 
@@ -117,7 +155,7 @@ dpkg-deb --root-owner-group -Zxz --build "$work/deb" "$out/proact_${version}_$ar
 
 # --- Tarballs --------------------------------------------------------------------------------------------
 
-packed() { # FILE FOLDER: the folder of $work as a tarball
+make_tarball() { # FILE FOLDER: the folder of $work as a tarball
     tar -C "$work" --sort=name --owner=0 --group=0 --numeric-owner --mtime="@$SOURCE_DATE_EPOCH" -cf - "$2" | gzip -9n >"$1"
 }
 
@@ -125,7 +163,7 @@ name=proact-$version-$(uname -m)-linux-gnu
 mv "$usr" "$work/$name"
 cp "$repository/LICENSE-MIT" "$repository/LICENSE-APACHE" "$work/$name/"
 echo "$libraries, fonts-dejavu-core" | tr ',' '\n' | sed 's/^ *//' >"$work/$name/NEEDS"
-packed "$out/$name.tar.gz" "$name"
+make_tarball "$out/$name.tar.gz" "$name"
 git -C "$repository" archive --prefix="proact-$version/" HEAD | gzip -9n >"$out/proact-$version-source.tar.gz"
 (cd "$out" && sha256sum -- * >SHA256SUMS)
 cat "$out/SHA256SUMS"

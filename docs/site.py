@@ -17,7 +17,7 @@ TOP = ["README.md", "ARCHITECTURE.md", "CHANGELOG.md", "CONTRIBUTING.md", "THIRD
 LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^()\s]+)\)")
 
 
-def rewritten(text, page, staged):
+def rewrite_links(text, page, staged):
     """The text of a page, `page` being its place in the repository, with links as the site has them."""
 
     def link(match):
@@ -65,7 +65,7 @@ def main(repository, program, out):
             text = file.read()
         os.remove(path)
         with open(re.sub(r"README\.md$", "index.md", path), "w", encoding="utf-8") as file:
-            file.write(rewritten(text, page, staged))
+            file.write(rewrite_links(text, page, staged))
     with open(os.path.join(src, "SUMMARY.md"), "w", encoding="utf-8") as file:
         file.write(summary.replace("README.md)", "index.md)"))
     print(f"{len(pages)} pages are in {src}", file=sys.stderr)

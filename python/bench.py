@@ -41,7 +41,7 @@ def time_steps(env, steps):
     return took
 
 
-def border(env, steps):
+def binding_overhead(env, steps):
     """What a step takes outside of the testbed, seconds: its own processor time less that of the testbed."""
     env.reset(seed=1)
     env.action_space.seed(1)
@@ -108,7 +108,7 @@ def main():
         }
         figures.append(figure(name, values, "us a step", 1e6, **more))
     env = candidates["proact box and blocks, joint speeds (27 joints, 1 ms ticks)"][0].unwrapped
-    crossing = np.concatenate([border(env, STEPS) for _ in range(ROUNDS)])
+    crossing = np.concatenate([binding_overhead(env, STEPS) for _ in range(ROUNDS)])
     figures.append(figure("border between Python and Rust", crossing, "us a step", 1e6))
 
     if json_asked:

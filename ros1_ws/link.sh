@@ -4,7 +4,8 @@
 #   ros1_ws/link.sh ~/my_ws/src
 #
 # A message-only package of ours stays out when the workspace, or an underlay that is sourced, has a package of that
-# name. Call it again after either has changed.
+# name. Call it again after either has changed. What ProACT's own Debian package installs does not count: catkin cannot build
+# against it.
 set -eu
 
 if [ "$#" != 1 ] || [ ! -d "$1" ]; then
@@ -20,7 +21,7 @@ is_elsewhere() {
         xargs -0 -r grep -l "<name>$1</name>" | head -n 1)
     [ -z "$found" ] || return 0
     for prefix in $(echo "${CMAKE_PREFIX_PATH:-}" | tr ':;' '  ') /usr /opt/ros/*; do
-        [ ! -f "$prefix/share/$1/package.xml" ] || return 0
+        [ ! -f "$prefix/share/$1/cmake/$1Config.cmake" ] || return 0
     done
     return 1
 }

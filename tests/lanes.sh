@@ -5,20 +5,21 @@
 # A lane is a function lane_NAME. It prints what its tools print, answers 0 for passed and 77 for skipped (with
 # the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
 
-short_lanes="format shell docker web lint cpp rust records launcher docs trial xdf fuzz kill study page rosbridge ros"
-long_lanes="deny fuzz_long seeds planning sanitizers valgrind soak speeds kill_long study_long slurm statistics faults soak_serve docs_long claims claims_long debootstrap trixie jammy noble deb focal image pages ros_long ros_safety lsl emg_people python"
+short_lanes="format words shell docker web lint cpp rust records launcher docs trial xdf fuzz kill study page rosbridge ros"
+long_lanes="deny fuzz_long seeds planning sanitizers valgrind soak speeds kill_long study_long slurm statistics faults soak_serve docs_long claims claims_long debootstrap trixie jammy noble deb deb_ros deb_trixie deb_jammy deb_noble focal image pages ros_long ros_safety lsl emg_people python"
 
 # A ROS 1 graph with Debian's own clients, the catkin workspace, rviz on a virtual display.
 ros_test_packages="ros-base python3-roslaunch python3-rosbag python3-rostopic python3-rosnode python3-rosservice
-python3-actionlib python3-tf2-ros python3-std-msgs python3-geometry-msgs python3-sensor-msgs python3-trajectory-msgs
+python3-actionlib python3-tf2-ros python3-message-filters python3-std-msgs python3-geometry-msgs python3-sensor-msgs python3-trajectory-msgs
 python3-visualization-msgs python3-diagnostic-msgs python3-std-srvs python3-tf2-msgs python3-actionlib-msgs
 python3-rosgraph-msgs python3-shape-msgs libshape-msgs-dev libactionlib-dev libstd-msgs-dev libgeometry-msgs-dev libsensor-msgs-dev libtrajectory-msgs-dev
 libtf2-ros-dev ros-robot-state-publisher ros-core-dev ros-message-generation catkin catkin-tools colcon python3-colcon-ros rviz xvfb
-xauth libgl1-mesa-dri imagemagick cmake make python3-websocket"
+xauth libgl1-mesa-dri imagemagick cmake make python3-websocket python3-numpy"
 
 # Debian packages that a lane needs beside those of the build.
 packages_of() {
     case $1 in
+    words) echo python3 codespell ;;
     shell) echo shellcheck ;;
     docker | docs | docs_long | python) echo python3 python3-venv ;;
     cpp | sanitizers) echo cmake ;;
@@ -40,7 +41,12 @@ packages_of() {
     seeds | planning | emg_people | claims | claims_long) echo python3 ;;
     ros | ros_long | ros_safety) echo "$ros_packages $ros_test_packages" ;;
     debootstrap | trixie | jammy | noble) echo debootstrap python3 git ;;
-    deb) echo debootstrap dpkg-dev binutils git ;;
+    deb) echo debootstrap dpkg-dev binutils git python3-genpy libactionlib-msgs-dev ;;
+    deb_ros)
+        packages_of deb
+        echo "$ros_packages python3-rosmaster python3-rostopic python3-sensor-msgs"
+        ;;
+    deb_trixie | deb_jammy | deb_noble) echo debootstrap git python3-rosmaster python3-rostopic python3-sensor-msgs ;;
     focal | image) echo debootstrap ;;
     format | lint)
         # A Rust of the system's keeps these two in packages of their own.
@@ -60,6 +66,15 @@ packages_of() {
 
 lane_format() {
     run_cargo fmt --all --check
+}
+
+# Names and prose beside the vocabulary; tests/words/words.toml has the rules.
+lane_words() {
+    if ! /usr/bin/python3 -c 'import tomllib' 2>/dev/null; then
+        echo "skipped: the check needs Python 3.11 or later"
+        return 77
+    fi
+    /usr/bin/python3 -B "$root/tests/words/check_test.py" && /usr/bin/python3 -B "$root/tests/words/check.py"
 }
 
 lane_shell() {
@@ -82,10 +97,10 @@ lane_docker() {
     "$hadolint" "$root"/docker/*Dockerfile
 }
 
-# The page, and whether its types are those of the server.
+# The page, and whether its types are those of the server: without optimisation, which takes a third of the time.
 lane_web() {
     build_web && run_npm run check && run_npm test &&
-        run_cargo test --release --locked -p proact-bridge --features ts --lib typescript
+        CARGO_PROFILE_DEV_OPT_LEVEL=0 CARGO_PROFILE_DEV_DEBUG=0 run_cargo test --locked -p proact-bridge --features ts --lib typescript
 }
 
 lane_lint() {
@@ -145,7 +160,7 @@ lane_soak() {
 
 # A hundred trials of A and B, whose person grinds the hand on walls: no joint goes much faster than it can be asked to.
 lane_speeds() {
-    run_cargo test --release --locked -p proact-app --test speeds -- --ignored --nocapture
+    run_cargo test --release --locked -p proact-app --test joint_speeds -- --ignored --nocapture
 }
 
 # Builds the C++ cores in a folder with the given sanitizers and runs their tests.
@@ -156,7 +171,11 @@ ctest_in() {
 }
 
 lane_rust() {
-    build_web && run_cargo test --release --locked --workspace ${features:+--features "proact-cli/$features"} --no-fail-fast
+    build_web
+    set -- test --release --locked --workspace ${features:+--features "proact-cli/$features"}
+    run_cargo "$@" --no-run
+    # A test that waits for ever fails this lane, and does not keep the others from running.
+    cd "$root" && timeout 40m "$cargo" "$@" --no-fail-fast
 }
 
 # The stored records replay. A part of the lane rust, alone: for whoever changes what a record or a configuration is.
@@ -354,6 +373,29 @@ lane_deb() {
     build && sh "$root/docker/release.sh" "$binary" "$root/build/release" && sh "$root/tests/launcher/deb.sh" "$root/build/release"
 }
 
+# The packages with nodes, installed in a bare root beside that release's own ROS 1.
+lane_deb_ros() {
+    build_ros
+    sh "$root/docker/release.sh" "$ros_binary" "$root/build/release" && sh "$root/tests/launcher/deb_ros.sh" bookworm "$root/build/release"
+}
+
+# The packages of another release, which are built in a bare root of it first.
+lane_deb_trixie() {
+    packages_of_release trixie
+}
+
+lane_deb_jammy() {
+    packages_of_release jammy
+}
+
+lane_deb_noble() {
+    packages_of_release noble
+}
+
+packages_of_release() {
+    sh "$root/docker/release_in_root.sh" "$1" && sh "$root/tests/launcher/deb_ros.sh" "$1" "$root/build/release/$1"
+}
+
 lane_focal() {
     sh "$root/tests/launcher/focal.sh"
 }
@@ -365,31 +407,56 @@ lane_image() {
 
 lane_ros() {
     build_ros
-    for test in test_messages test_names test_launch test_moveit test_layouts test_sim test_rosbridge test_compat \
-        test_tracking test_mocap; do
-        PROACT_BINARY=$ros_binary /usr/bin/python3 -W ignore "$root/tests/ros/$test.py" || return 1
-    done
-    # In lock-step nothing depends on the clock: one half of the methods beside the other, each on a master of its own.
-    PROACT_BINARY=$ros_binary /usr/bin/python3 -W ignore "$root/tests/ros/test_lockstep.py" --methods=AB &
-    beside=$!
-    lockstep=0
-    PROACT_BINARY=$ros_binary /usr/bin/python3 -W ignore "$root/tests/ros/test_lockstep.py" --methods=CD || lockstep=1
-    wait "$beside" && [ "$lockstep" = 0 ]
+    ros_tests "$ros_binary"
+}
+
+# The short tests of a program with nodes, which may be an installed one. They mostly wait, and each has a master of its own,
+# so two run at a time; the longest begin.
+ros_tests() { # PROGRAM
+    results=$(mktemp -d)
+    PROACT_BINARY=$1 xargs -P 2 -L 1 sh "$root/tests/ros/run_test.sh" "$results" <<'TESTS' || true
+test_lockstep --methods=AB
+test_lockstep --methods=CD
+test_scores
+test_slow_subscribers
+test_sim
+test_example_node
+test_intent_nodes --short
+test_topic_timeouts --short
+test_rosbridge
+test_messages
+test_names
+test_launch
+test_moveit
+test_layouts
+test_ros2_clients
+test_compat
+test_tracking
+test_mocap
+test_action_topics
+TESTS
+    failed_tests=$(find "$results" -name '*.failed' -exec basename {} .failed \; | sort | tr '\n' ' ')
+    passed_tests=$(find "$results" -name '*.passed' | wc -l)
+    rm -rf "$results"
+    echo "ROS tests: $passed_tests passed, failed: ${failed_tests:-none}"
+    [ -z "$failed_tests" ] && [ "$passed_tests" -gt 0 ]
 }
 
 lane_ros_long() {
     build_ros
-    for test in test_testbed test_nodes; do
+    for test in test_testbed test_nodes test_intent_nodes; do
         PROACT_BINARY=$ros_binary /usr/bin/python3 -W ignore "$root/tests/ros/$test.py" || return 1
     done
-    PROACT_BINARY=$ros_binary /usr/bin/python3 -W ignore "$root/tests/ros/test_lockstep.py" --long &&
+    PROACT_BINARY=$ros_binary /usr/bin/python3 -W ignore "$root/tests/ros/test_example_node.py" --all &&
+        PROACT_BINARY=$ros_binary /usr/bin/python3 -W ignore "$root/tests/ros/test_lockstep.py" --long &&
         sh "$root/tests/ros/workspace.sh"
 }
 
 # Nodes of other people that fall silent, freeze or are killed, and how long the arm goes on, in simulated time.
 lane_ros_safety() {
     build_ros
-    PROACT_BINARY=$ros_binary /usr/bin/python3 -W ignore "$root/tests/ros/test_safety.py"
+    PROACT_BINARY=$ros_binary /usr/bin/python3 -W ignore "$root/tests/ros/test_safety.py" &&
+        PROACT_BINARY=$ros_binary /usr/bin/python3 -W ignore "$root/tests/ros/test_topic_timeouts.py"
 }
 
 # The program with its nodes, beside the one without. Ends the lane where ROS is not to be had.
@@ -438,12 +505,12 @@ test_main() {
 
     cargo=$(find_cargo)
     if command -v dpkg-query >/dev/null; then
-        want_lists
+        ensure_package_lists
         # Old or partial lists must not make a lane look as if it could not be: they are fetched anew first.
         all=$(for lane in $lanes; do packages_of "$lane"; done)
         # shellcheck disable=SC2086 # a list of words
-        if [ "$(id -u)" = 0 ] && [ -n "$all" ] && [ -n "$(unknown_of $all)" ]; then
-            fetch_lists
+        if [ "$(id -u)" = 0 ] && [ -n "$all" ] && [ -n "$(unknown_packages $all)" ]; then
+            update_package_lists
         fi
     fi
     packages=
@@ -451,7 +518,7 @@ test_main() {
     for lane in $lanes; do
         needs=$(packages_of "$lane")
         # shellcheck disable=SC2086 # a list of words
-        lacks=$([ -z "$needs" ] || ! command -v dpkg-query >/dev/null || unknown_of $needs)
+        lacks=$([ -z "$needs" ] || ! command -v dpkg-query >/dev/null || unknown_packages $needs)
         # Not every release has ROS 1, or a browser that is not a snap.
         if [ -n "$lacks" ]; then
             without="$without $lane"
@@ -465,7 +532,7 @@ test_main() {
     # One program, with the nodes where there is what they need, serves all lanes: nothing is compiled twice, and a lane
     # that is run alone tests what it tests among the others.
     # shellcheck disable=SC2046 # a list of words
-    if [ -x /usr/bin/rosmaster ] && [ -z "$(missing_of $(ros_needs))" ]; then features=ros; fi
+    if [ -x /usr/bin/rosmaster ] && [ -z "$(missing_packages $(ros_needs))" ]; then features=ros; fi
 
     passed=0
     failed=0

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """An example classifier in another process: the nearest mean of standardised features. It needs nothing but Python.
 
-    proact emg train --source ble --classifier process --process docs/decoders/nearest_centroid.toml --out p07.json
+    proact emg train --source ble --classifier process --decoder-process docs/decoders/nearest_centroid.toml --out p07.json
 
 Each line of standard input is a JSON object, each line of standard output answers one. Keep standard output for answers;
 what you print for yourself goes to standard error.
@@ -18,18 +18,18 @@ def fit(windows, labels, gestures):
     spread = [math.sqrt(sum((x - m) ** 2 for x in c) / len(c)) or 1.0 for c, m in zip(columns, mean)]
     centroids = []
     for gesture in gestures:
-        own = [standardised(w, mean, spread) for w, label in zip(windows, labels) if label == gesture]
+        own = [standardized(w, mean, spread) for w, label in zip(windows, labels) if label == gesture]
         centroids.append([sum(c) / len(c) for c in zip(*own)])
     return {"mean": mean, "spread": spread, "centroids": centroids}
 
 
-def standardised(window, mean, spread):
+def standardized(window, mean, spread):
     return [(x - m) / s for x, m, s in zip(window, mean, spread)]
 
 
 def posterior(state, window):
     """One probability for each gesture, in the order of the line `begin`: the nearer the mean, the larger."""
-    here = standardised(window, state["mean"], state["spread"])
+    here = standardized(window, state["mean"], state["spread"])
     away = [sum((x - c) ** 2 for x, c in zip(here, centroid)) for centroid in state["centroids"]]
     weights = [math.exp(0.5 * (min(away) - a)) for a in away]
     return [w / sum(weights) for w in weights]

@@ -10,9 +10,9 @@ standard output for answers; what you print for yourself goes to standard error.
 import json
 import sys
 
-SPEED = 0.1  # of the hand, m/s
-ABOVE = 0.15  # the hand stops this far above the block's centre, metres
-LIFT = [0.0, 0.0, SPEED]
+SPEED_M_PER_S = 0.1  # of the hand, m/s
+STOP_HEIGHT_M = 0.15  # the hand stops this far above the block's centre, metres
+LIFT_VELOCITY_M_PER_S = [0.0, 0.0, SPEED_M_PER_S]
 
 
 def rotate_back(q, v):
@@ -26,17 +26,17 @@ def rotate_back(q, v):
     return [x + w * y + z for x, y, z in zip(v, t, cross(u, t))]
 
 
-def toward_block(step):
+def approach_velocity(step):
     """Velocity of the hand toward the point over the block in view, base axes, m/s; none when it is there."""
     if step["highlight"] is None:
         return None
     block = step["objects"][step["highlight"]]
     base = step["world_from_base"]
-    goal = [block[0], block[1], block[2] + ABOVE]
+    goal = [block[0], block[1], block[2] + STOP_HEIGHT_M]
     goal = rotate_back(base["rotation"], [g - t for g, t in zip(goal, base["translation"])])
     away = [g - t for g, t in zip(goal, step["base_from_tip"]["translation"])]
     distance = sum(x * x for x in away) ** 0.5
-    return [x / distance * min(SPEED, distance) for x in away] if distance > 1e-3 else None
+    return [x / distance * min(SPEED_M_PER_S, distance) for x in away] if distance > 1e-3 else None
 
 
 def joint_speeds(linear, jacobian):
@@ -53,7 +53,7 @@ last = None
 for line in sys.stdin:
     step = json.loads(line)
     gesture, changed, last = step["gesture"], step["gesture"] != last, step["gesture"]
-    linear = {"wrist_extension": toward_block(step), "wrist_flexion": LIFT}.get(gesture)
+    linear = {"wrist_extension": approach_velocity(step), "wrist_flexion": LIFT_VELOCITY_M_PER_S}.get(gesture)
     answer = {"time": step["time"], "target": {"object": step["highlight"], "locked": False, "posterior": []}}
     # A method that moves says so at every step; whatever is no motion is a stop.
     answer["motion"] = {"velocity": joint_speeds(linear, step["jacobian"])} if linear else "hold"

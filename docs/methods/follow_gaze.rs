@@ -5,8 +5,8 @@
 
 use nalgebra::Vector6;
 use proact_control::ports::ArmKinematics;
-use proact_control::{ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, Shown};
-use proact_types::{Gesture, JointVector, SimTime, TargetView, Vector};
+use proact_control::{ControlInput, ControlMethod, ControlOutput, HandCommand, MethodDisplay, MotionCommand};
+use proact_types::{Command, JointVector, SimTime, TargetView, Vector};
 
 /// Speed of the hand, m/s.
 const SPEED: f64 = 0.1;
@@ -16,7 +16,7 @@ const ABOVE: f64 = 0.15;
 /// Moves straight towards the block in view, without a plan.
 #[derive(Clone, Debug, Default)]
 pub struct FollowGaze {
-    last: Gesture,
+    last: Command,
 }
 
 impl ControlMethod for FollowGaze {
@@ -27,18 +27,20 @@ impl ControlMethod for FollowGaze {
         arm: &mut dyn ArmKinematics,
     ) -> ControlOutput {
         let target = TargetView { object: input.highlight, ..TargetView::default() };
-        let changed = std::mem::replace(&mut self.last, input.gesture) != input.gesture;
-        let mut output =
-            ControlOutput { shown: Shown { target, ..Shown::default() }, ..ControlOutput::default() };
-        match input.gesture {
-            Gesture::HandClose if changed => output.hand = Some(HandCommand::Close),
-            Gesture::HandOpen if changed => output.hand = Some(HandCommand::Open),
+        let changed = std::mem::replace(&mut self.last, input.command) != input.command;
+        let mut output = ControlOutput {
+            display: MethodDisplay { target, ..MethodDisplay::default() },
+            ..ControlOutput::default()
+        };
+        match input.command {
+            Command::HandClose if changed => output.hand = Some(HandCommand::Close),
+            Command::HandOpen if changed => output.hand = Some(HandCommand::Open),
             _ => {}
         }
         // A method that moves says so at every step; whatever is no motion is a stop.
-        let speeds = match input.gesture {
-            Gesture::WristExtension => toward_block(input, arm),
-            Gesture::WristFlexion => joint_speeds(Vector::z() * SPEED, input, arm),
+        let speeds = match input.command {
+            Command::WristExtension => toward_block(input, arm),
+            Command::WristFlexion => joint_speeds(Vector::z() * SPEED, input, arm),
             _ => None,
         };
         output.motion = Some(speeds.map_or(MotionCommand::Hold, MotionCommand::Velocity));

@@ -16,13 +16,13 @@ import time
 import pylsl
 
 NAME, JOINT, SPEED = sys.argv[1], int(sys.argv[2]), float(sys.argv[3])
-SILENCE_SECS = 0.2
+STALE_SECS = 0.2
 
 inlet, value, heard = None, 0.0, -math.inf
 finder = pylsl.ContinuousResolver(prop="name", value=NAME)
 
 
-def newest():
+def latest_value():
     """The newest value of the stream, 0 where there is none in time."""
     global inlet, value, heard
     if inlet is None:
@@ -36,14 +36,14 @@ def newest():
     if samples:
         heard = time.monotonic()
         value = float(samples[-1][0])
-    alive = time.monotonic() - heard < SILENCE_SECS and math.isfinite(value)
+    alive = time.monotonic() - heard < STALE_SECS and math.isfinite(value)
     return max(-1.0, min(1.0, value)) if alive else 0.0
 
 
 last = None
 for line in sys.stdin:
     step = json.loads(line)
-    share = newest()
+    share = latest_value()
     answer = {"time": step["time"]}
     if share:
         speeds = [0.0] * len(step["commanded"])

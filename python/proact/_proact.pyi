@@ -22,6 +22,7 @@ class AgentTrial:
         emg: Optional[str] = None,
         gaze_error_deg: float = 1.5,
         record: Union[str, PathLike[str], None] = None,
+        accept_faults: bool = False,
     ) -> None: ...
     def step(self, action: NDArray[np.float64], out: NDArray[np.float64]) -> tuple[float, bool, bool]:
         """Holds ``action`` for one period and writes the observation, shape (len(observation_names),), into ``out``: reward,
@@ -73,10 +74,11 @@ def run_trial(
     emg: Optional[str] = None,
     gaze_error_deg: float = 1.5,
     record: Union[str, PathLike[str], None] = None,
+    accept_faults: bool = False,
 ) -> str: ...
 def replay(dir: Union[str, PathLike[str]]) -> str: ...
 def load(dir: Union[str, PathLike[str]], every_ms: int, other_versions: bool) -> dict[str, Any]: ...
-def training_windows(emg: str, seed: int) -> tuple[NDArray[np.float64], list[str]]:
+def training_windows(emg: str, seed: int, *, accept_faults: bool = False) -> tuple[NDArray[np.float64], list[str]]:
     """Features, shape (windows, f), and the gesture of each window."""
 
-def outside_model(emg: str, seed: int) -> str: ...
+def outside_model(emg: str, seed: int, *, accept_faults: bool = False) -> str: ...

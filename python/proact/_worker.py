@@ -8,7 +8,7 @@ import traceback
 from typing import Callable, Optional
 
 #: Longest text of a fault: it is shown on a page.
-_LONGEST = 300
+_MAX_TEXT_BYTES = 300
 
 
 class Worker:
@@ -18,8 +18,8 @@ class Worker:
         self._function = function
         self._questions: queue.SimpleQueue = queue.SimpleQueue()
         self._answers: queue.SimpleQueue = queue.SimpleQueue()
-        self._asked = 0
-        self._answered = 0
+        self._question_count = 0
+        self._answer_count = 0
         threading.Thread(target=self._serve, daemon=True, name="proact-worker").start()
 
     def _serve(self) -> None:
@@ -34,23 +34,23 @@ class Worker:
 
     def ask(self, text: str, patience_secs: float) -> tuple[Optional[str], Optional[str]]:
         """(answer, None), (None, what it raised), or (None, None) if it is late. While it is late, nothing else is asked."""
-        self._take_late()
-        if self._answered < self._asked:
+        self._drop_late_answers()
+        if self._answer_count < self._question_count:
             return None, None
-        self._asked += 1
-        self._questions.put((self._asked, text))
+        self._question_count += 1
+        self._questions.put((self._question_count, text))
         try:
             number, answer = self._answers.get(timeout=patience_secs)
         except queue.Empty:
             return None, None
-        self._answered = number
+        self._answer_count = number
         return answer
 
-    def _take_late(self) -> None:
+    def _drop_late_answers(self) -> None:
         """What came too late for its question is dropped."""
         while True:
             try:
-                self._answered, _ = self._answers.get_nowait()
+                self._answer_count, _ = self._answers.get_nowait()
             except queue.Empty:
                 return
 
@@ -67,4 +67,4 @@ def fault_text(error: BaseException) -> str:
         last = trace[-1]
         text += f' (line {last.lineno} of "{last.filename}")'
     text = "".join(c if c.isprintable() else " " for c in text)
-    return text.encode("utf-8", "replace")[:_LONGEST].decode("utf-8", "ignore")
+    return text.encode("utf-8", "replace")[:_MAX_TEXT_BYTES].decode("utf-8", "ignore")

@@ -10,7 +10,7 @@ from typing import Any, Optional, Union
 import numpy as np
 
 from . import _proact
-from .parts import checked, pose_matrix
+from .parts import check_array, pose_matrix
 
 #: A scene by name, or shapes: ``{"name", "shape": {"type": "box", "size": [x, y, z]}, "position", "quaternion"}``, m, ``world``.
 Scene = Union[str, Sequence[dict]]
@@ -51,10 +51,10 @@ class Arm:
         return json.loads(self._query.ask(json.dumps({"op": op, **given})))
 
     def _joints(self, name: str, values: Any) -> list[float]:
-        return checked(name, values, (len(self.joint_names),)).tolist()
+        return check_array(name, values, (len(self.joint_names),)).tolist()
 
     def _hand(self, hand: Any) -> Optional[list[float]]:
-        return None if hand is None else checked("hand", hand, (len(self.hand_joint_names),)).tolist()
+        return None if hand is None else check_array("hand", hand, (len(self.hand_joint_names),)).tolist()
 
     def forward(self, q: Any) -> np.ndarray:
         """``base_from_tip`` at the angles ``q``, shape (n,), rad: shape (4, 4). For q of shape (k, n): (k, 4, 4)."""
@@ -75,7 +75,7 @@ class Arm:
     def inverse(self, base_from_tip: Any, seed: Any = None) -> Optional[np.ndarray]:
         """Angles within the limits at which the tip is there, shape (n,), searched from ``seed``, shape (n,) (the middle of the limits
         unless given); None if none were found."""
-        matrix = checked("base_from_tip", base_from_tip, (4, 4))
+        matrix = check_array("base_from_tip", base_from_tip, (4, 4))
         start = None if seed is None else self._joints("seed", seed)
         answer = self._ask("ik", position=matrix[:3, 3].tolist(), quaternion=quaternion(matrix), seed=start)
         return np.array(answer["q"]) if answer["status"] == "ok" else None
@@ -137,7 +137,7 @@ class Arm:
 
 
 def _pose(name: str, matrix: Any) -> dict[str, list[float]]:
-    matrix = checked(name, matrix, (4, 4))
+    matrix = check_array(name, matrix, (4, 4))
     return {"position": matrix[:3, 3].tolist(), "quaternion": quaternion(matrix)}
 
 

@@ -38,7 +38,7 @@ TASKS = {
 _METHODS = {"gesture": "A", "selection": "D"}
 
 #: Largest seed: what TOML holds.
-_LARGEST_SEED = 2**63 - 1
+_MAX_SEED = 2**63 - 1
 
 
 def register() -> None:
@@ -75,6 +75,8 @@ class ProactEnv(Env):
     emg
         None: gestures are given directly, as by keys. ``synthetic``, or a folder of recordings: they pass through an armband and a
         classifier, and can be misread.
+    accept_faults
+        Use recordings whose faults make an accuracy wrong all the same; the episode's configuration says which (``emg_accepted_faults``).
     gaze_error_deg
         Root mean square error of the eye tracker, degrees (``selection``).
     limit_secs
@@ -112,6 +114,7 @@ class ProactEnv(Env):
         render_mode: str | None = None,
         render_size: tuple[int, int] = (320, 240),
         render_view: str = "head",
+        accept_faults: bool = False,
     ):
         if _MISSING is not None:
             raise ImportError("the environments need gymnasium: pip install gymnasium") from _MISSING
@@ -138,6 +141,7 @@ class ProactEnv(Env):
             "period_ms": period_ms,
             "emg": emg,
             "gaze_error_deg": gaze_error_deg,
+            "accept_faults": accept_faults,
         }
         self._record = None if record is None else Path(record)
         self._episodes = 0
@@ -168,7 +172,7 @@ class ProactEnv(Env):
         """Begins another trial: (observation, info). ``options`` may hold ``settings``, further values for this trial."""
         super().reset(seed=seed)
         if seed is None:
-            seed = int(self.np_random.integers(_LARGEST_SEED))
+            seed = int(self.np_random.integers(_MAX_SEED))
         unknown = set(options or {}) - {"settings"}
         if unknown:
             raise ValueError(f"options has {sorted(unknown)}, expected only 'settings'")

@@ -27,7 +27,7 @@ def pose_matrix(pose: dict) -> np.ndarray:
     return matrix
 
 
-def checked(name: str, values: Any, shape: tuple[int, ...]) -> np.ndarray:
+def check_array(name: str, values: Any, shape: tuple[int, ...]) -> np.ndarray:
     """``values`` as float64 of this shape, all finite.
 
     Raises ValueError that says what was got and what was expected.
@@ -121,9 +121,9 @@ class Command:
         joints = (seen.measured.size,)
         motions: list[Any] = []
         if self.velocity is not None:
-            motions.append({"velocity": checked("velocity", self.velocity, joints).tolist()})
+            motions.append({"velocity": check_array("velocity", self.velocity, joints).tolist()})
         if self.goto is not None:
-            motions.append({"goto": checked("goto", self.goto, joints).tolist()})
+            motions.append({"goto": check_array("goto", self.goto, joints).tolist()})
         if self.follow is not None:
             motions.append({"follow": self.follow})
         if self.hold:
@@ -139,7 +139,7 @@ class Command:
             line["hand"] = self.hand
         if self.fingers is not None:
             fingers = (seen.joint_position.size - seen.measured.size,)
-            line["fingers"] = {"goto": checked("fingers", self.fingers, fingers).tolist()}
+            line["fingers"] = {"goto": check_array("fingers", self.fingers, fingers).tolist()}
         if self.plan is not None:
             line["plan"] = {"request": self.plan}
         elif self.cancel_plan:
@@ -148,10 +148,10 @@ class Command:
             line["events"] = [{"event": "note", "text": str(self.note)}]
         if self.target is not None:
             line["target"] = {"object": None, "place": None, "locked": False, "posterior": [], **self.target}
-        return json.dumps(line, default=_plain, allow_nan=False)
+        return json.dumps(line, default=_to_builtin, allow_nan=False)
 
 
-def _plain(value: Any) -> Any:
+def _to_builtin(value: Any) -> Any:
     """NumPy's numbers and arrays as JSON has them."""
     if isinstance(value, np.ndarray):
         return value.tolist()
@@ -233,10 +233,10 @@ class Participant:
         head = pose_matrix(frame["world_from_head"])
         direction = head[:3, 0]
         if intention.look_at is not None:
-            direction = checked("look_at", intention.look_at, (3,)) - head[:3, 3]
+            direction = check_array("look_at", intention.look_at, (3,)) - head[:3, 3]
             length = np.linalg.norm(direction)
             direction = direction / length if length > 1e-9 else head[:3, 0]
-        forward, lateral, axial = checked("lean", intention.lean, (3,)).tolist()
+        forward, lateral, axial = check_array("lean", intention.lean, (3,)).tolist()
         return json.dumps(
             {
                 "gesture": intention.gesture,
@@ -301,7 +301,7 @@ class IntentModel:
         answer = self.infer(look)
         if answer is None:
             return json.dumps({"time": look.time_ms, "posterior": None})
-        posterior = checked("infer", answer, (len(look.objects),))
+        posterior = check_array("infer", answer, (len(look.objects),))
         if posterior.min(initial=0.0) < 0:
             raise ValueError(f"infer gave {posterior.tolist()}, expected numbers from 0 up")
         return json.dumps({"time": look.time_ms, "posterior": posterior.tolist()})
@@ -328,7 +328,7 @@ def classifier_function(classifier: Any, gestures: Sequence[str]):
     def ask(line: str) -> str:
         window = json.loads(line)
         probabilities = classifier.predict_proba(np.array([window["features"]], dtype=np.float64))
-        row = checked("predict_proba", probabilities, (1, len(gestures)))[0]
+        row = check_array("predict_proba", probabilities, (1, len(gestures)))[0]
         if row.min() < 0 or abs(row.sum() - 1) > 1e-6:
             raise ValueError(f"predict_proba gave {row.tolist()}, expected probabilities that sum to one")
         return json.dumps({"window": window["window"], "posterior": row[order].tolist()})

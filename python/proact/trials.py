@@ -32,6 +32,7 @@ def run_trial(
     gaze_error_deg: float = 1.5,
     patience_secs: float = 10.0,
     record: Union[str, Path, None] = None,
+    accept_faults: bool = False,
 ) -> dict[str, Any]:
     """Runs a trial to its end, as fast as the machine allows: the result, as ``proact demo --headless --json`` has it.
 
@@ -41,9 +42,12 @@ def run_trial(
     that ship are chosen by ``settings``, such as ``intent_model=filtered``. emg: ``synthetic``, a folder of recordings, or None:
     gestures of a ``participant`` are then taken directly. gaze_error_deg: error of the eye tracker of a ``participant``, degrees.
     patience_secs: a Python part that takes longer on the clock has not answered: the arm holds.
-    record: a folder for the record; none is made unless given. ``replay`` needs no Python.
+    record: a folder for the record; none is made unless given. ``replay`` needs no Python. accept_faults: use recordings whose faults
+    make an accuracy wrong all the same, as ``--accept-faults`` of the commands; they are refused unless given.
 
-    Beside the keys of a result: ``faults``, what went wrong in Python, each once, and ``reasons``, why the arm held, as displayed.
+    Beside the keys of a result: ``faults``, what went wrong in Python, each once; ``reasons``, why the arm held, as displayed;
+    ``findings``, what is wrong with the recordings, each with its ``text``; ``accepted_faults``, those that make an accuracy wrong and
+    were accepted, which are in the record's configuration too (``emg_accepted_faults``).
 
     Deterministic for ``seed`` as far as the Python parts are. Raises ValueError for what cannot be, in the testbed's words.
     """
@@ -53,7 +57,7 @@ def run_trial(
         workers.append(Worker(function))
         return workers[-1]
 
-    choice = _choice(method if isinstance(method, str) else None, task, arm, setup, profile, seed, limit_secs, settings)
+    choice = _trial_keywords(method if isinstance(method, str) else None, task, arm, setup, profile, seed, limit_secs, settings)
     python: dict[str, Any] = {
         "method_info": None,
         "method": None,
@@ -80,20 +84,21 @@ def run_trial(
     if classifier is not None:
         if emg is None:
             raise ValueError("a classifier needs EMG: give emg='synthetic' or a folder of recordings")
-        features, labels = training_windows(emg, seed=seed)
+        features, labels = training_windows(emg, seed=seed, accept_faults=accept_faults)
         classifier.fit(features, labels)
         gestures = sorted(set(labels.tolist()))
         python["classifier"] = worker(classifier_function(classifier, gestures))
-        python["model"] = _proact.outside_model(emg, seed)
+        python["model"] = _proact.outside_model(emg, seed, accept_faults=accept_faults)
     place = None if record is None else Path(record)
     try:
-        return json.loads(_proact.run_trial(choice, python, emg=emg, gaze_error_deg=gaze_error_deg, record=place))
+        result = _proact.run_trial(choice, python, emg=emg, gaze_error_deg=gaze_error_deg, record=place, accept_faults=accept_faults)
+        return json.loads(result)
     finally:
         for one in workers:
             one.close()
 
 
-def _choice(method, task, arm, setup, profile, seed, limit_secs, settings) -> dict[str, Any]:
+def _trial_keywords(method, task, arm, setup, profile, seed, limit_secs, settings) -> dict[str, Any]:
     return {
         "task": task,
         "arm": arm,
@@ -123,8 +128,12 @@ def compare(
     for method in methods:
         results = [run_trial(method, seed=seed, **how) for seed in seeds]
         scores = [result["score"] for result in results if result["ended"] != "failed"]
-        failures = [fault["reason"] for result in results for fault in result.get("trial_faults", [])
-                    if result["ended"] == "failed" and fault["kind"] == "external_part"]
+        failures = [
+            fault["reason"]
+            for result in results
+            for fault in result.get("trial_faults", [])
+            if result["ended"] == "failed" and fault["kind"] == "external_part"
+        ]
         name = results[0]["method"]
         if name in summaries:
             raise ValueError(f"two methods are called {name!r}: give one of them another name")
@@ -149,8 +158,8 @@ def replay(record: Union[str, Path]) -> dict[str, Any]:
     return json.loads(_proact.replay(Path(record)))
 
 
-def training_windows(emg: str = "synthetic", *, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
+def training_windows(emg: str = "synthetic", *, seed: int = 1, accept_faults: bool = False) -> tuple[np.ndarray, np.ndarray]:
     """What a classifier of a trial with this EMG and seed is trained on: features, shape (windows, f), and the names of the
-    gestures, shape (windows,)."""
-    features, labels = _proact.training_windows(emg, int(seed))
+    gestures, shape (windows,). Raises ValueError for recordings whose faults make an accuracy wrong, unless accept_faults is given."""
+    features, labels = _proact.training_windows(emg, int(seed), accept_faults=accept_faults)
     return features, np.array(labels)

@@ -391,6 +391,37 @@ def test_a_classifier_that_takes_too_long_stops_the_arm(tmp_path):
     assert proact.replay(tmp_path / "trial")["digest"] == result["digest"]
 
 
+def stamped(folder):
+    """Recordings of noise with time stamps as the first column: five gestures, three repetitions of 3 s at 200 Hz."""
+    random = np.random.default_rng(1)
+    folder.mkdir()
+    (folder / "metadata.json").write_text('{"rate_hz": 200}')
+    for repetition in range(3):
+        for gesture in range(5):
+            stamps = 100.0 * (5 * repetition + gesture) + 0.005 * np.arange(600)
+            rows = np.column_stack([stamps, np.round(random.normal(0, 5 + 10 * gesture, (600, 7)))])
+            np.savetxt(folder / f"R_{repetition}_C_{gesture}.csv", rows, delimiter=",")
+    return str(folder)
+
+
+def test_recordings_with_faults_are_refused_unless_they_are_accepted_which_is_recorded(tmp_path):
+    emg = stamped(tmp_path / "recordings")
+    with pytest.raises(ValueError, match="channel 0 only rises"):
+        proact.training_windows(emg)
+    with pytest.raises(ValueError, match="channel 0 only rises"):
+        proact.run_trial("A", emg=emg, limit_secs=1.0)
+    features, labels = proact.training_windows(emg, accept_faults=True)
+    assert len(features) == len(labels) > 0
+    for how in ({}, {"classifier": NearestMean()}):
+        record = tmp_path / f"trial-{len(how)}"
+        result = proact.run_trial("A", emg=emg, limit_secs=1.0, accept_faults=True, record=record, **how)
+        assert result["findings"][0]["fault"] == "time_stamps" and result["findings"][0]["makes_accuracy_wrong"]
+        assert "channel 0 only rises" in result["accepted_faults"][0]
+        assert "emg_accepted_faults" in (record / "config.toml").read_text()
+    good = proact.run_trial("A", limit_secs=1.0)
+    assert good["findings"] == [] and good["accepted_faults"] == []
+
+
 def test_what_cannot_be_is_refused():
     with pytest.raises(TypeError, match="method is a int, expected a name or a proact.ControlMethod"):
         proact.run_trial(3)

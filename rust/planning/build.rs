@@ -21,7 +21,7 @@ fn main() {
         .file(core.join("src/motions.cpp"))
         .file(core.join("src/joint_planner.cpp"))
         .file(core.join("src/planners.cpp"))
-        .file(core.join("src/plain_search.cpp"))
+        .file(core.join("src/baseline_search.cpp"))
         .include(core.join("include"))
         .include(core.join("../common/include"))
         .std("c++17")

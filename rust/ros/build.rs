@@ -2,8 +2,9 @@
 //!
 //! rosrust reads definitions itself, but walks every folder that it is given, knows no actions, and does not
 //! notice edited files. So one folder is made here with just the packages that are needed, each from the first
-//! place that has it: `ROSRUST_MSG_PATH`, the prefixes of catkin, Debian, then this repository. A package of a
-//! workspace or an underlay thus comes before the one that this repository brings under the same name.
+//! place that has it: `ROSRUST_MSG_PATH`, the prefixes of catkin, `/opt/ros`, this repository, then Debian. A package of a
+//! workspace or an underlay thus comes before the one that this repository brings under the same name. Debian has none of
+//! those names: what lies there is an installed ProACT's, which may be an older one.
 
 // A build script reads files and the environment.
 #![allow(clippy::disallowed_methods)]
@@ -48,41 +49,41 @@ fn main() {
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("Cargo sets it")).join("share");
     // What an earlier build gathered may be gone from its source.
     let _ = fs::remove_dir_all(&out);
-    let places = places();
+    let message_dirs = message_folders();
     for package in PACKAGES {
-        let Some(source) = places.iter().map(|p| p.join(package)).find(|p| has_definitions(p)) else {
-            let searched: Vec<String> = places.iter().map(|p| p.display().to_string()).collect();
+        let Some(source) = message_dirs.iter().map(|p| p.join(package)).find(|p| has_definitions(p)) else {
+            let searched: Vec<String> = message_dirs.iter().map(|p| p.display().to_string()).collect();
             panic!(
-                "the message package {package} was not found in {}. On Debian: apt-get install ros-{}; elsewhere set \
-                 ROSRUST_MSG_PATH to the folders that hold it",
+                "the message package {package} was not found in {}. On Debian: apt-get install ros-{}; elsewhere source \
+                 the setup file of a ROS 1 installation, or set ROSRUST_MSG_PATH to the folders that hold the package",
                 searched.join(", "),
                 package.replace('_', "-")
             );
         };
-        gather(&source, &out.join(package));
+        copy_package(&source, &out.join(package));
     }
-    write(&out, "definitions.txt", &all_in_one(&out));
+    write(&out, "definitions.txt", &concatenate_definitions(&out));
     // rosrust reads both while it expands its macro in this crate, and only there.
     println!("cargo:rustc-env=ROSRUST_MSG_PATH={}", out.display());
     println!("cargo:rustc-env=CMAKE_PREFIX_PATH=");
 }
 
 /// Folders that hold message packages, best first.
-fn places() -> Vec<PathBuf> {
+fn message_folders() -> Vec<PathBuf> {
     let listed = |name: &str| env::var_os(name).unwrap_or_default();
-    let mut places: Vec<PathBuf> =
+    let mut message_dirs: Vec<PathBuf> =
         env::split_paths(&listed("ROSRUST_MSG_PATH")).filter(|p| !p.as_os_str().is_empty()).collect();
     for prefix in env::split_paths(&listed("CMAKE_PREFIX_PATH")).filter(|p| !p.as_os_str().is_empty()) {
-        places.push(prefix.join("share"));
+        message_dirs.push(prefix.join("share"));
     }
-    places.push("/usr/share".into());
     if let Ok(distributions) = fs::read_dir("/opt/ros") {
-        places.extend(distributions.flatten().map(|d| d.path().join("share")));
+        message_dirs.extend(distributions.flatten().map(|d| d.path().join("share")));
     }
     let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../ros1_ws/src");
-    places.push(own.clone());
-    places.push(own.join("compat"));
-    places
+    message_dirs.push(own.clone());
+    message_dirs.push(own.join("compat"));
+    message_dirs.push("/usr/share".into());
+    message_dirs
 }
 
 fn has_definitions(package: &Path) -> bool {
@@ -90,7 +91,7 @@ fn has_definitions(package: &Path) -> bool {
 }
 
 /// Copies a package's messages and services, and writes the messages of its actions.
-fn gather(source: &Path, target: &Path) {
+fn copy_package(source: &Path, target: &Path) {
     for kind in ["msg", "srv", "action"] {
         let folder = source.join(kind);
         let Ok(entries) = fs::read_dir(&folder) else { continue };
@@ -151,7 +152,7 @@ fn action_messages(name: &str, text: &str) -> Vec<(String, String)> {
 
 /// The gathered definitions in one text, each after a line `>>> package/kind/Name`: what the program knows where it runs
 /// without the packages.
-fn all_in_one(share: &Path) -> String {
+fn concatenate_definitions(share: &Path) -> String {
     let mut text = String::new();
     for package in PACKAGES {
         for kind in ["msg", "srv"] {

@@ -62,7 +62,7 @@ done
 inside "$root" proact demo --headless --seed 1 --arm /usr/share/proact/arms/mpl_right --out /trials/copied --json >"$root/copied" ||
     refuse "a trial with the arm in /usr/share/proact"
 cmp "$root/trials/first/digests.log" "$root/trials/copied/digests.log" || refuse "another digest with the arm in /usr/share/proact"
-inside "$root" proact demo --headless --seed 1 --task /usr/share/proact/tasks/three_cubes.toml --limit 3 --out /trials/cubes >"$root/log" 2>&1 || {
+inside "$root" proact demo --headless --seed 1 --task /usr/share/proact/tasks/three_cubes.toml --time-limit 3 --out /trials/cubes >"$root/log" 2>&1 || {
     cat "$root/log"
     refuse "a trial of the task in /usr/share/proact"
 }

@@ -36,10 +36,10 @@ new_machine() {
     touch "$work/state/lists" "$work/state/missing" "$work/state/unknown" "$work/calls"
     : >"$work/calls"
 
-    fake id 'cat "$state/uid"'
+    make_stub id 'cat "$state/uid"'
     # Every package is installed but those in the file "missing".
-    fake dpkg-query 'shift 2; for name in "$@"; do grep -qx "$name" "$state/missing" || echo "$name installed"; done'
-    fake apt-cache '
+    make_stub dpkg-query 'shift 2; for name in "$@"; do grep -qx "$name" "$state/missing" || echo "$name installed"; done'
+    make_stub apt-cache '
 case $1 in
 show) [ -e "$state/lists" ] || exit 100
     shift 2; for name in "$@"; do
@@ -47,7 +47,7 @@ show) [ -e "$state/lists" ] || exit 100
     done ;;
 policy) [ ! -e "$state/offer-$2" ] || printf "%s:\n  Installed: (none)\n  Candidate: %s\n" "$2" "$(cat "$state/offer-$2")" ;;
 esac'
-    fake apt-get '
+    make_stub apt-get '
 case " $* " in
 *" --print-uris "*) echo "x g++_1_amd64.deb 1000000 y" ;;
 *" -s "*) ;;
@@ -55,9 +55,9 @@ case " $* " in
 *) echo "apt-get $*" >>"$calls"; [ ! -e "$state/apt-fails" ] || exit 100; : >"$state/missing"
    echo "rustc 1.96.0 (0 0)" >"$state/rustc"; echo v18.20.0 >"$state/node" ;;
 esac'
-    fake sudo 'echo "sudo" >>"$calls"; "$@"'
-    fake rustc 'cat "$state/rustc"'
-    fake cargo '
+    make_stub sudo 'echo "sudo" >>"$calls"; "$@"'
+    make_stub rustc 'cat "$state/rustc"'
+    make_stub cargo '
 echo "cargo $* in $PWD" >>"$calls"
 [ ! -e "$state/build-fails" ] || exit 101
 mkdir -p "$CARGO_TARGET_DIR/release"
@@ -67,11 +67,11 @@ echo "program in $PWD:$(for word in "$@"; do printf " [%s]" "$word"; done)"
 [ "${1:-}" != seven ] || exit 7
 PROGRAM
 chmod +x "$CARGO_TARGET_DIR/release/proact"'
-    fake node 'cat "$state/node"'
-    fake npm 'echo "npm $* in $PWD" >>"$calls"; case " $* " in *" ci "*) mkdir -p node_modules ;; *) mkdir -p dist dist-figures ;; esac'
+    make_stub node 'cat "$state/node"'
+    make_stub npm 'echo "npm $* in $PWD" >>"$calls"; case " $* " in *" ci "*) mkdir -p node_modules ;; *) mkdir -p dist dist-figures ;; esac'
 }
 
-fake() {
+make_stub() {
     printf '#!/bin/sh\nstate=%s calls=%s\n%s\n' "$work/state" "$work/calls" "$2" >"$work/bin/$1"
     chmod +x "$work/bin/$1"
 }
@@ -108,6 +108,7 @@ not_called() { ! grep -q -- "$1" "$work/calls"; }
 called_times() { [ "$(grep -c -- "$2" "$work/calls")" = "$1" ]; }
 out_has() { grep -qF -- "$1" "$work/out"; }
 err_has() { grep -qF -- "$1" "$work/err"; }
+err_lacks() { ! grep -qF -- "$1" "$work/err"; }
 
 # Nothing missing: no apt, one cargo, and the program gets every word as it was.
 new_machine
@@ -145,32 +146,60 @@ ln -s "$work/repo/proact" "$work/elsewhere/arm"
 (cd "$work/elsewhere" && launch_as ./arm demo && echo "$status" >"$work/state/status")
 check "the program keeps the caller's folder" out_has "program in $work/elsewhere: [demo]"
 
-# Blessing is done in the repository, wherever the launcher is called.
+# Digests are updated in the repository, wherever the launcher is called.
+launch update-digests 'a reason'
+check "update-digests gets the repository and the reason as it was" out_has "[update-digests] [--repository] [$work/repo] [a reason]"
+check "update-digests is told nothing of its old name" err_lacks "is now"
 launch bless 'a reason'
-check "bless gets the repository and the reason as it was" out_has "[bless] [--repository] [$work/repo] [a reason]"
+check "bless is update-digests" out_has "[update-digests] [--repository] [$work/repo] [a reason]"
+check "bless says what it is now" err_has "bless is now update-digests"
 
 # A release and the site are made by scripts of their own, with the program that was built.
 mkdir -p "$work/repo/docker" "$work/repo/docs"
 for script in docker/release docs/site; do
-    printf 'echo "%s: [$1] [$2] commit [$PROACT_COMMIT] [${CARGO:-none}]"\n' "${script#*/}" >"$work/repo/$script.sh"
+    printf 'echo "%s: [$1] [$2] [${CARGO:-none}]"\n' "${script#*/}" >"$work/repo/$script.sh"
 done
 launch release
 check "a release is made of the program, in the build folder" \
-    out_has "release: [$work/repo/target/release/proact] [$work/repo/build/release] commit [] [none]"
-fake git '
-case "$*" in
-*rev-parse*) echo 0123456789ab ;;
-*status*) [ ! -e "$state/changed" ] || echo " M file" ;;
-esac'
+    out_has "release: [$work/repo/target/release/proact] [$work/repo/build/release] [none]"
 launch release elsewhere
-check "or in a folder of the caller's, with the commit" out_has "[elsewhere] commit [0123456789ab]"
-touch "$work/state/changed"
+check "or in a folder of the caller's" out_has "[elsewhere]"
 launch docs
-check "the site is made with the cargo that was found, and changed files are told" \
-    out_has "site: [$work/repo/target/release/proact] [$work/repo/build/site] commit [0123456789ab, changed] [$work/bin/cargo]"
+check "the site is made with the cargo that was found" \
+    out_has "site: [$work/repo/target/release/proact] [$work/repo/build/site] [$work/bin/cargo]"
 launch release one two
 check "a release has one folder" status_is 1
-rm "$work/bin/git" "$work/state/changed"
+
+# A release has nodes where apt has what they need, unless the environment names other features.
+check "a release has nodes" called "-p proact-cli --features ros in"
+: >"$work/calls"
+launch_as PROACT_FEATURES= "$work/repo/proact" release
+check "no features mean none" called "-p proact-cli in $work/repo"
+# A ROS under /opt/ros is found wherever the launcher runs.
+if [ -d /opt/ros ]; then
+    echo "skipped: this machine has a ROS under /opt/ros, so that no message packages are missing"
+else
+    printf 'ros-std-msgs\npython3-genpy\n' >"$work/state/missing"
+    launch_as PROACT_FEATURES=ros "$work/repo/proact" release
+    check "what nodes need is missing" err_has "install -y --no-install-recommends python3-genpy ros-std-msgs"
+    launch_as PROACT_FEATURES=ros "$work/repo/proact" serve
+    check "a command needs no Python classes" err_has "install -y --no-install-recommends ros-std-msgs"
+    mkdir -p "$work/one/share/std_msgs/msg"
+    launch_as PROACT_FEATURES=ros "CMAKE_PREFIX_PATH=$work/other:$work/one" "$work/repo/proact" serve
+    check "a sourced ROS has the definitions" status_is 0
+    launch_as PROACT_FEATURES=ros "ROSRUST_MSG_PATH=$work/one/share" "$work/repo/proact" serve
+    check "so has a folder of packages" status_is 0
+    cp "$work/state/missing" "$work/state/unknown"
+    : >"$work/calls"
+    launch release
+    check "without what nodes need there are none" called "-p proact-cli in $work/repo"
+    check "and it is said what is lacking" err_has "no ROS 1 nodes: apt has no ros-std-msgs python3-genpy"
+    echo 0 >"$work/state/uid"
+    launch node sim
+    check "a node needs them" status_is 3
+    check "and another ROS is named" err_has "install ROS One"
+fi
+new_machine
 
 launch seven
 check "the program's exit code comes through" status_is 7
@@ -250,7 +279,7 @@ old_release() {
     echo v12.0.0 >"$work/state/node"
     echo 1.85.0 >"$work/state/offer-cargo-web"
     echo 12.22.0 >"$work/state/offer-nodejs"
-    fake curl '
+    make_stub curl '
 echo "curl $*" >>"$calls"
 for file in "$@"; do :; done
 case $file in

@@ -1,7 +1,7 @@
 // Who gets in with a browser where other machines can connect: with the token, which leaves the address at once; nobody whose
 // name was made to lead here.
 
-import { startServe } from "./program.mjs";
+import { startServe } from "./processes.mjs";
 
 const TOKEN = "a-token-for-the-page-test";
 /** The browser is told that this name is this machine, as DNS rebinding does. */

@@ -12,10 +12,10 @@ export async function accessibility(page, tools) {
     await page.goto(new URL(path, url).href);
     await page.waitForFunction(() => window.__proact?.framesDrawn > 3);
   };
-  await rules(page, tools, open);
+  await checkAxeRules(page, tools, open);
   await dialogs(page, check, open);
-  await spoken(page, check, open);
-  await resting(page, check, open);
+  await checkLiveRegions(page, check, open);
+  await dwellClicking(page, check, open);
   for (const [name, make] of [["the keyboard alone", keyboard], ["the mouse alone", mouse], ["one switch", oneSwitch]]) {
     await open();
     // Another trial: what the one before has brought to its target does not count.
@@ -31,7 +31,7 @@ export async function accessibility(page, tools) {
 }
 
 /** Looks at what is on the page with axe-core: `look(what)`. */
-export async function axeLook(page, { axe, check, screenshot }) {
+export async function checkWithAxe(page, { axe, check, screenshot }) {
   const source = await readFile(axe, "utf8");
   return async (what) => {
     // The pages' own policy lets no foreign script in: it comes by way of the debugger.
@@ -46,9 +46,9 @@ export async function axeLook(page, { axe, check, screenshot }) {
 }
 
 /** axe-core on each page and state, in both colours. */
-async function rules(page, tools, open) {
+async function checkAxeRules(page, tools, open) {
   const { url } = tools;
-  const look = await axeLook(page, tools);
+  const look = await checkWithAxe(page, tools);
   await open();
   for (const scheme of ["light", "dark"]) {
     await page.emulateMedia({ colorScheme: scheme });
@@ -96,7 +96,7 @@ async function dialogs(page, check, open) {
 }
 
 /** What happens is said where a screen reader hears it. */
-async function spoken(page, check, open) {
+async function checkLiveRegions(page, check, open) {
   await open();
   const block = await page.evaluate(() => window.__proact.project("object", window.__proact.frame.next));
   await page.mouse.move(block.x, block.y);
@@ -114,7 +114,7 @@ async function spoken(page, check, open) {
 }
 
 /** A pointer that rests on the block locks it, and on a button makes its gesture until it leaves. */
-async function resting(page, check, open) {
+async function dwellClicking(page, check, open) {
   await choose(page, "resting", "0.6 s");
   await open();
   const block = await page.evaluate(() => window.__proact.project("object", window.__proact.frame.next));

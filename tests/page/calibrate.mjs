@@ -12,7 +12,7 @@ import { existsSync } from "node:fs";
 import { mkdir, rm } from "node:fs/promises";
 import { createRequire } from "node:module";
 import { parseArgs } from "node:util";
-import { axeLook } from "./accessibility.mjs";
+import { checkWithAxe } from "./accessibility.mjs";
 
 // playwright-core is installed with the page, whose package.json pins it.
 const require = createRequire(new URL("../../rust/bridge/web/package.json", import.meta.url));
@@ -53,8 +53,8 @@ function check(holds, what) {
 }
 
 /** Sizes, colours and rules of the page as it stands. */
-async function fits(page, what) {
-  const look = await axeLook(page, {
+async function checkNoOverflow(page, what) {
+  const look = await checkWithAxe(page, {
     axe: require.resolve("axe-core/axe.min.js"),
     check,
     screenshot: (name) => page.screenshot({ path: `${options.out}/${name}.png` }),
@@ -87,14 +87,14 @@ try {
   const seen = (check, argument) => page.waitForFunction(check, argument, { timeout: WAIT_MS });
   const button = (name) => page.getByRole("button", { name, exact: true });
 
-  running = await start("train", "--source", "synthetic", "--secs", "0.6", "--prepare", "0.6", "--out", model);
+  running = await start("train", "--source", "synthetic", "--repetition-seconds", "0.6", "--prepare-seconds", "0.6", "--out", model);
   await page.goto(running.url);
   await button("Begin").waitFor({ timeout: WAIT_MS });
   // Eight electrodes and the stream, none red.
   await seen(() => document.querySelectorAll(".light").length === 9);
   if ((await page.locator(".light.red").count()) !== 0) throw new Error("a light is red without reason");
   await page.screenshot({ path: `${options.out}/begin.png` });
-  await fits(page, "begin");
+  await checkNoOverflow(page, "begin");
   await button("Begin").click();
   for (const name of ["Relax", "Close the hand", "Open the hand", "Bend the wrist in", "Bend the wrist back"]) {
     await page.locator(".name", { hasText: name }).waitFor({ timeout: WAIT_MS });
@@ -109,7 +109,7 @@ try {
   if (!/^Round 2: [0-9.]+ % recognised/.test(heading)) throw new Error(`the heading is ${heading}`);
   if ((await page.locator("table tr").count()) !== 6) throw new Error("the confusion has not five rows");
   await page.screenshot({ path: `${options.out}/judged.png` });
-  await fits(page, "judged");
+  await checkNoOverflow(page, "judged");
   // A reload loses nothing.
   await page.reload();
   await page.locator("h2.accuracy").waitFor({ timeout: WAIT_MS });
@@ -128,12 +128,12 @@ try {
     if (!/windows/.test(await figure.locator("figcaption").innerText())) throw new Error(`${title} has no caption`);
   }
   await page.screenshot({ path: `${options.out}/figures.png`, fullPage: true });
-  await fits(page, "figures");
+  await checkNoOverflow(page, "figures");
   const report = JSON.parse(trained.out);
   for (const path of Object.values(report.plots)) if (!existsSync(path)) throw new Error(`${path} is missing`);
   console.log(`trained: ${(100 * report.accuracy).toFixed(1)} % after ${report.rounds} rounds`);
 
-  running = await start("test", "--model", model, "--source", "synthetic", "--tests", "cursor", "--targets", "3");
+  running = await start("test", "--model", model, "--source", "synthetic", "--tests", "cursor", "--cursor-targets", "3");
   await page.goto(running.url);
   await button("Begin").click({ timeout: WAIT_MS });
   await seen(() => window.__calibration.type === "cursor" && window.__calibration.report.movements.length >= 1);
@@ -151,7 +151,7 @@ try {
   if (cursor.movements.length !== 9) throw new Error(`${cursor.movements.length} movements, expected 9`);
 
   // A regressor: what is told of each degree of freedom, after each round and beside the figures at the end.
-  const quick = (name) => ["--source", "synthetic", "--secs", "0.6", "--prepare", "0.4", "--out", `${options.out}/${name}.json`];
+  const quick = (name) => ["--source", "synthetic", "--repetition-seconds", "0.6", "--prepare-seconds", "0.4", "--out", `${options.out}/${name}.json`];
   running = await start("train", ...quick("driven"), "--classifier", "ridge", "--target-r2", "0.99");
   await page.goto(running.url);
   await button("Begin").click({ timeout: WAIT_MS });
@@ -168,7 +168,7 @@ try {
   }
   check((await page.locator("h2.accuracy").innerText()).includes("the aim is an R² of 0.99"), "and the aim is said");
   await page.screenshot({ path: `${options.out}/drives.png`, fullPage: true });
-  await fits(page, "drives");
+  await checkNoOverflow(page, "drives");
   await button("Stop and save the model").click();
   const driven = await running.ended;
   check(driven.code !== 0 && /expected 0\.99/.test(driven.errors), "what is not reached is an error of the command");
@@ -176,7 +176,7 @@ try {
   check(JSON.stringify(await driveRows(page)) === JSON.stringify(shown), "the rows stay at the end");
 
   // Rounds in several positions of the arm, and what the inertial measurement unit is worth.
-  running = await start("train", ...quick("positioned"), "--imu", "acceleration", "--positions", "hanging,overhead", "--target", "0.5");
+  running = await start("train", ...quick("positioned"), "--imu", "acceleration", "--positions", "hanging,overhead", "--target-accuracy", "0.5");
   await page.goto(running.url);
   await button("Begin").click({ timeout: WAIT_MS });
   for (let round = 1; round <= 4; round++) {

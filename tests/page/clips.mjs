@@ -7,7 +7,7 @@ import { execFile } from "node:child_process";
 import { mkdir, rm, stat } from "node:fs/promises";
 import { fileURLToPath } from "node:url";
 import { promisify } from "node:util";
-import { start } from "./program.mjs";
+import { start } from "./processes.mjs";
 
 const run = promisify(execFile);
 const CLIPS = fileURLToPath(new URL("../../docs/images/clips", import.meta.url));
@@ -18,10 +18,10 @@ export const SCENES = [
   { name: "cup", title: "Another task: cups over a partition", words: ["--method", "D", "--task", "cup_transfer"], from: 0.5, to: 20.5, speed: 2.5 },
 ];
 const VIEW = { width: 640, height: 400 };
-const PICTURES_HZ = 12.5;
+const FRAME_RATE_HZ = 12.5;
 const QUALITY = 62;
 /** All clips together, bytes. */
-const MOST_BYTES = 3_000_000;
+const MAX_BYTES = 3_000_000;
 
 export async function clips(page, { program, out, tab, check, only }) {
   if (!program) throw new Error("--mode clips needs --program PATH_OF_PROACT");
@@ -40,21 +40,21 @@ export async function clips(page, { program, out, tab, check, only }) {
         // Wide enough for the scene to stand above its signals.
         const opened = await tab({ viewport: { width: 1100, height: 900 } });
         await opened.goto(new URL(`replay?quality=1&trial=0&camera=shoulder&t=${from}`, replay.url).href);
-        await opened.waitForFunction(() => window.__proact?.views?.length === 1 && window.__proact.views[0].timeline && window.__proact.views[0].stage.drawn > 3, null, { timeout: 180_000 });
+        await opened.waitForFunction(() => window.__proact?.views?.length === 1 && window.__proact.views[0].timeline && window.__proact.views[0].stage.frameCount > 3, null, { timeout: 180_000 });
         // The scene alone, in the size of a clip.
         await opened.addStyleTag({ content: `.view { position: fixed !important; inset: 0 auto auto 0; width: ${VIEW.width}px !important; height: ${VIEW.height}px !important; z-index: 99; border-radius: 0 !important; margin: 0 !important; padding: 0 !important } .view .head { display: none !important }` });
         await opened.waitForTimeout(1_000);
-        const count = Math.round(((to - from) / speed) * PICTURES_HZ);
+        const count = Math.round(((to - from) / speed) * FRAME_RATE_HZ);
         for (let k = 0; k < count; k += 1) {
-          const ms = 10 * Math.round((1000 * (from + (k * speed) / PICTURES_HZ)) / 10);
-          const before = await opened.evaluate(() => window.__proact.views[0].stage.drawn);
+          const ms = 10 * Math.round((1000 * (from + (k * speed) / FRAME_RATE_HZ)) / 10);
+          const before = await opened.evaluate(() => window.__proact.views[0].stage.frameCount);
           await opened.locator('input[type="range"]').fill(String(ms));
-          await opened.waitForFunction(([drawn, time]) => Math.abs(window.__proact.state.time - time) < 11 && window.__proact.views[0].stage.drawn > drawn + 1, [before, ms]);
+          await opened.waitForFunction(([drawn, time]) => Math.abs(window.__proact.state.time - time) < 11 && window.__proact.views[0].stage.frameCount > drawn + 1, [before, ms]);
           await opened.screenshot({ path: `${pictures}/${String(k).padStart(4, "0")}.png`, clip: { x: 0, y: 0, ...VIEW } });
         }
         await opened.context().close();
         const each = Array.from({ length: count }, (_, k) => `${pictures}/${String(k).padStart(4, "0")}.png`);
-        await run("img2webp", ["-loop", "0", "-mixed", "-min_size", "-d", String(Math.round(1000 / PICTURES_HZ)), "-lossy", "-q", String(QUALITY), "-m", "6", ...each, "-o", file]);
+        await run("img2webp", ["-loop", "0", "-mixed", "-min_size", "-d", String(Math.round(1000 / FRAME_RATE_HZ)), "-lossy", "-q", String(QUALITY), "-m", "6", ...each, "-o", file]);
       } finally {
         await replay.stop();
       }
@@ -63,5 +63,5 @@ export async function clips(page, { program, out, tab, check, only }) {
     bytes += size;
     check(size > 20_000, `${name}: ${title}, ${Math.round(size / 1000)} kB`);
   }
-  check(bytes < MOST_BYTES, `${Math.round(bytes / 1000)} kB in all`);
+  check(bytes < MAX_BYTES, `${Math.round(bytes / 1000)} kB in all`);
 }

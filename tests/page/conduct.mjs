@@ -1,17 +1,17 @@
 // Conducting a study on the experimenter's page: by keys alone, by mouse alone, in three sizes of window, in light and dark.
 // Nothing that was pressed changes the page before the server says so.
 
-import { axeLook } from "./accessibility.mjs";
-import { at, between, CHECKS, form, SPEECH, studySocket, trial } from "./conduct_mock.mjs";
+import { checkWithAxe } from "./accessibility.mjs";
+import { screenAtStep, screenBetweenSessions, CHECKS, form, SPEECH, studySocket, trial } from "./conduct_mock.mjs";
 
-/** A button takes no press for so long after it has come to mean something else, ms; see conductbar.ts. */
+/** A button takes no press for so long after it has come to mean something else, ms; see conductBar.ts. */
 const SETTLING_MS = 600;
-const WELCOME = at('spoken text "welcome"', { is: "say", text: SPEECH });
+const WELCOME = screenAtStep('spoken text "welcome"', { is: "say", text: SPEECH });
 const READY_CAN = ["next", "start_anyway", "redo", "retrain", "recalibrate", "skip", "leave"];
-const READY = at("trial 2 of C", trial(), { running: false, can: READY_CAN, told: "gaze is not ready", notes: ["Armband moved up"] });
-const RUNNING = at("trial 2 of C", trial(), { can: ["pause", "abort"], since_secs: 31 });
-const REST = (left_secs) => at("break", { is: "rest", left_secs });
-const FORM = (answers) => at("questionnaire nasa_tlx", form(10, answers));
+const READY = screenAtStep("trial 2 of C", trial(), { running: false, can: READY_CAN, told: "gaze is not ready", notes: ["Armband moved up"] });
+const RUNNING = screenAtStep("trial 2 of C", trial(), { can: ["pause", "abort"], since_secs: 31 });
+const REST = (left_secs) => screenAtStep("break", { is: "rest", left_secs });
+const FORM = (answers) => screenAtStep("questionnaire nasa_tlx", form(10, answers));
 
 export async function conduct(page, tools) {
   const { url, check, screenshot } = tools;
@@ -33,15 +33,15 @@ export async function conduct(page, tools) {
     socket.asked = [];
   };
   const hands = { page, socket, show, asked, check, button: (name) => page.getByRole("button", { name, exact: true }) };
-  await show(between());
+  await show(screenBetweenSessions());
   check((await page.locator("#desk > section").first().getAttribute("class")).includes("conduct"), "a study's pane comes first");
   for (const name of ["New trial", "Reset objects", "D"]) check((await hands.button(name).count()) === 0, `the plan decides, not ${name}`);
   await byKeys(hands);
   await byMouse(hands);
-  await clocks(hands);
-  await filledIn(hands, screenshot);
-  await changed(hands);
-  await lost(hands, screenshot);
+  await checkClocks(hands);
+  await fillInForm(hands, screenshot);
+  await planChange(hands);
+  await connectionLoss(hands, screenshot);
   await sizes(hands, screenshot);
   await rules(hands, tools, screenshot);
 }
@@ -132,7 +132,7 @@ async function byKeys({ page, socket, show, asked, check, button }) {
 
 /** Clicks alone: every request that there is. */
 async function byMouse({ page, show, asked, check, button }) {
-  await show(between());
+  await show(screenBetweenSessions());
   await button("Continue session").click();
   await asked("a click begins", [{ type: "conduct", ask: "begin", id: "P03" }]);
   await page.getByRole("button", { name: "Choose mira" }).click();
@@ -142,7 +142,7 @@ async function byMouse({ page, show, asked, check, button }) {
   await page.getByRole("checkbox", { name: "New participant" }).click();
   await button("Begin for this person").click();
   await asked("for somebody new, with a name to go with", [{ type: "conduct", ask: "begin", id: "P05", new: true }]);
-  await show(between({ next: { participant: 5, id: null, session: "1", begun: false, departs: "5 days late" } }));
+  await show(screenBetweenSessions({ next: { participant: 5, id: null, session: "1", begun: false, departs: "5 days late" } }));
   check((await page.textContent(".begin .warning")).includes("5 days late"), "a departure from the plan is a warning");
   await button("Begin session").click();
   await asked("for a place that nobody has", [{ type: "conduct", ask: "begin" }]);
@@ -184,7 +184,7 @@ async function byMouse({ page, show, asked, check, button }) {
     { type: "conduct", ask: "note", text: "Trial ended: participant is tired" },
     { type: "study", action: "abort" },
   ]);
-  await show(at("calibration of the gaze", { is: "calibrate_gaze", error_deg: 2.9 }));
+  await show(screenAtStep("calibration of the gaze", { is: "calibrate_gaze", error_deg: 2.9 }));
   await button("Calibrate").click();
   await button("Check").click();
   await asked("gaze is calibrated and checked", [
@@ -194,20 +194,20 @@ async function byMouse({ page, show, asked, check, button }) {
 }
 
 /** Times go on while no message comes. */
-async function clocks({ page, show, check }) {
+async function checkClocks({ page, show, check }) {
   await show(REST(2.5));
   const first = await page.textContent(".countdown");
   await page.waitForFunction((text) => document.querySelector(".countdown").textContent !== text, first);
   check(/^0:0[12] left$/.test(first ?? ""), `a break counts down by itself from ${first}`);
   await page.locator(".countdown.over").waitFor();
   check((await page.textContent(".countdown")).endsWith("over time"), "and shows how long it is over");
-  await show(at("trial 2 of C", trial([{ ...CHECKS[0], age_secs: 58 }]), { running: false }));
+  await show(screenAtStep("trial 2 of C", trial([{ ...CHECKS[0], age_secs: 58 }]), { running: false }));
   await page.waitForFunction(() => document.querySelector(".checks .age").textContent === "1 min");
   check(true, "what was found grows older");
 }
 
 /** The experimenter fills in a questionnaire for the participant. */
-async function filledIn({ page, show, asked, check, button }, screenshot) {
+async function fillInForm({ page, show, asked, check, button }, screenshot) {
   await show(FORM({ mental: 35 }));
   check((await page.textContent(".now")).includes("1 of 2 answered"), "it is shown how much of a questionnaire is answered");
   await button("Fill in here").click();
@@ -226,22 +226,22 @@ async function filledIn({ page, show, asked, check, button }, screenshot) {
 }
 
 /** Another side conducts too. */
-async function changed({ page, show, asked, check, button }) {
+async function planChange({ page, show, asked, check, button }) {
   await show(READY);
   await button("Skip").click();
   await page.getByRole("radio", { name: "no time left" }).click();
-  await show(at("trial 3 of C", trial(), { running: false, can: READY_CAN }));
+  await show(screenAtStep("trial 3 of C", trial(), { running: false, can: READY_CAN }));
   check(await page.locator("dialog.ask").isHidden(), "a reason for one step is not taken for the next");
   await asked("nothing was skipped", []);
   const scrolled = () => page.evaluate(() => document.querySelector(".steplist").scrollTop);
   await page.evaluate(() => (document.querySelector(".steplist").scrollTop = 0));
-  await show(at("trial 3 of C", trial(), { running: false, can: READY_CAN, minutes_left: 61 }));
+  await show(screenAtStep("trial 3 of C", trial(), { running: false, can: READY_CAN, minutes_left: 61 }));
   check((await scrolled()) === 0, "who looks at other steps is left alone");
-  await show(at("questionnaire ranking", { ...form(26), about: null }));
+  await show(screenAtStep("questionnaire ranking", { ...form(26), about: null }));
   check((await scrolled()) > 0, "until the next step comes, which is brought into sight");
 }
 
-async function lost({ page, socket, show, asked, check, button }, screenshot) {
+async function connectionLoss({ page, socket, show, asked, check, button }, screenshot) {
   await show(WELCOME);
   socket.lose();
   await page.getByRole("alert").filter({ hasText: "Connection lost" }).waitFor();
@@ -260,7 +260,7 @@ async function lost({ page, socket, show, asked, check, button }, screenshot) {
 /** What matters is on the screen, whatever its size. */
 async function sizes({ page, show, check, button }, screenshot) {
   const shown = [
-    ["between", between({ next: { participant: 3, id: "P03", session: "1", begun: true, departs: "6 days after the session before" } }), "Continue session"],
+    ["between", screenBetweenSessions({ next: { participant: 3, id: "P03", session: "1", begun: true, departs: "6 days after the session before" } }), "Continue session"],
     ["welcome", WELCOME, "Done, next"],
     ["ready", READY, "Start trial"],
     ["running", RUNNING, "Pause"],
@@ -319,17 +319,17 @@ async function hidden(page) {
 }
 
 async function rules({ page, show, button }, tools, screenshot) {
-  const look = await axeLook(page, tools);
+  const look = await checkWithAxe(page, tools);
   for (const scheme of ["light", "dark"]) {
     await page.emulateMedia({ colorScheme: scheme });
     for (const [name, screen] of [
-      ["between sessions", between({ told: "mirja is nobody", next: { participant: 3, id: "P03", session: "1", begun: true, departs: "6 days late" } })],
+      ["between sessions", screenBetweenSessions({ told: "mirja is nobody", next: { participant: 3, id: "P03", session: "1", begun: true, departs: "6 days late" } })],
       ["words to say", WELCOME],
       ["trial not ready", READY],
       ["trial", RUNNING],
       ["break over time", REST(0.1)],
-      ["training", at("training of the gestures", { is: "train", gesture: "hand_open", text: "hold", share: 0.4, recording: true, recognised: "hand_close", in_a_row: 3, wanted: 3, passed: true })],
-      ["gaze", at("calibration of the gaze", { is: "calibrate_gaze", error_deg: 2.9 })],
+      ["training", screenAtStep("training of the gestures", { is: "train", gesture: "hand_open", text: "hold", share: 0.4, recording: true, recognised: "hand_close", in_a_row: 3, wanted: 3, passed: true })],
+      ["gaze", screenAtStep("calibration of the gaze", { is: "calibrate_gaze", error_deg: 2.9 })],
     ]) {
       await show(screen);
       await look(`${name}, ${scheme}`);

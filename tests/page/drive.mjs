@@ -24,9 +24,9 @@ export async function driveBlocks(page, { wanted, limitMs, log, screenshot, hand
   let last = "";
   const taken = new Set();
   while (Date.now() < end) {
-    const view = await look(page);
+    const view = await readState(page);
     if (view.onTarget >= wanted || view.finished) return;
-    const { name, act } = choose(page, view, hands);
+    const { name, act } = chooseAction(page, view, hands);
     if (name !== last) {
       log(`${(view.time / 1000).toFixed(1)} s: ${name}`);
       last = name;
@@ -41,7 +41,7 @@ export async function driveBlocks(page, { wanted, limitMs, log, screenshot, hand
   throw new Error(`${wanted} blocks on target within ${limitMs / 1000} s; the last step was: ${last}`);
 }
 
-function look(page) {
+function readState(page) {
   return page.evaluate(() => {
     const { frame } = window.__proact;
     return {
@@ -57,7 +57,7 @@ function look(page) {
 }
 
 /** What the guide's strip would say. */
-function choose(page, { next, hand, target, planner }, hands) {
+function chooseAction(page, { next, hand, target, planner }, hands) {
   const there = planner.state === "arrived" && !planner.intermediate;
   if (hand.holds !== null) {
     if (there && target.locked) return { name: "release", act: () => hold(page, hands, "hand_open", () => window.__proact.frame.hand.holds === null) };

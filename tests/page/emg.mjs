@@ -1,7 +1,7 @@
 // The page of EMG beside `proact serve --emg-source synthetic --emg-model FILE`: traces that move, posteriors that follow a prompted
 // gesture, channels by key, 64 channels as a raster, nothing against WCAG, in light and dark.
 
-import { axeLook } from "./accessibility.mjs";
+import { checkWithAxe } from "./accessibility.mjs";
 
 const SIZES = [[1280, 720], [820, 1180], [390, 844]];
 /** Channels of the grid that the page is shown in the place of the armband's. */
@@ -25,10 +25,10 @@ export async function emg(page, tools) {
   const sum = (await posterior(page)).reduce((total, share) => total + share, 0);
   check(Math.abs(sum - 100) <= 3, `posteriors add up to ${sum} %`);
   await byKey(page, check);
-  await freezes(page, check);
-  await follows(page, await tab({ viewport: { width: 640, height: 480 } }), tools);
+  await checkFreeze(page, check);
+  await checkPosterior(page, await tab({ viewport: { width: 640, height: 480 } }), tools);
   await sizes(page, tools, "emg");
-  await grid(await tab({ viewport: { width: 1280, height: 720 } }), address, tools);
+  await highDensityGrid(await tab({ viewport: { width: 1280, height: 720 } }), address, tools);
   await withoutArmband(await tab({ viewport: { width: 1280, height: 720 } }), address, tools);
 }
 
@@ -54,7 +54,7 @@ async function byKey(page, check) {
 }
 
 /** F stops the picture, and lets it go on. */
-async function freezes(page, check) {
+async function checkFreeze(page, check) {
   await page.keyboard.press("f");
   await page.waitForTimeout(200);
   // Not the canvas's bytes: a browser that is asked for them often goes on drawing by other means.
@@ -69,7 +69,7 @@ async function freezes(page, check) {
 }
 
 /** A key on the participant's page prompts the simulated person, whose gesture is shown. */
-async function follows(page, driver, { url, check, screenshot }) {
+async function checkPosterior(page, driver, { url, check, screenshot }) {
   await driver.goto(new URL("?quality=3&tutorial=0&pictures=4", url).href);
   await driver.waitForFunction(() => window.__proact?.framesDrawn > 2);
   await driver.keyboard.down("KeyA");
@@ -88,7 +88,7 @@ async function follows(page, driver, { url, check, screenshot }) {
 }
 
 async function sizes(page, tools, name) {
-  const look = await axeLook(page, tools);
+  const look = await checkWithAxe(page, tools);
   for (const scheme of ["light", "dark"]) {
     await page.emulateMedia({ colorScheme: scheme });
     for (const [width, height] of SIZES) {
@@ -123,7 +123,7 @@ function lowestAndHighest(rows) {
 }
 
 /** 64 channels: a raster, a grid of channels by keys, faults by name. */
-async function grid(page, address, tools) {
+async function highDensityGrid(page, address, tools) {
   const { check } = tools;
   const wide = (row) => Array.from({ length: GRID }, (_, k) => (k === 20 ? 0 : row[k % row.length] * (0.3 + 0.7 * Math.abs(Math.cos(k / 9)))));
   await changed(page, (signals) => ({

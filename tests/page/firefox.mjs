@@ -12,7 +12,7 @@ import { mkdir, rm, writeFile } from "node:fs/promises";
 import { createRequire } from "node:module";
 import { promisify } from "node:util";
 import { parseArgs } from "node:util";
-import { start, startEmgTest, startServe, startStudy } from "./program.mjs";
+import { start, startEmgTest, startServe, startStudy } from "./processes.mjs";
 
 // puppeteer-core is installed with the page, whose package.json pins it.
 const require = createRequire(new URL("../../rust/bridge/web/package.json", import.meta.url));
@@ -26,7 +26,7 @@ const WAIT_MS = 60_000;
 /** The cheapest drawing: the processor draws here. */
 const CHEAP = "?quality=3&tutorial=0&pictures=10";
 /** Fewer shades than these, and nothing is drawn but the background. */
-const LEAST_SHADES = 60;
+const MIN_SHADES = 60;
 const PLAN = `
 name = "firefox"
 participants = 1
@@ -64,7 +64,7 @@ const browser = await puppeteer.launch({ browser: "firefox", executablePath, hea
 try {
   console.log(`    ${await browser.version()}, ${browser.protocol ?? "webDriverBiDi"}`);
   await live();
-  await watching();
+  await spectatorPages();
   await headset();
   await study();
   await calibration();
@@ -88,7 +88,7 @@ function check(holds, what) {
 }
 
 /** The program with a page, which is stopped at the end at the latest. */
-async function serving(server) {
+async function withServer(server) {
   const served = await server;
   running.push(served);
   return served;
@@ -131,12 +131,12 @@ async function shadesOf(page, selector) {
 async function sceneDrawn(page, name, selector = "canvas") {
   await page.waitForFunction(() => window.__proact?.framesDrawn > 3);
   const shades = await shadesOf(page, selector);
-  check(shades > LEAST_SHADES, `${name}: the scene is drawn, in ${shades} shades`);
+  check(shades > MIN_SHADES, `${name}: the scene is drawn, in ${shades} shades`);
 }
 
 /** The participant's page: each gesture's key acts while it is held, the mouse is the gaze, a key begins a new trial. */
 async function live() {
-  const server = await serving(startServe(program, 0, ["--no-record", "--setup", "still", "--method", "D"]));
+  const server = await withServer(startServe(program, 0, ["--no-record", "--setup", "still", "--method", "D"]));
   const page = await open(new URL(CHEAP, server.url).href);
   await sceneDrawn(page, "participant");
   await page.mouse.move(640, 360);
@@ -159,8 +159,8 @@ async function live() {
 }
 
 /** Who watches, and who runs the trial, beside one that is shown. */
-async function watching() {
-  const server = await serving(start(program, ["demo"], 0, ["--no-record", "--method", "D", "--seed", "1"], {}));
+async function spectatorPages() {
+  const server = await withServer(start(program, ["demo"], 0, ["--no-record", "--method", "D", "--seed", "1"], {}));
   const page = await open(new URL(`experimenter${CHEAP}`, server.url).href);
   await sceneDrawn(page, "experimenter");
   await page.waitForFunction(() => window.__proact.channels === 8);
@@ -188,7 +188,7 @@ async function watching() {
 
 /** Over HTTPS with a certificate of its own. Firefox on a desk has no headset, and the page offers none. */
 async function headset() {
-  const server = await serving(startServe(program, 0, ["--no-record", "--headset"]));
+  const server = await withServer(startServe(program, 0, ["--no-record", "--headset"]));
   // The program names the address with its token first.
   const page = await open(/https:\/\/\S+/.exec(server.text())[0]);
   await page.waitForFunction(() => location.protocol === "https:" && !location.search.includes("token"));
@@ -205,7 +205,7 @@ async function study() {
   const folder = `${out}/study`;
   await run(program, ["study", "new", folder]);
   await writeFile(`${folder}/plan.toml`, PLAN);
-  const server = await serving(startStudy(program, folder));
+  const server = await withServer(startStudy(program, folder));
   const seat = await open(new URL(CHEAP, server.url).href);
   const desk = await open(new URL(`experimenter${CHEAP}`, server.url).href);
   await desk.bringToFront();
@@ -231,12 +231,12 @@ async function study() {
 async function calibration() {
   const model = `${out}/model.json`;
   const simulated = ["--source", "synthetic"];
-  await run(program, ["emg", "train", ...simulated, "--flat-out", "--secs", "1", "--prepare", "1", "--out", model]);
+  await run(program, ["emg", "train", ...simulated, "--no-realtime", "--repetition-seconds", "1", "--prepare-seconds", "1", "--out", model]);
   for (const [name, server] of [
     ["calibration", start(program, ["emg", "--json", "train", "--page"], 0, [...simulated, "--out", `${out}/again.json`], {})],
-    ["test", startEmgTest(program, ["--model", model, ...simulated, "--tests", "motion", "--motions", "1", "--repetitions", "1"])],
+    ["test", startEmgTest(program, ["--model", model, ...simulated, "--tests", "motion", "--motion-repetitions", "1", "--tac-repetitions", "1"])],
   ]) {
-    const served = await serving(server);
+    const served = await withServer(server);
     const page = await open(served.url);
     await page.waitForFunction(() => window.__calibration && document.activeElement?.tagName === "BUTTON");
     const first = await page.evaluate(() => document.body.innerText);
@@ -251,12 +251,12 @@ async function calibration() {
 /** Two recorded trials: signals are drawn, the cursor is dragged, keys play and step. */
 async function replay() {
   const dirs = [1, 2].map((seed) => `${out}/trials/seed${seed}`);
-  for (const [k, dir] of dirs.entries()) await run(program, ["demo", "--headless", "--method", "D", "--seed", String(k + 1), "--limit", "20", "--out", dir]);
-  const server = await serving(start(program, ["replay", "--page"], 0, dirs, {}));
+  for (const [k, dir] of dirs.entries()) await run(program, ["demo", "--headless", "--method", "D", "--seed", String(k + 1), "--time-limit", "20", "--out", dir]);
+  const server = await withServer(start(program, ["replay", "--page"], 0, dirs, {}));
   const page = await open(new URL("replay?quality=3", server.url).href);
-  await page.waitForFunction(() => window.__proact?.views?.length === 2 && window.__proact.views.every((view) => view.timeline && view.stage.drawn > 3));
+  await page.waitForFunction(() => window.__proact?.views?.length === 2 && window.__proact.views.every((view) => view.timeline && view.stage.frameCount > 3));
   const [scene, emg] = [await shadesOf(page, ".trial .view canvas"), await shadesOf(page, ".lane.emg .uplot")];
-  check(scene > LEAST_SHADES && emg > LEAST_SHADES, `replay: scene and EMG are drawn, in ${scene} and ${emg} shades`);
+  check(scene > MIN_SHADES && emg > MIN_SHADES, `replay: scene and EMG are drawn, in ${scene} and ${emg} shades`);
   await page.evaluate(() => document.activeElement.blur());
   await page.keyboard.press("ArrowRight");
   await page.waitForFunction(() => window.__proact.state.time === 100);

@@ -7,7 +7,7 @@ import { mkdir, readdir, rm, stat, writeFile } from "node:fs/promises";
 import { fileURLToPath } from "node:url";
 import { promisify } from "node:util";
 import { SCENES } from "./clips.mjs";
-import { start, startEmgTest, startServe, startStudy } from "./program.mjs";
+import { start, startEmgTest, startServe, startStudy } from "./processes.mjs";
 
 const run = promisify(execFile);
 const DOCS = fileURLToPath(new URL("../../docs", import.meta.url));
@@ -20,7 +20,7 @@ const SIZES = [
 ];
 const QUALITY = 72;
 /** All pictures together, bytes. */
-const MOST_BYTES = 1_800_000;
+const MAX_BYTES = 1_800_000;
 const DRAWING = "?quality=2&tutorial=0&pictures=4";
 const PLAN = `
 name = "gallery"
@@ -95,7 +95,7 @@ export async function gallery(page, { program, out, tab, check, only }) {
     await take("reference-board", "The board to print for a headset", "/reference-board", new URL("reference-board", serve.url).href, () => document.body.innerText.length > 20);
     await serve.stop();
 
-    await swaying(`${work}/shoulder.csv`);
+    await writeSwayingPoses(`${work}/shoulder.csv`);
     const tracked = await serving(startServe(program, 0, ["--no-record", "--mocap", `file:${work}/shoulder.csv/Shoulderpad`]));
     await take("tracking", "The page of motion capture", "./proact serve --mocap SOURCE, then /tracking", new URL("tracking", tracked.url).href, () => document.querySelector(".verdict")?.textContent.startsWith("Good"));
     await tracked.stop();
@@ -122,7 +122,7 @@ export async function gallery(page, { program, out, tab, check, only }) {
     const focused = () => window.__calibration && (window.__calibration.begun || document.activeElement?.tagName === "BUTTON");
     await take("calibration", "The calibration page", "./proact emg train --page", training.url, focused, begin);
     await training.stop();
-    await run(program, ["emg", "train", ...simulated, "--flat-out", "--secs", "1", "--prepare", "1", "--out", `${work}/model.json`]);
+    await run(program, ["emg", "train", ...simulated, "--no-realtime", "--repetition-seconds", "1", "--prepare-seconds", "1", "--out", `${work}/model.json`]);
     const testing = await serving(startEmgTest(program, ["--model", `${work}/model.json`, ...simulated, "--tests", "cursor"]));
     await take("test", "A test of an EMG model: the cursor", "./proact emg test --page", testing.url, focused, begin);
     await testing.stop();
@@ -134,7 +134,7 @@ export async function gallery(page, { program, out, tab, check, only }) {
       trials.push(dir);
     }
     const replay = await serving(start(program, ["replay", "--page"], 0, trials.slice(0, 2), {}));
-    const loaded = () => window.__proact?.views?.length > 0 && window.__proact.views.every((view) => view.timeline && view.stage.drawn > 3);
+    const loaded = () => window.__proact?.views?.length > 0 && window.__proact.views.every((view) => view.timeline && view.stage.frameCount > 3);
     await take("replay", "The replay of a trial with its signals", "./proact replay DIR --page", new URL("replay?quality=2&trial=0&t=20.5", replay.url).href, loaded);
     const aligned = "replay?quality=2&trial=0&trial=1&t=0&align=object_attached,1&window=-8,12&fold=decoder&hide=gesture";
     await take("replay-two", "Two trials aligned by their first contact", "./proact replay DIR DIR --page", new URL(aligned, replay.url).href, loaded);
@@ -149,12 +149,12 @@ export async function gallery(page, { program, out, tab, check, only }) {
   const sizes = await Promise.all(files.map(async (file) => (await stat(`${PICTURES}/${file}`)).size));
   const bytes = sizes.reduce((sum, size) => sum + size, 0);
   check(files.length === entries.length * SIZES.length && Math.min(...sizes) > 2_000, `${files.length} pictures of ${entries.length} pages`);
-  check(bytes < MOST_BYTES, `${Math.round(bytes / 1000)} kB in all`);
-  await writeFile(`${DOCS}/gallery.md`, written(entries));
+  check(bytes < MAX_BYTES, `${Math.round(bytes / 1000)} kB in all`);
+  await writeFile(`${DOCS}/gallery.md`, galleryPage(entries));
 }
 
 /** A shoulder that sways, five minutes at 100 Hz. */
-async function swaying(path) {
+async function writeSwayingPoses(path) {
   const rows = ["body,id,stamp_ns,x,y,z,qx,qy,qz,qw,tracked"];
   for (let k = 0; k < 30_000; k++) {
     rows.push(`Shoulderpad,1,${k}0000000,${(2 + 0.03 * Math.sin(k / 80)).toFixed(5)},1.0,${(1.4 + 0.01 * Math.sin(k / 30)).toFixed(5)},0,0,0,1,1`);
@@ -162,7 +162,7 @@ async function swaying(path) {
   await writeFile(path, `${rows.join("\n")}\n`);
 }
 
-function written(entries) {
+function galleryPage(entries) {
   const sizes = SIZES.map(({ viewport: { width, height } }) => `${width} x ${height}`);
   const picture = (name, title, size) => `![${title}, ${size}](images/gallery/${name}-${size}.jpg)`;
   const parts = entries.map(({ name, title, command }) => {

@@ -4,11 +4,11 @@
 import { execFileSync } from "node:child_process";
 import { createSocket } from "node:dgram";
 import { readFile, rm } from "node:fs/promises";
-import { startServe } from "./program.mjs";
+import { startServe } from "./processes.mjs";
 
 /** Enable, red, green, blue, alpha: on, 0.3, 0.4, 0.5, 0.8. */
-const ON = Buffer.from("0000803f9a99993ecdcccc3e0000003fcdcc4c3f", "hex");
-const OFF = Buffer.alloc(20);
+const SHOW_PACKET = Buffer.from("0000803f9a99993ecdcccc3e0000003fcdcc4c3f", "hex");
+const HIDE_PACKET = Buffer.alloc(20);
 
 export async function ghost(page, { program, out, check, screenshot, limitMs }) {
   if (!program) throw new Error("--mode ghost needs --program PATH_OF_PROACT");
@@ -17,7 +17,7 @@ export async function ghost(page, { program, out, check, screenshot, limitMs }) 
   const words = `proact:vmpl listen=${at(listen)} decoder=${at(decoder)} ghost=${at(commands)} ghost_setup=${at(setups)}`;
   const log = `${out}/use.jsonl`;
   await rm(log, { force: true });
-  const serve = await startServe(program, 0, ["--no-record", "--setup", "still", "--method-command", words, "--use-log", log]);
+  const serve = await startServe(program, 0, ["--no-record", "--setup", "still", "--method-command", words, "--usage-log", log]);
   const sender = createSocket("udp4");
   const send = (packet, port) => new Promise((resolve, reject) => sender.send(packet, port, "127.0.0.1", (error) => (error ? reject(error) : resolve())));
   const angles = (elbow) => {
@@ -44,7 +44,7 @@ export async function ghost(page, { program, out, check, screenshot, limitMs }) 
     await send(angles(Math.PI / 2), commands);
     await drawn(8);
     check((await page.evaluate(() => window.__proact.ghost)) === null, "a ghost that nobody switched on is not there");
-    await send(ON, setups);
+    await send(SHOW_PACKET, setups);
     await seen(() => window.__proact.ghost !== null);
     const arm = await page.evaluate(() => window.__proact.ghost);
     const near = (value, wanted) => Math.abs(value - wanted) < 1e-6;
@@ -76,7 +76,7 @@ export async function ghost(page, { program, out, check, screenshot, limitMs }) 
     await page.reload();
     await seen(() => window.__proact?.framesDrawn > 3 && window.__proact.ghost !== null);
     check(true, "a page that comes later has it too");
-    await send(OFF, setups);
+    await send(HIDE_PACKET, setups);
     await seen(() => window.__proact.ghost === null);
     check(true, "it is switched off");
     // The limb itself is a decoder's still.
@@ -104,7 +104,7 @@ export async function ghost(page, { program, out, check, screenshot, limitMs }) 
   const last = lines.at(-1);
   // Less the reload.
   check(last.used.connected_secs > 0.5 * spent && last.used.connected_secs < spent + 10 && last.used.moving_secs > 0 && last.used.trials === 1, `the log of use has the sitting of ${spent} s: ${JSON.stringify(last)}`);
-  const told = execFileSync(program, ["emg", "use", log], { encoding: "utf8" });
+  const told = execFileSync(program, ["emg", "usage", log], { encoding: "utf8" });
   check(/^\d{4}-\d\d-\d\d {2}#{30} {2}0:00:/.test(told) && /\n1 days of use, /.test(told), `and it is told: ${told.trim()}`);
 }
 

@@ -1,8 +1,8 @@
 // Drives methods A and B by keys alone: joint by joint, or the hand along and about the axes of the shoulder frame.
 // Each movement is a key held for as long as seems right by the display; then it looks, and corrects.
 
-import * as reach from "./reach.mjs";
-import { chooseLean, obstacles, turns } from "./ways.mjs";
+import * as kinematics from "./kinematics.mjs";
+import { chooseLean, obstacles, planTurns } from "./jog_planner.mjs";
 
 const KEYS = { wrist_extension: "KeyW", wrist_flexion: "KeyS", hand_close: "KeyA", hand_open: "KeyD" };
 /** Numbers of modes from which axes are moved instead of joints. */
@@ -16,34 +16,34 @@ function numberOf({ moves: { joint, translation, rotation } }) {
 /** Speeds of the default profile: rad/s, m/s, rad/s. */
 const SPEED = { joint: 0.4, slide: 0.08, turn: 0.4 };
 /** What is left below this is not worth another movement: rad, m, rad. */
-const DONE = { slide: 0.006, turn: 0.1 };
+const JOG_TOLERANCE = { slide: 0.006, turn: 0.1 };
 /** Joint by joint, a place is reached with the hand this near to it, m, and this near to upright, rad. */
-const REACHED = { pointDone: 0.012, tiltDone: 0.3, highCounts: 0.6, tiltWeight: 0.03 };
+const REACH_TOLERANCE = { pointDone: 0.012, tiltDone: 0.3, highCounts: 0.6, tiltWeight: 0.03 };
 /** A joint that stops this much short of where it was turned has met something, rad. */
-const TOUCHED = 0.06;
+const CONTACT_SHORTFALL_RAD = 0.06;
 /** From the frame that shows enough to the arm's stop, s: at first, and at most. Learnt from each movement. */
-const LAG_SECS = { first: 0.035, most: 0.3 };
+const STOP_LAG_SECS = { first: 0.035, most: 0.3 };
 /** Share of what a movement went too far or too short by that is learnt from it. */
-const LEARNING = 0.5;
+const LAG_LEARNING_RATE = 0.5;
 /** Heights above the table, metres: over walls and partition; of the hand's grip; of a block let go. */
-const CLEAR = 0.27;
+const TRANSIT_HEIGHT_M = 0.27;
 /** Joint by joint: of a hand out of the blocks, and of hand or block over the place before they go down. */
-const OUT = 0.13;
-const HOVER = 0.13;
-const GRIP = 0.027;
-const DROP = 0.036;
+const RETREAT_HEIGHT_M = 0.13;
+const HOVER_HEIGHT_M = 0.13;
+const GRASP_HEIGHT_M = 0.027;
+const RELEASE_HEIGHT_M = 0.036;
 /** Width of a block, metres. */
-const BLOCK = 0.05;
+const BLOCK_WIDTH_M = 0.05;
 /** Corrections of one place before it is good enough. */
-const ROUNDS = 4;
+const MAX_CORRECTIONS = 4;
 
 /** A block is not where it should be: it was missed, or lost on the way. */
-class Lost extends Error {}
+class BlockLostError extends Error {}
 
 /** Moves the block that comes next to its target, in as many attempts as there is time for. */
 export async function jogBlock(page, { limitMs, log }) {
   const end = Date.now() + limitMs;
-  const { score: before } = await look(page);
+  const { score: before } = await readState(page);
   for (;;) {
     try {
       await attempt(page, end, log);
@@ -51,7 +51,7 @@ export async function jogBlock(page, { limitMs, log }) {
       await page.waitForFunction(counts, before, { timeout: 8_000, polling: 20 });
       return;
     } catch (error) {
-      const lost = error instanceof Lost || error.name === "TimeoutError";
+      const lost = error instanceof BlockLostError || error.name === "TimeoutError";
       if (!lost || Date.now() > end) throw error;
       log(`again: ${error.message.split("\n")[0]}`);
     }
@@ -60,7 +60,7 @@ export async function jogBlock(page, { limitMs, log }) {
 
 async function attempt(page, end, log) {
   const { arm, scene } = await page.evaluate(() => window.__proact.content);
-  const start = await look(page);
+  const start = await readState(page);
   const block = start.hand.holds ?? start.next;
   if (block === null) throw new Error("no block is left to be moved");
   const index = block;
@@ -73,19 +73,19 @@ async function attempt(page, end, log) {
   /** Leans the hand, joint by joint, so that the fingers have room at a place. */
   const leanFor = (seen, place) => {
     const q = seen.joints.slice(0, arm.arm.length);
-    const goal = (angle) => ({ ...goalOf(arm, seen, index, place, angle), ...REACHED });
+    const goal = (angle) => ({ ...goalOf(arm, seen, index, place, angle), ...REACH_TOLERANCE });
     if (byJoint) lean = chooseLean(arm, q, goal, obstacles(arm, scene, seen, block));
   };
-  const bring = async (name, place, { holding = false, rounds = ROUNDS, loosely = false }) => {
+  const bring = async (name, place, { holding = false, rounds = MAX_CORRECTIONS, loosely = false }) => {
     const refused = [];
     for (let round = 0; round < (byJoint ? 2 : 1) * rounds; round++) {
-      const seen = await look(page);
-      if (holding && seen.hand.holds !== block) throw new Lost(`${block} was lost: ${name}`);
+      const seen = await readState(page);
+      if (holding && seen.hand.holds !== block) throw new BlockLostError(`${block} was lost: ${name}`);
       // Who has tried for a while is content with less: the last shifts are shorter than a key can be pressed.
       const slack = Math.min(1 + round / 4, 2);
-      const done = loosely ? { pointDone: 0.04, tiltDone: 4 } : { pointDone: slack * REACHED.pointDone, tiltDone: slack * REACHED.tiltDone };
-      const goal = { ...goalOf(arm, seen, index, place(seen), lean), ...REACHED, ...done };
-      const { off, tilt } = reach.off(arm, seen.joints.slice(0, arm.arm.length), goal);
+      const done = loosely ? { pointDone: 0.04, tiltDone: 4 } : { pointDone: slack * REACH_TOLERANCE.pointDone, tiltDone: slack * REACH_TOLERANCE.tiltDone };
+      const goal = { ...goalOf(arm, seen, index, place(seen), lean), ...REACH_TOLERANCE, ...done };
+      const { off, tilt } = kinematics.poseError(arm, seen.joints.slice(0, arm.arm.length), goal);
       log(`${(seen.time / 1000).toFixed(1)} s: ${name}, off by ${(100 * off).toFixed(1)} cm and ${tilt.toFixed(2)} rad`);
       const before = round > 0 || byJoint ? ["slide", "turn"] : ["turn", "slide"];
       const moved = byJoint
@@ -100,34 +100,34 @@ async function attempt(page, end, log) {
     if (start.hand.state === "closed") {
       // Closed on nothing, down where the block was.
       await tap(page, "hand_close");
-      if (byJoint) await bring("back up", (seen) => high(centreOf(arm, seen), OUT), { rounds: 1, loosely: true });
+      if (byJoint) await bring("back up", (seen) => high(graspCenter(arm, seen), RETREAT_HEIGHT_M), { rounds: 1, loosely: true });
     }
-    leanFor(start, high(at(start), GRIP));
-    await bring("over the block", (seen) => high(at(seen), byJoint ? HOVER : CLEAR - 0.1), {});
-    await bring("down", (seen) => high(at(seen), GRIP), {});
+    leanFor(start, high(at(start), GRASP_HEIGHT_M));
+    await bring("over the block", (seen) => high(at(seen), byJoint ? HOVER_HEIGHT_M : TRANSIT_HEIGHT_M - 0.1), {});
+    await bring("down", (seen) => high(at(seen), GRASP_HEIGHT_M), {});
     await tap(page, "hand_close");
     await page.waitForFunction((id) => window.__proact.frame.hand.holds === id, block, { timeout: 8_000, polling: 20 });
     log("grips");
   }
   const holding = true;
-  await bring("up", (seen) => high(at(seen), byJoint ? OUT : CLEAR), { holding, rounds: 2, loosely: byJoint });
-  leanFor(await look(page), high(target, DROP));
-  await bring("across", () => high(target, byJoint ? HOVER : CLEAR), { holding });
-  await bring("down", () => high(target, DROP), { holding });
+  await bring("up", (seen) => high(at(seen), byJoint ? RETREAT_HEIGHT_M : TRANSIT_HEIGHT_M), { holding, rounds: 2, loosely: byJoint });
+  leanFor(await readState(page), high(target, RELEASE_HEIGHT_M));
+  await bring("across", () => high(target, byJoint ? HOVER_HEIGHT_M : TRANSIT_HEIGHT_M), { holding });
+  await bring("down", () => high(target, RELEASE_HEIGHT_M), { holding });
   await tap(page, "hand_close");
 }
 
 /** Where the hand takes a block, in the world. */
-function centreOf(arm, seen) {
-  return reach.apply(seen.world_from_tip, graspOf(arm).centre);
+function graspCenter(arm, seen) {
+  return kinematics.apply(seen.world_from_tip, graspOf(arm).centre);
 }
 
 /** How the hand takes a block: the first of its grasps that is wide enough. */
 function graspOf(arm) {
-  return arm.grasps.find(({ widths }) => BLOCK <= widths[1]) ?? arm.grasps.at(-1);
+  return arm.grasps.find(({ widths }) => BLOCK_WIDTH_M <= widths[1]) ?? arm.grasps.at(-1);
 }
 
-function look(page) {
+function readState(page) {
   return page.evaluate(() => window.__proact.frame);
 }
 
@@ -136,41 +136,41 @@ function look(page) {
  * toward the shoulder by `lean`, rad.
  */
 function goalOf(arm, seen, index, place, lean = 0) {
-  const base = reach.inverse(seen.world_from_base);
-  const held = seen.hand.holds !== null ? reach.compose(reach.inverse(seen.world_from_tip), seen.objects[index]) : null;
+  const base = kinematics.inverse(seen.world_from_base);
+  const held = seen.hand.holds !== null ? kinematics.compose(kinematics.inverse(seen.world_from_tip), seen.objects[index]) : null;
   const { centre, roll } = graspOf(arm);
-  let axis = held ? reach.turn(held.rotation, [0, 0, 1]) : [0, Math.sin(roll), Math.cos(roll)];
+  let axis = held ? kinematics.rotate(held.rotation, [0, 0, 1]) : [0, Math.sin(roll), Math.cos(roll)];
   // A block stands on either end.
-  if (reach.turn(seen.world_from_tip.rotation, axis)[2] < 0) axis = reach.scale(axis, -1);
-  const [x, y] = reach.sub(seen.world_from_base.translation, place);
-  const toward = reach.scale([x, y, 0], Math.sin(lean) / Math.max(Math.hypot(x, y), 1e-6));
+  if (kinematics.rotate(seen.world_from_tip.rotation, axis)[2] < 0) axis = kinematics.scale(axis, -1);
+  const [x, y] = kinematics.sub(seen.world_from_base.translation, place);
+  const toward = kinematics.scale([x, y, 0], Math.sin(lean) / Math.max(Math.hypot(x, y), 1e-6));
   return {
     point: held ? held.translation : centre,
     axis,
-    target: reach.apply(base, place),
-    up: reach.turn(base.rotation, [toward[0], toward[1], Math.cos(lean)]),
+    target: kinematics.apply(base, place),
+    up: kinematics.rotate(base.rotation, [toward[0], toward[1], Math.cos(lean)]),
   };
 }
 
 /** One way with few joints, each turned once; false if the place is reached or no joint brings the hand nearer. */
 async function joints(page, { arm, scene, seen, goal, block, refused }) {
   const q = seen.joints.slice(0, arm.arm.length);
-  const { off, tilt } = reach.off(arm, q, goal);
+  const { off, tilt } = kinematics.poseError(arm, q, goal);
   if (off <= goal.pointDone && tilt <= goal.tiltDone) return false;
-  const way = turns(arm, q, goal, {
+  const way = planTurns(arm, q, goal, {
     mode: numberOf(seen.mode),
     depth: obstacles(arm, scene, seen, block),
     refused: (turn) => refused.some(({ joint, up }) => joint === turn.joint && up === turn.angle > 0),
   });
   for (const { joint, to } of way) {
     await choose(page, joint);
-    const angle = async () => (await look(page)).joints[joint];
+    const angle = async () => (await readState(page)).joints[joint];
     // A key that is let go too early is pressed again; a joint that then stays where it is has met something.
     let before = await angle();
-    for (let press = 0; press < 2 && Math.abs(to - before) > (press ? TOUCHED : 0); press++) {
+    for (let press = 0; press < 2 && Math.abs(to - before) > (press ? CONTACT_SHORTFALL_RAD : 0); press++) {
       await move(page, to - before, SPEED.joint, { joint });
       const now = await angle();
-      if (Math.abs(to - now) > TOUCHED && Math.abs(now - before) < 0.5 * Math.abs(to - before)) {
+      if (Math.abs(to - now) > CONTACT_SHORTFALL_RAD && Math.abs(now - before) < 0.5 * Math.abs(to - before)) {
         refused.push({ joint, up: to > before });
         return true;
       }
@@ -184,21 +184,21 @@ async function joints(page, { arm, scene, seen, goal, block, refused }) {
 /** One round of turns and slides to how the arm would stand there; false if nothing is off. */
 async function axes(page, arm, index, place, order) {
   let moved = false;
-  const first = await look(page);
-  const { q, left } = reach.solve(arm, first.joints.slice(0, arm.arm.length), goalOf(arm, first, index, place(first)));
+  const first = await readState(page);
+  const { q, left } = kinematics.inverseKinematics(arm, first.joints.slice(0, arm.arm.length), goalOf(arm, first, index, place(first)));
   if (left > 0.03) throw new Error(`the place is out of reach by ${left.toFixed(3)} m`);
-  const wanted = reach.forward(arm, q);
+  const wanted = kinematics.forwardKinematics(arm, q);
   for (const kind of order) {
     const number = (axis) => FIRST_AXIS + axis + (kind === "turn" ? 3 : 0);
     for (const axis of [0, 1, 2]) {
-      const seen = await look(page);
+      const seen = await readState(page);
       const goal = goalOf(arm, seen, index, place(seen));
-      const tip = reach.compose(reach.inverse(seen.world_from_base), seen.world_from_tip);
+      const tip = kinematics.compose(kinematics.inverse(seen.world_from_base), seen.world_from_tip);
       const off =
         kind === "turn"
-          ? reach.rotationVector(reach.compose(wanted, reach.inverse(tip)).rotation)
-          : reach.sub(goal.target, reach.apply(tip, goal.point));
-      if (Math.abs(off[axis]) < DONE[kind]) continue;
+          ? kinematics.rotationVector(kinematics.compose(wanted, kinematics.inverse(tip)).rotation)
+          : kinematics.sub(goal.target, kinematics.apply(tip, goal.point));
+      if (Math.abs(off[axis]) < JOG_TOLERANCE[kind]) continue;
       await choose(page, number(axis));
       await move(page, off[axis], SPEED[kind], { kind });
       moved = true;
@@ -210,7 +210,7 @@ async function axes(page, arm, index, place, order) {
 /** Goes on to the joint or axis with this number. */
 async function choose(page, number) {
   for (let step = 0; step < 14; step++) {
-    const { mode } = await look(page);
+    const { mode } = await readState(page);
     if (numberOf(mode) === number) return;
     await tap(page, "hand_open");
   }
@@ -222,23 +222,23 @@ const lags = new WeakMap();
 
 /** Moves the chosen joint or axis by `amount`, and learns from how far it went. `what`: a joint, or slide or turn. */
 async function move(page, amount, speed, what) {
-  const from = await look(page);
+  const from = await readState(page);
   const gesture = amount * from.mode.we_sign > 0 ? "wrist_extension" : "wrist_flexion";
-  const lag = lags.get(page) ?? LAG_SECS.first;
+  const lag = lags.get(page) ?? STOP_LAG_SECS.first;
   const way = Math.abs(amount);
   // Shorter ways than the lag's are a tap, and most are too long then: half a lag off is left alone.
   if (way < 0.5 * speed * lag) return;
   await hold(page, gesture, { way: way - speed * lag, millis: (way / speed) * 1500 + 500, from, what });
   // The arm comes to rest.
   await page.waitForTimeout(150);
-  const went = await page.evaluate(WENT, { from, what });
+  const went = await page.evaluate(MOVE_PROGRESS, { from, what });
   const tooFar = (went - way) / speed;
-  const learnt = way > speed * lag ? lag + LEARNING * tooFar : lag;
-  lags.set(page, Math.min(Math.max(learnt, 0), LAG_SECS.most));
+  const learnt = way > speed * lag ? lag + LAG_LEARNING_RATE * tooFar : lag;
+  lags.set(page, Math.min(Math.max(learnt, 0), STOP_LAG_SECS.most));
 }
 
 /** How far the joint, or the hand along or about its axis, went since a frame; runs on the page. */
-const WENT = ({ from, what }) => {
+const MOVE_PROGRESS = ({ from, what }) => {
   const { frame } = window.__proact;
   if (what.joint !== undefined) return Math.abs(frame.joints[what.joint] - from.joints[what.joint]);
   const [now, then] = [frame.world_from_tip, from.world_from_tip];
@@ -272,7 +272,7 @@ async function hold(page, gesture, { way, millis, from, what }) {
           resolve(null);
         }, 2);
       }),
-    [gesture, KEYS[gesture], WENT.toString(), { way, millis, from, what }],
+    [gesture, KEYS[gesture], MOVE_PROGRESS.toString(), { way, millis, from, what }],
   );
   await relax(page, gesture);
 }

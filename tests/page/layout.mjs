@@ -16,10 +16,10 @@ const SIZES = [
   [3840, 2160, 100],
 ];
 /** Rounding of the browser's own, CSS pixels. */
-export const SLACK = 1.5;
+export const SLACK_PX = 1.5;
 
 /** What is wrong with the layout of the participant's page as it stands; runs in the page. There may be no clock or no hint. */
-export function faults({ slack, timed = true, hinted = true }) {
+export function layoutFaults({ slack, timed = true, hinted = true }) {
   const found = [];
   const name = (node) => `.${node.className.split(" ").join(".")}`;
   const within = (inner, outer) =>
@@ -88,7 +88,7 @@ export async function layout(page, { url, check, screenshot, limitMs }) {
       // Cards find their places, then a picture is drawn from the camera's.
       await page.waitForTimeout(700);
       await page.waitForFunction((drawn) => window.__proact.framesDrawn > drawn + 1, await page.evaluate(() => window.__proact.framesDrawn));
-      const found = await page.evaluate(faults, { slack: SLACK });
+      const found = await page.evaluate(layoutFaults, { slack: SLACK_PX });
       if (found.length > 0) await screenshot(`fault-${width}x${height}-${zoom}`);
       check(found.length === 0, `method ${method}, ${width}x${height} at ${zoom} %: ${found.length ? found.join("; ") : "all in its place"}`);
       if (method === "D") await screenshot(`${width}x${height}-${zoom}`);
@@ -121,7 +121,7 @@ async function unfolded(page, { check, screenshot }) {
   await page.waitForFunction(() => [...document.querySelectorAll("details")].every((card) => !card.open));
   for (const card of ["brand", "status", "log"]) await page.click(`.${card} > summary`);
   await page.waitForTimeout(500);
-  const found = await page.evaluate(faults, { slack: SLACK });
+  const found = await page.evaluate(layoutFaults, { slack: SLACK_PX });
   await screenshot("unfolded");
   check(found.length === 0, `with all cards unfolded: ${found.join("; ") || "all in its place"}`);
   await page.click('button:text-is("Settings")');

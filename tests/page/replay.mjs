@@ -1,7 +1,7 @@
 // The replay of two trials as a laboratory uses it: the cursor dragged over the signals, events filtered and chosen, both trials
 // aligned by an event, slow motion, pictures and a video saved, a link that opens the same moment. Beside `proact replay DIR DIR --page`.
 
-import { axeLook } from "./accessibility.mjs";
+import { checkWithAxe } from "./accessibility.mjs";
 
 const SIZES = [[1280, 720], [1920, 1080], [390, 844]];
 const SCHEMES = ["light", "dark"];
@@ -10,7 +10,7 @@ const PIXEL_MS = 250;
 
 export async function replay(page, tools) {
   const { url, check, screenshot } = tools;
-  const look = await axeLook(page, tools);
+  const look = await checkWithAxe(page, tools);
   await page.goto(new URL("replay?quality=3", url).href);
   await loaded(page, 2);
   check(true, "two trials are side by side");
@@ -19,10 +19,10 @@ export async function replay(page, tools) {
   check(agree.length === 2, "both are the recorded trials, by their digests");
   await cursor(page, tools);
   await events(page, tools);
-  await aligned(page, tools);
-  await played(page, tools);
-  await saved(page, tools);
-  await linked(page, tools);
+  await checkAlignment(page, tools);
+  await checkPlayback(page, tools);
+  await checkSavedFiles(page, tools);
+  await checkLink(page, tools);
   for (const colorScheme of SCHEMES) {
     await page.emulateMedia({ colorScheme });
     for (const [width, height] of SIZES) {
@@ -104,18 +104,18 @@ async function events(page, { check }) {
   const there = (await time(page)) / 1000;
   check(Math.abs(there - said) < 0.006, `a click on "${text}" goes to ${said} s`);
   await page.evaluate(() => document.activeElement.blur());
-  const next = await page.evaluate(() => window.__proact.events.beside(window.__proact.state.time, 1));
+  const next = await page.evaluate(() => window.__proact.events.neighbor(window.__proact.state.time, 1));
   await page.keyboard.press("Shift+ArrowRight");
   check((await time(page)) === next && next > 1000 * there, `Shift and an arrow go to the next event, at ${next / 1000} s`);
   await page.waitForFunction(() => document.querySelector(".events [aria-current]"));
 }
 
 /** Both trials at the same event. */
-async function aligned(page, { check, screenshot }) {
+async function checkAlignment(page, { check, screenshot }) {
   await page.selectOption('.align select', "object_attached");
   await page.locator('input[type="number"]').fill("2");
   await page.locator('input[type="number"]').press("Enter");
-  await page.waitForFunction(() => window.__proact.state.align?.number === 2);
+  await page.waitForFunction(() => window.__proact.state.align?.occurrence === 2);
   const { zeros, expected, now } = await page.evaluate(() => {
     const { views, state } = window.__proact;
     const second = ({ timeline }) => timeline.events.filter(({ event }) => event === "object_attached")[1].time;
@@ -139,12 +139,12 @@ async function aligned(page, { check, screenshot }) {
   check(true, "that there are not so many is said");
   await page.locator('input[type="number"]').fill("2");
   await page.locator('input[type="number"]').press("Enter");
-  await page.waitForFunction(() => window.__proact.state.align.number === 2);
+  await page.waitForFunction(() => window.__proact.state.align.occurrence === 2);
   await screenshot("aligned");
 }
 
 /** Playing, slowly too. */
-async function played(page, { check }) {
+async function checkPlayback(page, { check }) {
   for (const [speed, most] of [["0.1×", 0.1], ["4×", 4]]) {
     await page.selectOption('select[aria-label="Speed"]', speed);
     const begin = await page.evaluate(() => ({ time: window.__proact.state.time, wall: performance.now() }));
@@ -164,7 +164,7 @@ async function played(page, { check }) {
 }
 
 /** A PNG that can be decoded, an SVG with its labels, a video. */
-async function saved(page, { check, keep }) {
+async function checkSavedFiles(page, { check, keep }) {
   const png = await keep(await download(page, () => page.click('button:text-is("Save PNG")')), "replay-export.png");
   const { width, height, shades } = await page.evaluate(async (bytes) => {
     const picture = await createImageBitmap(new Blob([Uint8Array.from(atob(bytes), (c) => c.charCodeAt(0))], { type: "image/png" }));
@@ -198,7 +198,7 @@ async function saved(page, { check, keep }) {
 }
 
 /** The address opens the same moment on another page. */
-async function linked(page, { check, tab }) {
+async function checkLink(page, { check, tab }) {
   await page.click('button[aria-label="Zoom in"]');
   await page.click('button:text-is("Free")');
   const scene = await page.locator(".trial:first-child .view canvas").boundingBox();
@@ -206,7 +206,7 @@ async function linked(page, { check, tab }) {
   await page.mouse.down();
   await page.mouse.move(scene.x + scene.width / 3, scene.y + scene.height / 2, { steps: 5 });
   await page.mouse.up();
-  const place = () => Object.values(window.__proact.views[0].stage.cameras.place).flat();
+  const place = () => Object.values(window.__proact.views[0].stage.cameras.freeCameraPose).flat();
   const apart = (a, b) => Math.max(...a.map((value, k) => Math.abs(value - b[k])));
   // A camera that was let go of comes to rest by and by, in as many pictures as that takes.
   let eye = await page.evaluate(place);

@@ -1,12 +1,12 @@
 // A report beside `proact analyze TRIALS --page`: legible in both colours and three widths, and each trial leads to its replay.
 
-import { axeLook } from "./accessibility.mjs";
+import { checkWithAxe } from "./accessibility.mjs";
 
 const SIZES = [[1280, 720], [820, 1180], [390, 844]];
 
 export async function report(page, tools) {
   const { url, check, screenshot } = tools;
-  const look = await axeLook(page, tools);
+  const look = await checkWithAxe(page, tools);
   const open = () => page.goto(new URL("report", url).href);
   await open();
   const styled = () => page.evaluate(() => getComputedStyle(document.querySelector("main")).maxWidth);

@@ -7,14 +7,14 @@
 // watch: the page connects, the scene changes, every camera draws; with --score the score counts up (a trial
 // with a simulated participant has to run). interactive: moves blocks by mouse and keys with method D until one
 // is on target. methods: one block with each of --methods. newcomer: tutorial, settings, gamepad, gaze check.
-// headset: enters VR and AR with an emulated device. brace: a controller on the brace, beside serve --mocap headset:right_controller. safety: page and gamepad fall silent or die while the arm moves,
+// headset: enters VR and AR with an emulated device. controller_tracking: a controller on the brace, beside serve --mocap headset:right_controller. safety: page and gamepad fall silent or die while the arm moves,
 // beside serve. layout: twelve sizes of window, touch, dark. accessibility: WCAG 2.2 AA by axe-core, keyboard alone,
-// mouse alone, one switch. strip: method B by what the strip says. wheel: two pages, one driver. afterwards: result card
+// mouse alone, one switch. hint_bar: method B by what the hint bar says. control_lease: two pages, one driver. result_card: result card
 // and what follows, beside a short demo. experimenter: beside a demo. conduct: a study on the experimenter's page, beside
 // serve. study_forms: the same on the participant's page. study: starts `study run` itself, with both pages; --hands
 // keys,mouse,finger: by each of these instead of by keys alone. replay: beside a replay of two trials. bag: beside a replay of a
 // bag. emg: the view of EMG, beside serve --emg-source synthetic. signals: drawer of signals,
-// intent, scores and views, beside the same. limb: starts `emg test` itself, with the motion test and
+// intent, scores and views, beside the same. limb_tests: starts `emg test` itself, with the motion test and
 // target achievement control. ghost: starts `serve --method-command proact:vmpl` itself, and is its decoder. report: beside a report on trials. gallery: starts what it needs itself, takes pictures of every page and writes docs/gallery.md. clips: the same with moving pictures of trials. access: starts `serve --bind` itself; who gets in. restart: starts `serve` itself, kills it, starts it again, and the
 // open page has to come back.
 // soak: starts `serve` itself, and drives trial after trial.
@@ -26,31 +26,31 @@ import { createRequire } from "node:module";
 import { parseArgs } from "node:util";
 import { access } from "./access.mjs";
 import { accessibility } from "./accessibility.mjs";
-import { afterwards } from "./afterwards.mjs";
+import { resultCard } from "./result_card.mjs";
 import { conduct } from "./conduct.mjs";
 import { driveBlocks } from "./drive.mjs";
-import { bag, experimenter } from "./desk.mjs";
+import { bag, experimenter } from "./experimenter_pages.mjs";
 import { emg } from "./emg.mjs";
-import { brace } from "./brace.mjs";
+import { controllerTracking } from "./controller_tracking.mjs";
 import { clips } from "./clips.mjs";
 import { gallery } from "./gallery.mjs";
 import { ghost } from "./ghost.mjs";
 import { jogBlock } from "./jog.mjs";
 import { layout } from "./layout.mjs";
-import { limb } from "./limb.mjs";
-import { load } from "./load.mjs";
-import { headset, newcomer } from "./person.mjs";
-import { startServe } from "./program.mjs";
+import { limbTests } from "./limb_tests.mjs";
+import { downloadSize } from "./download_size.mjs";
+import { headset, newcomer } from "./participant_page.mjs";
+import { startServe } from "./processes.mjs";
 import { replay } from "./replay.mjs";
 import { report } from "./report.mjs";
 import { safety } from "./safety.mjs";
 import { signals } from "./signals.mjs";
 import { soak } from "./soak.mjs";
-import { byStrip } from "./strip.mjs";
+import { driveByHints } from "./hint_bar.mjs";
 import { study } from "./study.mjs";
 import { studyForms } from "./study_forms.mjs";
 import { tracking } from "./tracking.mjs";
-import { wheel } from "./wheel.mjs";
+import { controlLease } from "./control_lease.mjs";
 
 // playwright-core is installed with the page, whose package.json pins it.
 const require = createRequire(new URL("../../rust/bridge/web/package.json", import.meta.url));
@@ -114,7 +114,7 @@ let page;
 try {
   const context = await browser.newContext({ viewport: { width: 1280, height: 720 }, ignoreHTTPSErrors: true });
   page = await pageOf(context);
-  const modes = { watch, interactive: interact, methods, restart, access, newcomer, headset, safety, experimenter, replay, bag, report, afterwards, wheel, load, layout, conduct, study_forms: studyForms, study, accessibility, strip, tracking, emg, signals, limb, gallery, clips, ghost, brace, soak: (page, tools) => soak(page, { ...tools, ...soakOptions() }) };
+  const modes = { watch, interactive: interact, methods, restart, access, newcomer, headset, safety, experimenter, replay, bag, report, result_card: resultCard, control_lease: controlLease, download_size: downloadSize, layout, conduct, study_forms: studyForms, study, accessibility, hint_bar: hintBar, tracking, emg, signals, limb_tests: limbTests, gallery, clips, ghost, controller_tracking: controllerTracking, soak: (page, tools) => soak(page, { ...tools, ...soakOptions() }) };
   const mode = modes[options.mode];
   if (!mode) throw new Error(`mode ${options.mode} is unknown; expected ${Object.keys(modes).join(", ")}`);
   await mode(page, {
@@ -247,11 +247,11 @@ async function methods(page) {
 }
 
 /** What a newcomer needs with method B, who does what the strip says. */
-async function strip(page) {
+async function hintBar(page) {
   await open(page, options.url, 20);
   await page.click('.methodbutton:text-is("B")');
   await page.waitForFunction(() => window.__proact.frame.method === "B" && window.__proact.frame.time < 3_000);
-  await byStrip(page, { limitMs, log: (text) => console.log(`    ${text}`) });
+  await driveByHints(page, { limitMs, log: (text) => console.log(`    ${text}`) });
   const seconds = await page.evaluate(() => window.__proact.frame.time / 1000);
   await screenshot(page, "strip-B");
   check(seconds <= 120, `by what the strip says a block reaches its target with method B in ${seconds.toFixed(0)} s`);

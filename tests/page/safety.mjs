@@ -15,13 +15,13 @@ const CLOSED_MS = 100;
 /** Delay of the line in each direction, ms: together more than the 250 ms that a trial allows by default. */
 const ONE_WAY_MS = 150;
 /** Nothing that happens later than this after a stop is still its doing. */
-const AFTERWARDS_MS = 600;
+const OBSERVATION_MS = 600;
 /** Right trigger of a gamepad: WE. */
 const TRIGGER = 7;
 
 export async function safety(page, { url, check, screenshot }) {
   const context = page.context();
-  await page.addInitScript(inside);
+  await page.addInitScript(recordInPage);
   await page.goto(new URL("?quality=3&tutorial=0&pictures=6", url).href);
   await page.waitForFunction(() => window.__proact?.connected && window.__proact.framesDrawn > 3);
   const watcher = await watch(context, url);
@@ -45,7 +45,7 @@ async function silentPage({ page, url, watcher, check, screenshot }) {
   check(true, "a key held turns the elbow");
   await page.evaluate(() => (window.silence.wanted = true));
   await watcher.until(() => window.seen.at(-1).stop !== null);
-  await watcher.passes(AFTERWARDS_MS);
+  await watcher.passes(OBSERVATION_MS);
   const { source, cause, reason } = (await watcher.latest()).stop;
   check(source === "page" && cause === "silent", `a silent page stops the arm: ${source}, ${cause}`);
   checkRest(check, await watcher.since(begun), await page.evaluate(() => window.silence.since), SILENT_MS, "its last sign of life");
@@ -58,8 +58,8 @@ async function silentPage({ page, url, watcher, check, screenshot }) {
 
   const mark = Date.now();
   await page.evaluate(() => Object.assign(window.silence, { wanted: false, since: null }));
-  await watcher.passes(AFTERWARDS_MS);
-  check(turning(await watcher.since(mark)).length === 0, "a press held all through does not move the arm again");
+  await watcher.passes(OBSERVATION_MS);
+  check(isElbowMoving(await watcher.since(mark)).length === 0, "a press held all through does not move the arm again");
   check((await watcher.latest()).stop !== null, "and the stop stays until the key is let go of");
   await page.keyboard.up("KeyW");
   await watcher.until(() => window.seen.at(-1).stop === null);
@@ -75,21 +75,21 @@ async function unreadGamepad({ page, watcher, check, screenshot }) {
   await page.bringToFront();
   // Without a graphics card one drawing takes longer than a gamepad may go unread: it is read, and nothing is drawn.
   await page.evaluate(() => (window.pictures.clock = performance.now()));
-  await watcher.passes(AFTERWARDS_MS);
+  await watcher.passes(OBSERVATION_MS);
   const begun = Date.now();
   await hold(watcher, trigger(page));
   check(true, "a gamepad's trigger turns the elbow");
   await page.evaluate(() => (window.pictures.wanted = false));
   await watcher.until(() => window.seen.at(-1).gesture === "no_motion");
   check((await page.textContent(".toast")).includes("not read"), "the page says that the gamepad is not read");
-  await watcher.passes(AFTERWARDS_MS);
+  await watcher.passes(OBSERVATION_MS);
   checkRest(check, await watcher.since(begun), await page.evaluate(() => window.pictures.ended), SILENT_MS, "its last reading");
   const mark = Date.now();
   await page.evaluate(() => window.drawAgain());
-  await watcher.passes(AFTERWARDS_MS);
-  check(turning(await watcher.since(mark)).length === 0, "a trigger held all through does not move the arm again");
+  await watcher.passes(OBSERVATION_MS);
+  check(isElbowMoving(await watcher.since(mark)).length === 0, "a trigger held all through does not move the arm again");
   await trigger(page)(false);
-  await watcher.passes(AFTERWARDS_MS);
+  await watcher.passes(OBSERVATION_MS);
   await hold(watcher, trigger(page));
   check(true, "a new pull does");
   await trigger(page)(false);
@@ -101,7 +101,7 @@ async function unreadGamepad({ page, watcher, check, screenshot }) {
 /** Another page takes command, and its line ends without a word, as in a crash; then it is closed as a person would. */
 async function closedPage({ page, url, watcher, check, screenshot }) {
   const driver = await page.context().newPage();
-  await driver.addInitScript(inside);
+  await driver.addInitScript(recordInPage);
   await driver.goto(new URL("?quality=3&tutorial=0&pictures=6", url).href);
   await driver.waitForFunction(() => window.__proact?.connected && window.__proact.framesDrawn > 3);
   await driver.click('.wheel button:text-is("Take over")');
@@ -113,7 +113,7 @@ async function closedPage({ page, url, watcher, check, screenshot }) {
     return Date.now();
   });
   await watcher.until(() => window.seen.at(-1).stop !== null);
-  await watcher.passes(AFTERWARDS_MS);
+  await watcher.passes(OBSERVATION_MS);
   const { source, cause, reason } = (await watcher.latest()).stop;
   check(source === "page" && cause === "closed", `a page whose line ends stops the arm: ${source}, ${cause}`);
   checkRest(check, await watcher.since(begun), ended, CLOSED_MS, "the end of its line");
@@ -130,10 +130,10 @@ async function closedPage({ page, url, watcher, check, screenshot }) {
   check(true, "after a relaxed gesture it goes on");
   await driver.close();
   const gone = Date.now();
-  await watcher.passes(AFTERWARDS_MS);
+  await watcher.passes(OBSERVATION_MS);
   // The browser may take its time to end the line of a page that is gone already.
   const frames = await watcher.since(begun);
-  const late = turning(frames).at(-1) - firstAfter(frames, gone).time;
+  const late = isElbowMoving(frames).at(-1) - firstAfter(frames, gone).time;
   check(late <= SILENT_MS, `a page that is closed leaves the arm at rest ${late} ms later, ${SILENT_MS} are allowed`);
 }
 
@@ -150,10 +150,10 @@ async function delayedPage({ page, url, watcher, check, screenshot }) {
   let begun = Date.now();
   await driver.keyboard.down("KeyW");
   await watcher.until(() => window.seen.at(-1).stop !== null);
-  await watcher.passes(AFTERWARDS_MS);
+  await watcher.passes(OBSERVATION_MS);
   const { source, cause, reason } = (await watcher.latest()).stop;
   check(source === "page" && cause === "delayed", `and stops the arm: ${source}, ${cause}`);
-  const turned = turning(await watcher.since(begun)).length;
+  const turned = isElbowMoving(await watcher.since(begun)).length;
   check(turned === 0, `which did not begin to move: ${turned} frames`);
   await checkBanner(page, check, reason, "another page");
   await screenshot("stop-delayed");
@@ -208,7 +208,7 @@ function drives(page) {
 }
 
 /** Runs in a page before its own scripts: lets a test cut its line, press a gamepad's buttons and stop its pictures. */
-function inside() {
+function recordInPage() {
   window.silence = { wanted: false, since: null };
   const send = WebSocket.prototype.send;
   WebSocket.prototype.send = function (text) {
@@ -295,7 +295,7 @@ async function watch(context, url) {
 }
 
 /** Times of the frames in which a joint is further on than in the frame before. */
-function turning(frames) {
+function isElbowMoving(frames) {
   return frames
     .filter((frame, k) => {
       const before = frames[k - 1] ?? frame;
@@ -314,7 +314,7 @@ function firstAfter(frames, wall) {
 /** The arm turned when `wall` was on the clock, and was at rest soon after. */
 function checkRest(check, frames, wall, allowed, since) {
   const { time } = firstAfter(frames, wall);
-  const turned = turning(frames);
+  const turned = isElbowMoving(frames);
   check(turned.includes(time), `the arm turns at ${since}`);
   const late = turned.at(-1) - time;
   check(late <= allowed, `and is at rest ${late} ms of trial time later, ${allowed} are allowed`);

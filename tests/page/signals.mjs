@@ -3,13 +3,13 @@
 // pictures, the arm that is seen through and turning the view; bytes, draw calls and triangles stay within what is promised.
 
 import { createSocket } from "node:dgram";
-import { axeLook } from "./accessibility.mjs";
-import { faults, SLACK } from "./layout.mjs";
+import { checkWithAxe } from "./accessibility.mjs";
+import { layoutFaults, SLACK_PX } from "./layout.mjs";
 
 /** What a viewer may take, bytes a second. */
-const MOST_BYTES = 150_000;
-const MOST_CALLS = 200;
-const MOST_TRIANGLES = 300_000;
+const MAX_BYTES = 150_000;
+const MAX_DRAW_CALLS = 200;
+const MAX_TRIANGLES = 300_000;
 /** Where a decoder of miniVIE sends to. */
 const VMPL_PORT = 25_000;
 /** Methods and people of the shipped results of simulated people. */
@@ -17,14 +17,14 @@ const SIMULATED = 4 * 24;
 
 export async function signals(page, tools) {
   const { url, check, limitMs } = tools;
-  const line = counted(page);
+  const line = drawCounts(page);
   await page.addInitScript(() => localStorage.setItem("proact.settings", JSON.stringify({ welcomed: true, captions: true })));
   await page.goto(new URL("?quality=3&tutorial=0", url).href);
   await page.waitForFunction(() => window.__proact?.connected && window.__proact.framesDrawn > 3, null, { timeout: limitMs });
   await opens(page, check);
   await streams(page, line, tools);
-  await looksBack(page, tools);
-  await means(page, tools);
+  await checkLookBack(page, tools);
+  await checkIntentDisplay(page, tools);
   await captions(page, check);
   await sizes(page, tools);
   await page.keyboard.press("KeyG");
@@ -35,7 +35,7 @@ export async function signals(page, tools) {
 }
 
 /** Bytes of text that come in on the page's WebSocket. */
-function counted(page) {
+function drawCounts(page) {
   const line = { bytes: 0 };
   page.on("websocket", (socket) => socket.on("framereceived", ({ payload }) => (line.bytes += Buffer.byteLength(payload))));
   return line;
@@ -76,7 +76,7 @@ async function streams(page, line, { check, screenshot }) {
   // By the clock on the wall: where the trial cannot keep up with it, the line has less to do.
   const seconds = ((await page.evaluate(() => performance.now())) - begun.wall) / 1000;
   const rate = (line.bytes - before) / seconds;
-  check(rate > 10_000 && rate < MOST_BYTES, `a viewer with signals takes ${(rate / 1000).toFixed(0)} kB a second`);
+  check(rate > 10_000 && rate < MAX_BYTES, `a viewer with signals takes ${(rate / 1000).toFixed(0)} kB a second`);
   const { script, whole } = await page.evaluate(() => {
     const { script: own, whole: all } = window.__proact;
     return { script: [own.median, own.most], whole: [all.median, all.most] };
@@ -94,7 +94,7 @@ const probability = (page, gesture) =>
     return Number.parseInt(found?.lastElementChild?.textContent ?? "-1", 10);
   }, gesture);
 
-async function until(page, what, check, ask) {
+async function waitFor(page, what, check, ask) {
   for (let round = 0; round < 150; round++) {
     if (await ask()) return check(true, what);
     await page.waitForTimeout(100);
@@ -103,13 +103,13 @@ async function until(page, what, check, ask) {
 }
 
 /** A gesture that is over is seen again by going back, by keys, by dragging and by the slider, while the trial goes on. */
-async function looksBack(page, { check, screenshot }) {
+async function checkLookBack(page, { check, screenshot }) {
   await page.keyboard.down("KeyA");
-  await until(page, "the gesture that a key prompts is the likeliest", check, async () => (await probability(page, "Hand close")) > 60);
+  await waitFor(page, "the gesture that a key prompts is the likeliest", check, async () => (await probability(page, "Hand close")) > 60);
   const begun = await page.evaluate(() => window.__proact.frame.time);
   await page.waitForFunction((time) => window.__proact.frame.time > time + 2500, begun);
   await page.keyboard.up("KeyA");
-  await until(page, "and with the key it ends", check, async () => (await probability(page, "Hand close")) < 30);
+  await waitFor(page, "and with the key it ends", check, async () => (await probability(page, "Hand close")) < 30);
   // Three seconds back from here the gesture has been on for a second and a half, however soon its end was recognised.
   await page.waitForFunction((time) => window.__proact.frame.time > time + 4500, begun);
   const slider = page.locator(".drawerhead input");
@@ -156,7 +156,7 @@ const intents = (page) =>
   );
 
 /** Between a block that is due and one that is not, task context makes the difference. */
-async function means(page, { check, screenshot }) {
+async function checkIntentDisplay(page, { check, screenshot }) {
   const between = await page.evaluate(() => {
     const { frame, content, project } = window.__proact;
     const colour = (id) => JSON.stringify(content.scene.objects[id].colour);
@@ -180,7 +180,7 @@ async function means(page, { check, screenshot }) {
     const sum = found.reduce((total, row) => total + row[column], 0);
     check(Math.abs(sum - 100) <= 3, `column ${column} adds up to ${sum} %`);
   }
-  await until(page, "each block has bars in the scene", check, async () => (await page.locator(".intentbars .over-block:visible").count()) === found.length);
+  await waitFor(page, "each block has bars in the scene", check, async () => (await page.locator(".intentbars .over-block:visible").count()) === found.length);
   await screenshot("intent");
   const acting = page.locator(".intentview .note").first();
   check(/goes by both/.test(await acting.textContent()), "method D goes by both");
@@ -189,7 +189,7 @@ async function means(page, { check, screenshot }) {
     await page.waitForFunction((name) => window.__proact.frame?.method === name, method);
     const block = await page.evaluate(() => window.__proact.project("object", 0));
     await page.mouse.move(block.x, block.y);
-    await until(page, `method ${method}: ${words.source}`, check, async () => words.test(await acting.textContent()));
+    await waitFor(page, `method ${method}: ${words.source}`, check, async () => words.test(await acting.textContent()));
   }
   await page.evaluate(() => [...document.querySelectorAll(".methodbutton")].find((node) => node.textContent === "D").click());
   await page.waitForFunction(() => window.__proact.frame?.method === "D");
@@ -213,14 +213,14 @@ async function captions(page, check) {
 
 /** In three sizes, light and dark, nothing is covered and nothing is against WCAG. */
 async function sizes(page, tools) {
-  const look = await axeLook(page, tools);
+  const look = await checkWithAxe(page, tools);
   for (const scheme of ["light", "dark"]) {
     await page.emulateMedia({ colorScheme: scheme });
     for (const [width, height] of [[1280, 720], [1920, 1080], [800, 600], [390, 844]]) {
       await page.setViewportSize({ width, height });
       await page.waitForTimeout(1000);
       // In a small window the drawer lies over the cards; its rows scroll.
-      const all = width < 1000 ? [] : await page.evaluate(faults, { slack: SLACK });
+      const all = width < 1000 ? [] : await page.evaluate(layoutFaults, { slack: SLACK_PX });
       const found = all.filter((fault) => !fault.endsWith("runs out of .card.drawer"));
       tools.check(found.length === 0, `drawer open, ${width}x${height}, ${scheme}: ${found.join("; ") || "all in its place"}`);
       const wide = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
@@ -272,7 +272,7 @@ async function scores(page, tools) {
   check(lines[0] === "who,method,setup,score,seconds,attempts,path_m", `the file's head: ${lines[0]}`);
   check(lines.length === 2 + SIMULATED, `and a row for each trial: ${lines.length - 1}`);
   check(/^You,D,still,0,[\d.]+,\d+,[\d.]+$/.test(lines[1]), `this visit's: ${lines[1]}`);
-  const look = await axeLook(page, tools);
+  const look = await checkWithAxe(page, tools);
   for (const scheme of ["light", "dark"]) {
     await page.emulateMedia({ colorScheme: scheme });
     for (const [width, height] of [[1280, 720], [390, 844]]) {
@@ -323,7 +323,7 @@ async function views(page, { url, check, screenshot }) {
     const { drawn } = await load();
     await page.waitForFunction((count) => window.__proact.framesDrawn > count + 3, drawn);
   };
-  const cheap = ({ calls, triangles }) => calls > 10 && calls <= MOST_CALLS && triangles > 1000 && triangles <= MOST_TRIANGLES;
+  const cheap = ({ calls, triangles }) => calls > 10 && calls <= MAX_DRAW_CALLS && triangles > 1000 && triangles <= MAX_TRIANGLES;
   const alone = await load();
   check(cheap(alone), `a picture takes ${alone.calls} draw calls and ${alone.triangles} triangles`);
   await page.keyboard.press("KeyV");
@@ -331,7 +331,7 @@ async function views(page, { url, check, screenshot }) {
   await next();
   const both = await load();
   check(cheap(both), `with the small ones ${both.calls} draw calls and ${both.triangles} triangles`);
-  check((await colours(page)).every((count) => count > 20), "hand's and eyes' view show something");
+  check((await canvasColors(page)).every((count) => count > 20), "hand's and eyes' view show something");
   await screenshot("views");
   await button(page, "views").click();
   await page.locator(".inset").first().waitFor({ state: "hidden" });
@@ -353,7 +353,7 @@ async function views(page, { url, check, screenshot }) {
 }
 
 /** How many different colours there are in each small picture on the screen. */
-async function colours(page) {
+async function canvasColors(page) {
   const found = [];
   for (const inset of await page.locator(".inset").all()) {
     const shot = await inset.screenshot();

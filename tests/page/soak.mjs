@@ -5,7 +5,7 @@ import { execFile } from "node:child_process";
 import { readdir, readFile, rm } from "node:fs/promises";
 import { promisify } from "node:util";
 import { driveBlocks } from "./drive.mjs";
-import { startServe } from "./program.mjs";
+import { startServe } from "./processes.mjs";
 
 /** Blocks of a trial before the next begins: many trials tell more than long ones. */
 const BLOCKS = 1;
@@ -14,15 +14,15 @@ const SAMPLE_MS = 5_000;
 /** Trials until caches are filled. */
 const WARM_UP = 2;
 /** What the server's memory may differ from trial to trial, MB. */
-const MEMORY_MB = 12;
+const MAX_MEMORY_GROWTH_MB = 12;
 /** Of the samples' paces the median must be above this: the browser draws on the same processors. */
-const PACE = 0.97;
+const MIN_REAL_TIME_FACTOR = 0.97;
 
 export async function soak(page, { program, minutes, out, open, check }) {
   const records = `${out}/records`;
   await rm(records, { recursive: true, force: true });
   const serve = await startServe(program, 0, ["--out", records, "--seed", "1"]);
-  const pace = watchPace(page);
+  const pace = recordRealTimeFactor(page);
   const trials = [];
   try {
     // Few pictures: the browser draws on the processors that the trial needs.
@@ -30,7 +30,7 @@ export async function soak(page, { program, minutes, out, open, check }) {
     const end = Date.now() + 60_000 * minutes;
     while (Date.now() < end || trials.length < WARM_UP + 2) {
       await driveBlocks(page, { wanted: BLOCKS, limitMs: TRIAL_MS, log: () => {}, screenshot: async () => {} });
-      const held = await heldBy(serve.pid);
+      const held = await processResources(serve.pid);
       trials.push(held);
       console.log(`    trial ${trials.length}: ${JSON.stringify(held)}, pace ${pace.median().toFixed(3)}`);
       const time = await page.evaluate(() => window.__proact.frame.time);
@@ -49,12 +49,12 @@ export async function soak(page, { program, minutes, out, open, check }) {
   const last = trials[count - 1];
   check(last.handles <= first.handles, `${count} trials: ${first.handles} handles, then ${last.handles}`);
   check(last.threads <= first.threads, `${first.threads} threads, then ${last.threads}`);
-  check(last.memoryMb <= first.memoryMb + MEMORY_MB, `${first.memoryMb} MB, then ${last.memoryMb} MB`);
-  check(median >= PACE, `simulated time keeps up: median ${median.toFixed(3)}, worst five seconds ${worst.toFixed(3)}`);
+  check(last.memoryMb <= first.memoryMb + MAX_MEMORY_GROWTH_MB, `${first.memoryMb} MB, then ${last.memoryMb} MB`);
+  check(median >= MIN_REAL_TIME_FACTOR, `simulated time keeps up: median ${median.toFixed(3)}, worst five seconds ${worst.toFixed(3)}`);
 }
 
 /** Simulated seconds for one of the clock, every few seconds within a trial. */
-function watchPace(page) {
+function recordRealTimeFactor(page) {
   const paces = [];
   let last;
   const timer = setInterval(async () => {
@@ -72,7 +72,7 @@ function watchPace(page) {
   };
 }
 
-async function heldBy(pid) {
+async function processResources(pid) {
   const status = await readFile(`/proc/${pid}/status`, "utf8");
   const number = (name) => Number(new RegExp(`^${name}:\\s+(\\d+)`, "m").exec(status)[1]);
   const handles = (await readdir(`/proc/${pid}/fd`)).length;

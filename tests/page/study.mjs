@@ -7,9 +7,9 @@ import { mkdtemp, readFile, rm, writeFile } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { promisify } from "node:util";
-import { faults, SLACK } from "./layout.mjs";
-import { startStudy } from "./program.mjs";
-import { Desk, Seat } from "./study_people.mjs";
+import { layoutFaults, SLACK_PX } from "./layout.mjs";
+import { startStudy } from "./processes.mjs";
+import { ExperimenterPage, ParticipantPage } from "./study_page_objects.mjs";
 
 const run = promisify(execFile);
 /** The cheapest drawing: the processor draws here, and the trial needs it too. */
@@ -67,7 +67,7 @@ countdown = ${countdown}
 begin = [
   ${form("participant")},
   { do = "say", text = "welcome", minutes = 1 },
-  { do = "train", repetitions = 2, hold_secs = 1, pass_runs = 1, minutes = 1 },
+  { do = "train", repetitions = 2, hold_secs = 1, consecutive_correct_runs = 1, minutes = 1 },
   { do = "calibrate_gaze", minutes = 1 },
   { do = "rest", minutes = 0.02 },
 ]
@@ -121,11 +121,11 @@ export async function study(page, tools) {
   await page.goto("about:blank");
   const unknown = hands.find((each) => !(each in VARIANTS));
   if (unknown !== undefined) throw new Error(`--hands ${unknown} is unknown; expected ${Object.keys(VARIANTS).join(", ")}`);
-  for (const each of hands) await conducted(each, tools);
+  for (const each of hands) await conductStudy(each, tools);
 }
 
 /** One session, and what is left of it. */
-async function conducted(hands, tools) {
+async function conductStudy(hands, tools) {
   const { check, program, tab } = tools;
   const variant = VARIANTS[hands];
   const began = Date.now();
@@ -139,13 +139,13 @@ async function conducted(hands, tools) {
     const deskPage = await tab({ viewport: hands === "finger" || tools.pictures ? { width: 1280, height: 720 } : WINDOW });
     const seatPage = await tab(hands === "finger" ? PHONE : { viewport: WINDOW });
     pages.push(deskPage, seatPage);
-    const desk = new Desk(deskPage, hands === "keys" ? "keys" : "mouse");
-    const seat = new Seat(seatPage, hands, hands === "finger" ? await seatPage.context().newCDPSession(seatPage) : null);
+    const desk = new ExperimenterPage(deskPage, hands === "keys" ? "keys" : "mouse");
+    const seat = new ParticipantPage(seatPage, hands, hands === "finger" ? await seatPage.context().newCDPSession(seatPage) : null);
     const path = tools.pictures ? PICTURED_PATH : PATH;
     await deskPage.goto(new URL(`experimenter${path}`, server.url).href);
     await seatPage.goto(new URL(path, server.url).href);
-    const session = new Session(desk, seat, variant, hands, tools);
-    await session.whole();
+    const session = new StudyDriver(desk, seat, variant, hands, tools);
+    await session.runSession();
     const status = JSON.parse((await run(program, ["study", "status", folder, "--json"])).stdout);
     const [own] = status.sessions;
     check(own.steps[0] === own.steps[1] && own.trials[0] === own.trials[1], `the session is over: ${own.steps[0]} steps, ${own.trials[0]} trials`);
@@ -162,7 +162,7 @@ async function conducted(hands, tools) {
   }
 }
 
-class Session {
+class StudyDriver {
   /** What was answered, in the order of the questions. */
   given = [];
   practised = 0;
@@ -174,7 +174,7 @@ class Session {
     Object.assign(this, { desk, seat, variant, hands, tools, check: tools.check });
   }
 
-  async whole() {
+  async runSession() {
     const { desk, seat } = this;
     await desk.until(({ next }) => next, "says who is next");
     await seat.until(({ show }) => show === "wait", "there is nothing to do yet");
@@ -203,8 +203,8 @@ class Session {
       await page.waitForTimeout(150);
       await this.tools.screenshotOf(page, `${name}-${side}`);
       await this.picture(page, `${what}-${side}`);
-      const found = await page.evaluate(covered, SLACK);
-      if (side === "seat" && seat.shows === "scene") found.push(...(await page.evaluate(faults, { slack: SLACK, timed: false, hinted: !what.startsWith("gaze") })));
+      const found = await page.evaluate(overlappingElements, SLACK_PX);
+      if (side === "seat" && seat.shows === "scene") found.push(...(await page.evaluate(layoutFaults, { slack: SLACK_PX, timed: false, hinted: !what.startsWith("gaze") })));
       check(found.length === 0, `${what}, ${side}: ${found.slice(0, 4).join("; ") || "nothing is covered or leaves the window"}`);
     }
     const seen = await seat.page.evaluate((hidden) => hidden.filter((name) => [...document.querySelectorAll(name)].some((node) => node.checkVisibility())), HIDDEN);
@@ -347,7 +347,7 @@ class Session {
 }
 
 /** What leaves the window or is covered on a page as it stands; runs in the page. */
-function covered(slack) {
+function overlappingElements(slack) {
   const found = [];
   const name = (node) => `${node.tagName.toLowerCase()}.${node.className || node.id} "${(node.textContent || node.getAttribute("aria-label") || "").slice(0, 30)}"`;
   if (document.documentElement.scrollWidth > innerWidth) found.push("the page scrolls sideways");

@@ -1,9 +1,9 @@
 // A study on the participant's page: what its person sees and does not see, and that every kind of question can be answered by
 // keys alone, by the mouse alone, by a finger and in a headset. The study itself is played by `study_mock.mjs`.
 
-import { axeLook } from "./accessibility.mjs";
-import { answerByKeys, answerByPressing, tabTo } from "./answering.mjs";
-import { emulateHeadset } from "./person.mjs";
+import { checkWithAxe } from "./accessibility.mjs";
+import { answerByKeys, answerByPressing, tabTo } from "./questionnaire.mjs";
+import { emulateHeadset } from "./participant_page.mjs";
 import { MockStudy } from "./study_mock.mjs";
 import { CONDITIONS, comments, easeAgencySpeed, lastTrial, nasaTlx, odd, pairsOf, participant, ranking } from "./study_questions.mjs";
 
@@ -51,10 +51,10 @@ export async function studyForms(page, tools) {
   for (const [by, answer] of [["keys alone", byKeys], ["the mouse alone", byMouse]]) {
     for (const form of FORMS) await fillIn(page, study, tools, form, by, answer);
   }
-  await forgetting(page, study, tools);
-  await mending(page, study, tools);
-  await twice(page, study, tools);
-  await returning(page, study, tools);
+  await checkMissingAnswers(page, study, tools);
+  await checkCorrection(page, study, tools);
+  await checkDoubleClick(page, study, tools);
+  await checkReconnect(page, study, tools);
   check(!study.types().some((type) => ["gesture", "restart", "trunk"].includes(type)), "no key that was pressed in a form did anything to the arm");
   await rules(page, study, tools);
   await page.goto("about:blank");
@@ -148,7 +148,7 @@ const byKeys = (page, form, question) => answerByKeys(page, question, answerTo(f
 const byMouse = (page, form, question, press) => answerByPressing(page, question, answerTo(form, question.key), CONDITIONS, press);
 
 /** Who has forgotten something is led to it. */
-async function forgetting(page, study, { check, screenshot }) {
+async function checkMissingAnswers(page, study, { check, screenshot }) {
   study.ask(easeAgencySpeed);
   await page.locator('[data-key="agency"]').waitFor();
   await page.click('[data-key="agency"] input >> nth=0');
@@ -170,7 +170,7 @@ async function forgetting(page, study, { check, screenshot }) {
 }
 
 /** A refused answer says why, and what was typed stays. */
-async function mending(page, study, { check, screenshot }) {
+async function checkCorrection(page, study, { check, screenshot }) {
   study.refuses = "comments";
   study.ask(comments);
   await page.locator("textarea").fill("hm");
@@ -186,7 +186,7 @@ async function mending(page, study, { check, screenshot }) {
 }
 
 /** A second click on "Done" does not end the next questionnaire, of which nobody has seen anything. */
-async function twice(page, study, { check }) {
+async function checkDoubleClick(page, study, { check }) {
   study.ask(comments);
   await page.locator("textarea").waitFor();
   await page.locator(".done").evaluate((node) => node.click());
@@ -199,7 +199,7 @@ async function twice(page, study, { check }) {
 }
 
 /** A reload loses nothing, nor does a line that breaks; the language stays as it was chosen. */
-async function returning(page, study, { check, screenshot }) {
+async function checkReconnect(page, study, { check, screenshot }) {
   study.ask(odd);
   await page.locator('[data-key="pain"]').waitFor();
   await page.click('[data-key="pain"] input >> nth=7');
@@ -213,7 +213,7 @@ async function returning(page, study, { check, screenshot }) {
   await page.reload();
   await page.locator('.questionnaire h2:text-is("Alles andere")').waitFor();
   check(await page.locator('[data-key="pain"] input >> nth=7').isChecked(), "a reload keeps answers and language");
-  await study.breakLine();
+  await study.dropConnection();
   await page.click('[data-key="weight"] input >> nth=1');
   check((await page.locator('[data-key="weight"]').getAttribute("data-state")) === "sending", "an answer on a broken line is not called saved");
   await screenshot("broken-line");
@@ -226,7 +226,7 @@ async function returning(page, study, { check, screenshot }) {
 /** axe-core, sizes of what is touched, and windows of all sizes. */
 async function rules(page, study, tools) {
   const { check, screenshot } = tools;
-  const look = await axeLook(page, tools);
+  const look = await checkWithAxe(page, tools);
   for (const scheme of ["light", "dark"]) {
     await page.emulateMedia({ colorScheme: scheme });
     for (const [width, height] of [[800, 600], [390, 844]]) {

@@ -54,7 +54,7 @@ export class MockStudy {
   }
 
   /** Cuts the page's connection, which comes back by itself once `down` is over. */
-  async breakLine() {
+  async dropConnection() {
     this.down = true;
     await this.#socket.close({ code: 1001 });
     this.#socket = null;

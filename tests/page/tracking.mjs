@@ -1,12 +1,12 @@
 // The page of tracking beside `proact serve --mocap ..`: figures that live, a picture, nothing against WCAG, in three sizes.
 
-import { axeLook } from "./accessibility.mjs";
+import { checkWithAxe } from "./accessibility.mjs";
 
 const SIZES = [[1440, 900], [820, 1180], [360, 740]];
 
 export async function tracking(page, tools) {
   const { url, check, screenshot } = tools;
-  const look = await axeLook(page, tools);
+  const look = await checkWithAxe(page, tools);
   await page.goto(new URL("/tracking", url).href);
   await page.locator(".verdict").first().waitFor();
   const cell = (name) => page.locator(`dt:text-is("${name}") + dd`).first().textContent();

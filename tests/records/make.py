@@ -20,7 +20,7 @@ import time
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests/scenarios"))
 
-from page_client import Page, Server  # noqa: E402
+from page_client import PageClient, ServeProcess  # noqa: E402
 
 MOST_FILE_BYTES = 200 << 10
 PLAN = """
@@ -40,16 +40,16 @@ trials = 1
 
 # Simulated participants, whose EMG is 64 kB a second: long enough for a plan where one is made, short elsewhere.
 DEMOS = {
-    "a_emg": ["--method", "A", "--task", "modified_bbt", "--limit", "0.3"],
-    "b_emg_left": ["--method", "B", "--arm", "mpl_left", "--limit", "0.3"],
-    "c_emg_targeted_bbt": ["--method", "C", "--task", "targeted_bbt", "--limit", "0.3"],
-    "d_emg_plan": ["--method", "D", "--setup", "still", "--seed", "10", "--limit", "1.35"],
-    "d_original": ["--method", "D", "--profile", "original", "--limit", "0.3"],
-    "external_method": ["--method-command", "python3 follow_gaze.py", "--limit", "0.3"],
-    "external_intent": ["--intent-command", "python3 fading.py", "--limit", "0.3"],
+    "a_emg": ["--method", "A", "--task", "modified_bbt", "--time-limit", "0.3"],
+    "b_emg_left": ["--method", "B", "--arm", "mpl_left", "--time-limit", "0.3"],
+    "c_emg_targeted_bbt": ["--method", "C", "--task", "targeted_bbt", "--time-limit", "0.3"],
+    "d_emg_plan": ["--method", "D", "--setup", "still", "--seed", "10", "--time-limit", "1.35"],
+    "d_original": ["--method", "D", "--profile", "original", "--time-limit", "0.3"],
+    "external_method": ["--method-command", "python3 follow_gaze.py", "--time-limit", "0.3"],
+    "external_intent": ["--intent-command", "python3 leaky_dwell.py", "--time-limit", "0.3"],
 }
 # Programs that these trials start.
-PROGRAMS = ["docs/methods/follow_gaze.py", "docs/intent_models/fading.py"]
+PROGRAMS = ["docs/methods/follow_gaze.py", "docs/intent_models/leaky_dwell.py"]
 
 
 def demo(proact, out, words):
@@ -61,11 +61,11 @@ def demo(proact, out, words):
 
 def live(proact, out, port, how, act, *words):
     """A trial that `act` drives at the page and the signal `how` ends; the folder of its record."""
-    server = Server(proact, port, out, "--seed", "7", *words)
-    page = Page(server.port)
+    server = ServeProcess(proact, port, out, "--seed", "7", *words)
+    page = PageClient(server.port)
     act(page)
     code = server.stop(how)
-    assert how == signal.SIGKILL or code == 0, f"{out}: serve ended with {code}: {server.said()}"
+    assert how == signal.SIGKILL or code == 0, f"{out}: serve ended with {code}: {server.output_text()}"
     return pathlib.Path(out, "seed7")
 
 

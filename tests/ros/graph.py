@@ -18,7 +18,7 @@ import xmlrpc.client
 ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), "..", ".."))
 BINARY = os.environ.get("PROACT_BINARY", os.path.join(ROOT, "target", "release", "proact"))
 # A loaded machine may be slow; a missing thing must still fail in the end.
-PATIENCE = float(os.environ.get("PROACT_PATIENCE", "60"))
+TIMEOUT_SECS = float(os.environ.get("PROACT_TIMEOUT_SECS") or os.environ.get("PROACT_PATIENCE", "60"))
 
 
 def free_port():
@@ -27,7 +27,7 @@ def free_port():
         return s.getsockname()[1]
 
 
-def until(true, what, patience=PATIENCE):
+def wait_until(true, what, patience=TIMEOUT_SECS):
     """Waits until true() is true; looks fifty times a second."""
     end = time.monotonic() + patience
     while time.monotonic() < end:
@@ -40,45 +40,10 @@ def until(true, what, patience=PATIENCE):
 
 def message_packages():
     """Makes Python modules of this repository's message packages, as catkin would, and puts them in reach."""
-    import glob
-
     out = tempfile.mkdtemp(prefix="proact-messages-")
     atexit.register(shutil.rmtree, out, ignore_errors=True)
     src = os.path.join(ROOT, "ros1_ws", "src")
-    folders = {}
-    for folder in glob.glob("/usr/share/*_msgs/msg"):
-        folders[os.path.basename(os.path.dirname(folder))] = [folder]
-    ours = [os.path.join(src, "proact_msgs")] + sorted(glob.glob(os.path.join(src, "compat", "*")))
-    tools = {
-        kind: glob.glob(f"/usr/lib/genpy/gen{kind}_py.py")[0] for kind in ("msg", "srv")
-    }
-    genaction = glob.glob("/usr/lib/actionlib_msgs/genaction.py") + glob.glob(
-        "/usr/share/actionlib_msgs/**/genaction.py", recursive=True
-    )
-    for package in ours:
-        name = os.path.basename(package)
-        staged = os.path.join(out, "share", name)
-        shutil.copytree(package, staged)
-        for action in glob.glob(os.path.join(staged, "action", "*.action")):
-            subprocess.run(
-                [sys.executable, genaction[0], action, "-o", os.path.join(staged, "msg")],
-                check=True, stdout=subprocess.DEVNULL,
-            )
-        folders[name] = [os.path.join(staged, "msg")]
-    includes = [f"-I{name}:{folder}" for name, paths in folders.items() for folder in paths]
-    for package in ours:
-        name = os.path.basename(package)
-        for kind in ("msg", "srv"):
-            files = glob.glob(os.path.join(out, "share", name, kind, f"*.{kind}"))
-            if not files:
-                continue
-            target = os.path.join(out, "lib", name, kind)
-            os.makedirs(target, exist_ok=True)
-            open(os.path.join(out, "lib", name, "__init__.py"), "a").close()
-            subprocess.run([sys.executable, tools[kind], *files, *includes, "-p", name, "-o", target], check=True)
-            names = sorted(os.path.basename(file).rsplit(".", 1)[0] for file in files)
-            with open(os.path.join(target, "__init__.py"), "w") as init:
-                init.writelines(f"from ._{n} import *\n" for n in names)
+    subprocess.run([sys.executable, os.path.join(ROOT, "ros1_ws", "python_messages.py"), src, out], check=True)
     sys.path.insert(0, os.path.join(out, "lib"))
     return out
 
@@ -109,7 +74,7 @@ class Graph:
             except OSError:
                 return False
 
-        until(up, "the master")
+        wait_until(up, "the master")
         # What roscore starts beside the master.
         self.rosout = self.spawn(["/usr/lib/rosout/rosout"], "rosout.log")
 
@@ -179,7 +144,7 @@ class Inbox:
             self.messages.clear()
             self.times.clear()
 
-    def wait(self, true=lambda message: True, patience=PATIENCE):
+    def wait(self, true=lambda message: True, patience=TIMEOUT_SECS):
         """The first message, past or to come, for which true(message)."""
         end = time.monotonic() + patience
         with self.condition:
@@ -193,5 +158,5 @@ class Inbox:
                 if not self.condition.wait(max(0.0, end - time.monotonic())) and time.monotonic() >= end:
                     raise AssertionError(f"{self.topic}: waited {patience} s in vain, {len(self.messages)} messages")
 
-    def wait_count(self, count, patience=PATIENCE):
-        until(lambda: len(self.messages) >= count, f"{count} messages on {self.topic}", patience)
+    def wait_count(self, count, patience=TIMEOUT_SECS):
+        wait_until(lambda: len(self.messages) >= count, f"{count} messages on {self.topic}", patience)

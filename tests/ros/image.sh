@@ -11,7 +11,7 @@ enter_namespace "$0" "$@"
 make_root bookworm
 
 # Every instruction of the file becomes lines of a script; one that is not known here ends the test.
-/usr/bin/python3 "$repository/tests/ros/image.py" "$repository/docker/ros1-debian12.Dockerfile" >"$root/commands"
+/usr/bin/python3 "$repository/tests/ros/dockerfile_to_script.py" "$repository/docker/ros1-debian12.Dockerfile" >"$root/commands"
 # COPY takes the committed state, and finds it outside of where it goes.
 git clone --quiet --no-local "$repository" "$root/context"
 

@@ -16,7 +16,7 @@ from geometry_msgs.msg import PoseStamped  # noqa: E402
 from mpl_control.msg import graspAction, graspGoal  # noqa: E402
 from tf2_msgs.msg import TFMessage  # noqa: E402
 
-QUIRKS = "slow_poses,bare_poses,resent_constants,grasp_succeeds"
+COMPAT_OPTIONS = "slow_poses,bare_poses,resent_constants,grasp_succeeds"
 
 
 def setUpModule():
@@ -32,7 +32,7 @@ class Compat(unittest.TestCase):
     def test_a_simulator_with_quirks_speaks_as_the_original_did(self):
         poses = graph.Inbox("/red_block1_pose_msg", PoseStamped)
         frames, fixed = graph.Inbox("/tf", TFMessage), graph.Inbox("/tf_static", TFMessage)
-        sim = GRAPH.node("sim", "--setup", "still", f"_compat:={QUIRKS}")
+        sim = GRAPH.node("sim", "--setup", "still", f"_compat:={COMPAT_OPTIONS}")
         poses.wait_count(5)
         stamps = [m.header.stamp.to_sec() for m in poses.messages]
         self.assertEqual({round(b - a, 3) for a, b in zip(stamps, stamps[1:])}, {0.1})
@@ -48,14 +48,14 @@ class Compat(unittest.TestCase):
         fixed.subscriber.unregister()
         buffer = tf2_ros.Buffer(rospy.Duration(30))
         tf2_ros.TransformListener(buffer)
-        graph.until(lambda: buffer.can_transform("optitrack_world", "redcylinder1", rospy.Time(0)), "the tree")
+        graph.wait_until(lambda: buffer.can_transform("optitrack_world", "redcylinder1", rospy.Time(0)), "the tree")
 
         client = actionlib.SimpleActionClient("/grasp", graspAction)
-        self.assertTrue(client.wait_for_server(rospy.Duration(graph.PATIENCE)))
+        self.assertTrue(client.wait_for_server(rospy.Duration(graph.TIMEOUT_SECS)))
         client.send_goal(graspGoal(instruct=1))
-        graph.until(lambda: client.get_state() == GoalStatus.ACTIVE, "the hand closing")
+        graph.wait_until(lambda: client.get_state() == GoalStatus.ACTIVE, "the hand closing")
         client.cancel_goal()
-        self.assertTrue(client.wait_for_result(rospy.Duration(graph.PATIENCE)))
+        self.assertTrue(client.wait_for_result(rospy.Duration(graph.TIMEOUT_SECS)))
         self.assertEqual((client.get_state(), client.get_result().done), (GoalStatus.SUCCEEDED, 1))
         GRAPH.stop(sim)
 

@@ -22,7 +22,7 @@ def setUpModule():
     with tempfile.TemporaryDirectory() as folder:
         out = os.path.join(folder, "trial")
         subprocess.run([os.environ["PROACT_BINARY"], "demo", "--headless", "--method", "D", "--seed", "1",
-                        "--limit", "8", "--out", out], check=True, capture_output=True)
+                        "--time-limit", "8", "--out", out], check=True, capture_output=True)
         with rosbag.Bag(os.path.join(out, "trial.bag")) as bag:
             MESSAGES = {topic: message for topic, message, _ in bag.read_messages()}
 
@@ -80,7 +80,7 @@ class Layouts(unittest.TestCase):
 
             def published():
                 return {topic for topic, _ in everything.system_state()[0]}
-            graph.until(lambda: live <= published(), f"publishers of {sorted(live)}")
+            graph.wait_until(lambda: live <= published(), f"publishers of {sorted(live)}")
         finally:
             everything.close()
 

@@ -17,11 +17,11 @@ FIELDS = ["input.emg", "input.gesture", "input.gaze", "input.shoulder", "input.l
           "emg.decision", "intent.posterior", "control.commands", "motion.targets", "dynamics.joints",
           "dynamics.objects", "task.state"]
 # A lock-step of five processes takes about as long as the time that it simulates; a busy machine, several times that.
-PATIENCE = 20.0
-OUTSIDE = os.path.join(graph.ROOT, "docs", "methods", "follow_gaze.py")
-MEANT = os.path.join(graph.ROOT, "docs", "intent_models", "fading.py")
+TIMEOUT_SECS = 20.0
+EXTERNAL_METHOD = os.path.join(graph.ROOT, "docs", "methods", "follow_gaze.py")
+EXTERNAL_INTENT_MODEL = os.path.join(graph.ROOT, "docs", "intent_models", "leaky_dwell.py")
 # Means the second block for two seconds, and then says what cannot be used.
-BREAKS = """import json, sys
+BROKEN_MODEL = """import json, sys
 for line in sys.stdin:
     time = json.loads(line)["time"]
     print(json.dumps({"time": time, "posterior": [0, 1, 0, 0] if time < 2000 else [0, -1, 0, 0]}), flush=True)
@@ -37,7 +37,7 @@ def tearDownModule():
     GRAPH.close()
 
 
-def alone(folder, words):
+def run_in_one_process(folder, words):
     """Field hashes by tick and field, of the trial in one process."""
     out = os.path.join(folder, "trial")
     done = subprocess.run([graph.BINARY, "demo", "--headless", "--out", out, *words], stdout=subprocess.DEVNULL,
@@ -53,7 +53,7 @@ def alone(folder, words):
     return hashes
 
 
-def spans(path):
+def read_spans(path):
     """What a node has written; a line in the making is left out."""
     try:
         with open(path) as lines:
@@ -66,23 +66,23 @@ class Lockstep(unittest.TestCase):
     def compare(self, words, odd=None):
         """The first span at which a field differs, by field; none where all agree. `odd`: more words for one node."""
         with tempfile.TemporaryDirectory() as folder:
-            expected = alone(folder, words)
+            expected = run_in_one_process(folder, words)
             # Without the last span: only the simulator knows when it was cut short.
             whole = [tick for tick in expected if tick % SPAN == 0]
             paths = {name: os.path.join(folder, name) for name in NODES if name != "participant"}
             nodes = [GRAPH.node(name, *words, *(odd or {}).get(name, []), "_lockstep:=true",
-                                *([f"_digest:={paths[name]}"] if name in paths else [])) for name in NODES]
+                                *([f"_digest_file:={paths[name]}"] if name in paths else [])) for name in NODES]
             try:
-                graph.until(lambda: all(len(spans(path)) >= len(whole) for path in paths.values()),
-                            "the last span of every node", patience=60.0 + PATIENCE * max(expected) / 1000)
+                graph.wait_until(lambda: all(len(read_spans(path)) >= len(whole) for path in paths.values()),
+                                 "the last span of every node", patience=60.0 + TIMEOUT_SECS * max(expected) / 1000)
                 self.assertEqual([node.poll() for node in nodes], [None] * len(nodes))
             finally:
                 for node in nodes:
                     GRAPH.stop(node)
-                graph.until(lambda: not any(n.startswith("/proact_") for n in GRAPH.nodes()), "all nodes gone")
+                graph.wait_until(lambda: not any(n.startswith("/proact_") for n in GRAPH.nodes()), "all nodes gone")
             first, seen = {}, set()
             for path in paths.values():
-                for span in spans(path):
+                for span in read_spans(path):
                     for field, found in span["fields"].items():
                         seen.add(field)
                         if span["tick"] in whole and expected[span["tick"]][field] != found:
@@ -106,14 +106,14 @@ class Short(Lockstep):
         with tempfile.TemporaryDirectory() as folder:
             breaks = os.path.join(folder, "breaks.py")
             with open(breaks, "w") as script:
-                script.write(BREAKS)
-            for program, seconds in ((MEANT, 12), (breaks, 4)):
+                script.write(BROKEN_MODEL)
+            for program, seconds in ((EXTERNAL_INTENT_MODEL, 12), (breaks, 4)):
                 self.check(["--method", "D", "--seed", "1", "--set", f"limit_secs={seconds}",
                             "--intent-command", shlex.join(["/usr/bin/python3", program])])
 
     def test_a_node_with_another_configuration_is_told_by_its_field(self):
         words = ["--method", "D", "--seed", "1", "--set", "limit_secs=1"]
-        first = self.compare(words, odd={"intent": ["--set", "intent.sigma=0.3"]})
+        first = self.compare(words, odd={"intent": ["--set", "intent.gaze_sigma=0.3"]})
         self.assertEqual(first, {"intent.posterior": SPAN}, "control and arm do not move yet")
 
 
@@ -126,7 +126,7 @@ class Long(Lockstep):
                       ["--method", "B", "--profile", "original"],
                       ["--method", "A", "--set", "profile.level=below_elbow"],
                       ["--method", "C", "--set", "intent_model=filtered"],
-                      ["--method", "C", "--method-command", shlex.join(["/usr/bin/python3", OUTSIDE])]):
+                      ["--method", "C", "--method-command", shlex.join(["/usr/bin/python3", EXTERNAL_METHOD])]):
             self.check([*words, "--seed", "3", "--set", "limit_secs=15"])
 
 

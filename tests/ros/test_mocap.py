@@ -78,7 +78,7 @@ class Mocap(unittest.TestCase):
             return seen["fault_name"] == name and text in (seen["fault"] or "")
 
         try:
-            graph.until(there, f"{name!r} with {text!r}")
+            graph.wait_until(there, f"{name!r} with {text!r}")
         except AssertionError as error:
             raise AssertionError(f"{error}; last: {seen}") from None
         return seen
@@ -118,7 +118,7 @@ class Mocap(unittest.TestCase):
         lab = Lab(send)
         try:
             self.wait(None)
-            report = graph.until(lambda: (lambda r: r if r.get("rate_hz", 0) > 60 else None)(self.report()), "a rate above 60 Hz")
+            report = graph.wait_until(lambda: (lambda r: r if r.get("rate_hz", 0) > 60 else None)(self.report()), "a rate above 60 Hz")
             self.assertEqual(report["bodies"], ["/vrpn_client_node/HololensSG/pose", TOPIC])
             frame[0] = "map"
             self.wait("waiting", 'came in frame "optitrack_world" and come in "map"')
@@ -133,8 +133,8 @@ class Mocap(unittest.TestCase):
             lab.close()
         self.wait("silent")
         GRAPH.stop(process, signal.SIGINT)
-        graph.until(lambda: not any("proact_mocap" in name and str(process.pid) in name for name in GRAPH.nodes()),
-                    "the source gone from the graph")
+        graph.wait_until(lambda: not any("proact_mocap" in name and str(process.pid) in name for name in GRAPH.nodes()),
+                         "the source gone from the graph")
         for each in (publisher, other, wrong):
             each.unregister()
 

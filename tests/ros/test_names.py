@@ -101,13 +101,13 @@ class Names(unittest.TestCase):
         nodes = [GRAPH.node(name, "--method", "D", "--setup", "still")
                  for name in ("sim", "emg", "intent", "method", "participant")]
         alive = {f"/proact_{name}" for name in ("sim", "emg", "intent", "method", "participant")}
-        graph.until(lambda: alive <= GRAPH.nodes(), "all nodes")
+        graph.wait_until(lambda: alive <= GRAPH.nodes(), "all nodes")
         cls.wait_for_names()
         # The whole testbed tells of the head as well.
         for node in nodes:
             GRAPH.stop(node)
         nodes = [GRAPH.node("testbed", "--method", "D", "--setup", "still")]
-        graph.until(lambda: "/proact_testbed" in GRAPH.nodes(), "the testbed")
+        graph.wait_until(lambda: "/proact_testbed" in GRAPH.nodes(), "the testbed")
         cls.wait_for_names()
         GRAPH.stop(nodes[0])
 
@@ -126,7 +126,7 @@ class Names(unittest.TestCase):
                 before, since = now, time.monotonic()
             return time.monotonic() - since > 1.0
 
-        graph.until(settled, "the end of registrations")
+        graph.wait_until(settled, "the end of registrations")
         types = dict(rospy.get_master().target.getTopicTypes("/test")[2])
         cls.topics.update({topic: types.get(topic) for topic in before[0]})
         cls.services.update({name: rosservice.get_service_type(name) for name in before[1]})

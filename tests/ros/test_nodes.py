@@ -30,7 +30,7 @@ STAGES = ["emg", "intent", "method", "participant"]
 ARM = ["mpl_right_arm__" + n for n in "shoulder humerus elbow forearm wristy wristx wristz".split()]
 METHODS = os.environ.get("PROACT_METHODS", "A,B,C,D").split(",")
 # Joint by joint and along the axes: a box within reach, and time enough that the end of the trial decides nothing.
-WORDS = dict.fromkeys("AB", ["--setup", "still", "--set", "limit_secs=600"])
+METHOD_ARGS = dict.fromkeys("AB", ["--setup", "still", "--set", "limit_secs=600"])
 # Nodes may take so much longer, or shorter, than one process. Messages take their time, and plans that come late on a
 # loaded machine too. With A and B a gesture that is read one window of EMG shorter leaves the hand a centimetre off, and
 # the person goes another way from there: in one process, too, a few milliseconds of reaction time make that difference.
@@ -77,14 +77,14 @@ class Nodes:
     def stop(self):
         for process in self.processes.values():
             GRAPH.stop(process)
-        graph.until(lambda: not any(n.startswith("/proact_") for n in GRAPH.nodes()), "all nodes gone")
+        graph.wait_until(lambda: not any(n.startswith("/proact_") for n in GRAPH.nodes()), "all nodes gone")
 
 
 class Trial(unittest.TestCase):
     def test_a_trial_of_separate_nodes_moves_the_same_blocks_as_the_trial_in_one_process(self):
         for method in METHODS:
             with self.subTest(method=method):
-                words = ["--method", method, "--seed", "1", *WORDS.get(method, [])]
+                words = ["--method", method, "--seed", "1", *METHOD_ARGS.get(method, [])]
                 alone = headless(*words)
                 result = graph.Inbox("/proact/result", String)
                 nodes = Nodes(*words)
@@ -182,11 +182,11 @@ class Faults(unittest.TestCase):
         GRAPH.start_master()
         began = time.monotonic()
         names = {f"/proact_{name}" for name in ["sim", *STAGES]}
-        graph.until(lambda: names <= GRAPH.nodes(), "all nodes on the new master")
+        graph.wait_until(lambda: names <= GRAPH.nodes(), "all nodes on the new master")
         print(f"all nodes registered again {time.monotonic() - began:.2f} s after the master was back")
-        rospy.wait_for_service("/gazebo/unpause_physics", graph.PATIENCE)
+        rospy.wait_for_service("/gazebo/unpause_physics", graph.TIMEOUT_SECS)
         # Paused: what comes over the connections that lived on comes no more.
-        graph.until(lambda: time.monotonic() - models.times[-1] > 0.5, "silence")
+        graph.wait_until(lambda: time.monotonic() - models.times[-1] > 0.5, "silence")
         paused, told = models.messages[-1], score.messages[-1].data
         get = rospy.ServiceProxy("/gazebo/get_model_state", GetModelState)
         blocks = [n for n in paused.name if "cylinder" in n]
@@ -221,7 +221,7 @@ class Replaced(unittest.TestCase):
         nodes = Nodes("--method", "A", "--setup", "still", leave_out=("emg", "intent", "participant"))
         try:
             modes.wait(lambda m: m.data == 0)
-            graph.until(lambda: joy.get_num_connections() == 1, "the method as subscriber")
+            graph.wait_until(lambda: joy.get_num_connections() == 1, "the method as subscriber")
             states.wait_count(1)
             angle = lambda: states.messages[-1].position[states.messages[-1].name.index(ARM[0])]
             start = angle()
@@ -229,7 +229,7 @@ class Replaced(unittest.TestCase):
 
             def push(message, true, what):
                 # As joy_node repeats itself.
-                graph.until(lambda: (joy.publish(message), true())[1], what)
+                graph.wait_until(lambda: (joy.publish(message), true())[1], what)
 
             push(pushed, lambda: angle() > start + 0.1, "the shoulder flexed by the stick")
             rest = Joy(axes=[0.0, 0.0], buttons=[0] * 12)
@@ -249,7 +249,7 @@ class Replaced(unittest.TestCase):
         nodes = Nodes("--method", method, "--setup", "still", leave_out=("emg", "intent", "participant"))
         try:
             for publisher in (emg, block):
-                graph.until(lambda: publisher.get_num_connections() == 1, "the method as subscriber")
+                graph.wait_until(lambda: publisher.get_num_connections() == 1, "the method as subscriber")
             states.wait_count(1)
 
             def speed():
@@ -257,7 +257,7 @@ class Replaced(unittest.TestCase):
                 return max(abs(message.velocity[message.name.index(joint)]) for joint in ARM)
 
             def make(gesture, true, what):
-                graph.until(lambda: (block.publish("bluecylinder2"), emg.publish(gesture), true())[2], what)
+                graph.wait_until(lambda: (block.publish("bluecylinder2"), emg.publish(gesture), true())[2], what)
 
             make("no_motion", lambda: view.messages and json.loads(view.messages[-1].json)["target"]["object"] == 3,
                  "the block in view shown by the method")
@@ -275,8 +275,8 @@ class Replaced(unittest.TestCase):
         nodes = Nodes("--method", "C", "--setup", "still", leave_out=("emg", "intent", "participant"))
         try:
             for publisher in (emg, block):
-                graph.until(lambda: publisher.get_num_connections() == 1, "the method as subscriber")
-            graph.until(requests.connected, "the method as publisher")
+                graph.wait_until(lambda: publisher.get_num_connections() == 1, "the method as subscriber")
+            graph.wait_until(requests.connected, "the method as publisher")
 
             def make(gesture, true, what):
                 def tried():
@@ -284,7 +284,7 @@ class Replaced(unittest.TestCase):
                     emg.publish(gesture)
                     return view.messages and true(json.loads(view.messages[-1].json))
 
-                graph.until(tried, what)
+                graph.wait_until(tried, what)
 
             make("no_motion", lambda v: v["target"]["object"] == 3, "blue 2 highlighted")
             make("wrist_flexion", lambda v: v["target"]["locked"], "blue 2 locked")
@@ -326,7 +326,7 @@ class Shared(unittest.TestCase):
         command = rospy.Publisher("/mpl_right_arm/arm_controller/command", JointTrajectory, queue_size=1)
         nodes = Nodes("--method", "D", "--seed", "1", "--setup", "still")
         try:
-            graph.until(lambda: command.get_num_connections() >= 1, "the controller as subscriber")
+            graph.wait_until(lambda: command.get_num_connections() >= 1, "the controller as subscriber")
             told = lambda m: json.loads(m.json)
             view.wait(lambda m: told(m)["planner"]["state"] == "executing")
             angle = lambda m: m.position[m.name.index(ARM[6])]
@@ -404,8 +404,8 @@ class Played(unittest.TestCase):
             shown(lambda v: v["planner"]["state"] == "executing")
             shown(lambda v: v["planner"]["state"] == "arrived")
             shown(lambda v: v["hand"]["state"] == "closing")
-            graph.until(lambda: distance(base().position, shoulder.position) < 1e-3, "the shoulder where the bag has it")
-            graph.until(lambda: player.poll() is not None, "the end of the bag")
+            graph.wait_until(lambda: distance(base().position, shoulder.position) < 1e-3, "the shoulder where the bag has it")
+            graph.wait_until(lambda: player.poll() is not None, "the end of the bag")
             self.assertEqual(player.returncode, 0)
         finally:
             nodes.stop()

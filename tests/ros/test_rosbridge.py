@@ -1,7 +1,5 @@
 """`proact node rosbridge`: clients of rosbridge on one side, rospy nodes on the other, topics and services both ways."""
 
-import itertools
-import json
 import os
 import signal
 import subprocess
@@ -14,7 +12,7 @@ graph.message_packages()
 GRAPH = graph.Graph()
 
 import rospy  # noqa: E402
-import websocket  # noqa: E402
+from bridge_client import Client as BridgeClient, listens  # noqa: E402
 from actionlib_msgs.msg import GoalStatus  # noqa: E402
 from geometry_msgs.msg import PoseStamped  # noqa: E402
 from proact_msgs.msg import EmgSamples  # noqa: E402
@@ -28,54 +26,12 @@ PORT = graph.free_port()
 ROSLIBPY = os.environ.get("PROACT_ROSLIBPY_PYTHON", os.path.join(graph.ROOT, "build", "peers", "bin", "python"))
 
 
-class Client:
-    """A client of rosbridge: JSON over a WebSocket, nothing else."""
-
-    def __init__(self):
-        self.socket = websocket.create_connection(f"ws://127.0.0.1:{PORT}/", timeout=graph.PATIENCE)
-        self.messages, self.condition = [], threading.Condition()
-        threading.Thread(target=self.listen, daemon=True).start()
-        self.ids = itertools.count()
-
-    def listen(self):
-        try:
-            while True:
-                message = json.loads(self.socket.recv())
-                with self.condition:
-                    self.messages.append(message)
-                    self.condition.notify_all()
-        except (websocket.WebSocketException, OSError, ValueError):
-            pass
-
-    def send(self, op, **fields):
-        self.socket.send(json.dumps(dict(fields, op=op)))
-
-    def wait(self, true):
-        with self.condition:
-            found = lambda: next((m for m in self.messages if true(m)), None)
-            if not self.condition.wait_for(lambda: found() is not None, graph.PATIENCE):
-                raise AssertionError(f"waited in vain; the last of {len(self.messages)}: {self.messages[-3:]}")
-            return found()
-
-    def topic(self, name, true=lambda msg: True):
-        return self.wait(lambda m: m["op"] == "publish" and m["topic"] == name and true(m["msg"]))["msg"]
-
-    def call(self, service, **args):
-        name = f"call-{next(self.ids)}"
-        self.send("call_service", service=service, id=name, args=args)
-        answer = self.wait(lambda m: m["op"] == "service_response" and m.get("id") == name)
-        return answer["result"], answer["values"]
-
-    def close(self):
-        self.socket.close()
-
-
 def setUpModule():
     global NODE, LOG, CLIENT
     rospy.init_node("test_rosbridge", disable_signals=True)
     LOG = graph.Inbox("/rosout", Log, keep=1000)
     NODE = GRAPH.node("rosbridge", f"_port:={PORT}")
-    graph.until(listens, "the server's port")
+    graph.wait_until(lambda: listens(PORT), "the server's port")
     CLIENT = Client()
 
 
@@ -83,11 +39,8 @@ def tearDownModule():
     GRAPH.close()
 
 
-def listens():
-    import socket
-
-    with socket.socket() as s:
-        return s.connect_ex(("127.0.0.1", PORT)) == 0
+def Client():
+    return BridgeClient(PORT)
 
 
 class Bridge(unittest.TestCase):
@@ -127,8 +80,8 @@ class Bridge(unittest.TestCase):
     def test_a_client_publishes_without_advertising_where_a_node_has_named_the_type(self):
         numbers = graph.Inbox("/lab/number", Float64)
         # The first message makes the connection, so it may come before the subscriber does.
-        graph.until(lambda: (CLIENT.send("publish", topic="/lab/number", msg={"data": 2.5}), numbers.messages)[1],
-                    "a number on the graph")
+        graph.wait_until(lambda: (CLIENT.send("publish", topic="/lab/number", msg={"data": 2.5}), numbers.messages)[1],
+                         "a number on the graph")
         self.assertEqual(numbers.messages[0].data, 2.5)
 
     def test_types_that_only_this_machine_or_the_publisher_knows_pass(self):
@@ -145,7 +98,7 @@ class Bridge(unittest.TestCase):
         # In the other's own order: when it hears of the service it has subscribed.
         other.call("/rosapi/get_time")
         heard = graph.Inbox("/lab/chat", String)
-        graph.until(heard.connected, "the bridge as publisher")
+        graph.wait_until(heard.connected, "the bridge as publisher")
         for n in range(50):
             CLIENT.send("publish", topic="/lab/chat", msg={"data": str(n)})
         other.topic("/lab/chat", lambda m: m["data"] == "49")
@@ -177,7 +130,7 @@ class Bridge(unittest.TestCase):
     def test_a_node_calls_a_service_of_a_client(self):
         provider = Client()
         provider.send("advertise_service", service="/web/light", type="std_srvs/SetBool")
-        rospy.wait_for_service("/web/light", graph.PATIENCE)
+        rospy.wait_for_service("/web/light", graph.TIMEOUT_SECS)
         light = rospy.ServiceProxy("/web/light", SetBool)
         answers = []
         caller = threading.Thread(target=lambda: answers.append(light(True)))
@@ -186,17 +139,17 @@ class Bridge(unittest.TestCase):
         self.assertEqual(asked["args"], {"data": True})
         provider.send("service_response", service="/web/light", id=asked["id"], result=True,
                       values={"success": True, "message": "on"})
-        caller.join(graph.PATIENCE)
+        caller.join(graph.TIMEOUT_SECS)
         self.assertEqual((answers[0].success, answers[0].message), (True, "on"))
         # It leaves; so does its service.
         provider.close()
-        graph.until(lambda: "/web/light" not in [name for name, _ in GRAPH.system_state()[2]], "the service gone")
+        graph.wait_until(lambda: "/web/light" not in [name for name, _ in GRAPH.system_state()[2]], "the service gone")
 
     def test_a_type_that_the_graph_contradicts_is_refused(self):
         inbox = graph.Inbox("/lab/number2", Float64)
         # The bridge asks the master once a second at most.
         known = lambda: CLIENT.call("/rosapi/topic_type", topic="/lab/number2")[1]["type"]
-        graph.until(lambda: known() == "std_msgs/Float64", "the type of the topic")
+        graph.wait_until(lambda: known() == "std_msgs/Float64", "the type of the topic")
         CLIENT.send("advertise", topic="/lab/number2", type="std_msgs/String", id="wrong")
         told = CLIENT.wait(lambda m: m["op"] == "status" and m.get("id") == "wrong")
         self.assertIn("std_msgs/Float64", told["msg"])
@@ -213,6 +166,13 @@ class Bridge(unittest.TestCase):
         self.assertIn("/test_rosbridge", values["publishers"])
         done, values = CLIENT.call("/rosapi/services")
         self.assertIn("/test_rosbridge/get_loggers", values["services"])
+        # Its node is asked; the details come from the installed packages.
+        done, values = CLIENT.call("/rosapi/service_type", service="/test_rosbridge/get_loggers")
+        self.assertEqual((done, values), (True, {"type": "roscpp/GetLoggers"}))
+        done, values = CLIENT.call("/rosapi/service_response_details", type="std_srvs/Trigger")
+        self.assertEqual(values["typedefs"][0]["fieldnames"], ["success", "message"])
+        done, values = CLIENT.call("/rosapi/message_details", type="control_msgs/JointTolerance")
+        self.assertEqual(values["typedefs"][0]["fieldnames"], ["name", "position", "velocity", "acceleration"])
 
     @unittest.skipUnless(os.path.exists(ROSLIBPY), "roslibpy is not installed; ./proact peers installs it")
     def test_roslibpy_talks_with_a_node(self):
@@ -242,11 +202,11 @@ client.terminate()
     def test_z_after_a_master_restart_clients_and_new_nodes_find_each_other(self):
         CLIENT.send("advertise", topic="/lab/again", type="std_msgs/String", latch=True)
         CLIENT.send("publish", topic="/lab/again", msg={"data": "still here"})
-        graph.until(lambda: "/lab/again" in [name for name, _ in GRAPH.system_state()[0]], "the topic")
+        graph.wait_until(lambda: "/lab/again" in [name for name, _ in GRAPH.system_state()[0]], "the topic")
         GRAPH.stop(GRAPH.rosout, signal.SIGKILL)
         GRAPH.stop(GRAPH.master, signal.SIGKILL)
         GRAPH.start_master()
-        graph.until(lambda: "/proact_rosbridge" in GRAPH.nodes(), "the bridge on the new master")
+        graph.wait_until(lambda: "/proact_rosbridge" in GRAPH.nodes(), "the bridge on the new master")
         again = graph.Inbox("/lab/again", String)
         self.assertEqual(again.wait().data, "still here")
         self.assertEqual(GRAPH.stop(NODE), 0)

@@ -35,10 +35,10 @@ LIMIT = 250
 GAZE_LIMIT = 1000 + LIMIT
 DECISION = 50
 # rad/s: below, the arm is at rest; above, it moves as method A does (0.4) or as a plan does.
-AT_REST = 0.01
-MOVES = {"A": 0.35, "C": 0.1}
+REST_SPEED_RAD_PER_S = 0.01
+MOVING_SPEEDS_RAD_PER_S = {"A": 0.35, "C": 0.1}
 # The arm is watched for so long after it stopped, and while a gesture is held that must not move it, simulated ms.
-WATCHED = 250
+OBSERVATION_MS = 250
 
 
 def setUpModule():
@@ -57,11 +57,11 @@ def speed(message):
     return max(abs(message.velocity[message.name.index(joint)]) for joint in ARM)
 
 
-class Speaker:
-    """`speaker.py` as a process of its own."""
+class GesturePublisher:
+    """`gesture_publisher.py` as a process of its own."""
 
     def __init__(self):
-        path = os.path.join(os.path.dirname(os.path.abspath(__file__)), "speaker.py")
+        path = os.path.join(os.path.dirname(os.path.abspath(__file__)), "gesture_publisher.py")
         self.process = subprocess.Popen(["/usr/bin/python3", path], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                                         env=GRAPH.env, start_new_session=True, universal_newlines=True)
         GRAPH.processes.append(self.process)
@@ -74,22 +74,22 @@ class Speaker:
             at, word = line.split()
             self.said.append((int(at), word))
 
-    def say(self, word):
+    def set_gesture(self, word):
         self.process.stdin.write(word + "\n")
         self.process.stdin.flush()
 
     def end(self, how):
         """Ends it by a signal, whose answer is awaited."""
         os.killpg(self.process.pid, how)
-        self.process.wait(graph.PATIENCE)
-        self.reader.join(graph.PATIENCE)
+        self.process.wait(graph.TIMEOUT_SECS)
+        self.reader.join(graph.TIMEOUT_SECS)
 
     def last(self, word):
         """When it said `word` last."""
         return max(at for at, said in self.said if said == word)
 
 
-class Clocked:
+class ClockedCallback:
     """Publishes at each tick of /clock what `make(ms)` answers: messages by publisher."""
 
     def __init__(self, make):
@@ -145,7 +145,7 @@ class Safety(unittest.TestCase):
     def stop(cls):
         for process in cls.processes:
             GRAPH.stop(process)
-        graph.until(lambda: not any(n.startswith("/proact_") for n in GRAPH.nodes()), "all nodes gone")
+        graph.wait_until(lambda: not any(n.startswith("/proact_") for n in GRAPH.nodes()), "all nodes gone")
 
     def now(self):
         return millis(self.states.messages[-1].header.stamp)
@@ -158,28 +158,28 @@ class Safety(unittest.TestCase):
         self.states.clear()
         self.view.clear()
         try:
-            self.states.wait(lambda m: speed(m) > MOVES[self.method])
+            self.states.wait(lambda m: speed(m) > MOVING_SPEEDS_RAD_PER_S[self.method])
         except AssertionError as error:
             raise AssertionError(f"{error}; the last view is {self.view.messages[-1]}") from error
 
     def wait_for_rest(self):
         self.states.clear()
-        self.states.wait(lambda m: speed(m) < AT_REST)
+        self.states.wait(lambda m: speed(m) < REST_SPEED_RAD_PER_S)
 
     def moved_after(self, begin):
         """When the arm moved last after `begin`, in ms since then."""
         seen = [(millis(m.header.stamp) - begin, speed(m)) for m in list(self.states.messages)]
-        return max((at for at, fast in seen if at > 0 and fast > AT_REST), default=0)
+        return max((at for at, fast in seen if at > 0 and fast > REST_SPEED_RAD_PER_S), default=0)
 
     def check_stop(self, case, first, limit=LIMIT):
         """The arm is at rest within `limit` ms of `first` and stays so."""
-        self.wait_until(first + limit + WATCHED)
+        self.wait_until(first + limit + OBSERVATION_MS)
         took = self.moved_after(first)
         print(f"{type(self).__name__}, {case}: at rest {took} ms after the first that is missing or wrong")
         self.assertGreater(took, 50, "something else stopped it")
         self.assertLess(took, limit)
 
-    def check_held(self, watched=WATCHED):
+    def check_held(self, watched=OBSERVATION_MS):
         """Nothing moves the arm for a while."""
         begin = self.now()
         self.wait_until(begin + watched)
@@ -209,9 +209,9 @@ class GestureTopic:
         speakers = lambda: {name for name in dict(GRAPH.system_state()[0]).get("/emg", []) if "speaker" in name}
         before = speakers()
         # One each that goes on living, is shut down, is killed.
-        cls.speakers = [Speaker() for _ in range(3)]
+        cls.speakers = [GesturePublisher() for _ in range(3)]
         super().setUpClass()
-        graph.until(lambda: len(speakers() - before) == 3, "three publishers of /emg")
+        graph.wait_until(lambda: len(speakers() - before) == 3, "three publishers of /emg")
 
     @classmethod
     def tearDownClass(cls):
@@ -222,38 +222,38 @@ class GestureTopic:
     def test_a_gesture_topic_that_dies_stops_the_arm_until_it_is_back_and_relaxed(self):
         living, leaving, killed = self.speakers
         for case, speaker, die in [
-            ("silent", living, lambda: living.say("")),
-            ("garbage", living, lambda: living.say("waving")),
+            ("silent", living, lambda: living.set_gesture("")),
+            ("garbage", living, lambda: living.set_gesture("waving")),
             ("shut down", leaving, lambda: leaving.end(signal.SIGINT)),
             ("killed", killed, lambda: killed.end(signal.SIGKILL)),
         ]:
             with self.subTest(case=case):
                 if speaker is not living:
-                    living.say("")
-                speaker.say("no_motion")
+                    living.set_gesture("")
+                speaker.set_gesture("no_motion")
                 self.wait_until(self.now() + 100)
                 self.wait_for_release()
-                speaker.say("wrist_extension")
+                speaker.set_gesture("wrist_extension")
                 self.wait_for_motion()
                 die()
                 self.wait_for_stop("gesture_topic", "silent")
                 self.check_stop(case, speaker.last("wrist_extension") + DECISION)
                 # A gesture that is held all the time does not start the arm.
                 self.view.clear()
-                living.say("wrist_extension")
+                living.set_gesture("wrist_extension")
                 self.view.wait(lambda m: self.gesture(m) == "wrist_extension")
                 self.check_held()
-                living.say("no_motion")
+                living.set_gesture("no_motion")
                 self.wait_for_release()
                 self.go_back(living)
         self.wait_for_diagnosis("stop", "the gesture topic is silent")
 
     def go_back(self, speaker):
         """The other way, so that the joint does not come to its limit."""
-        speaker.say("wrist_flexion")
+        speaker.set_gesture("wrist_flexion")
         self.states.clear()
         self.states.wait(lambda m: m.position[m.name.index(ARM[0])] < self.start_angle)
-        speaker.say("no_motion")
+        speaker.set_gesture("no_motion")
         self.wait_for_rest()
 
 
@@ -261,11 +261,11 @@ class GestureTopicOfMethod(GestureTopic, Safety):
     nodes = ("sim", "method")
 
     def test_b_a_joystick_may_rest_but_not_fall_silent(self):
-        self.speakers[0].say("")
+        self.speakers[0].set_gesture("")
         self.view.clear()
         self.wait_for_stop("gesture_topic", "silent")
         out, pushed, last = rospy.Publisher("/joy", Joy, queue_size=1, tcp_nodelay=True), 1.0, [0]
-        graph.until(lambda: out.get_num_connections() == 1, "the method as subscriber")
+        graph.wait_until(lambda: out.get_num_connections() == 1, "the method as subscriber")
 
         def repeat(now):
             # As joy_node does with autorepeat_rate 20.
@@ -274,7 +274,7 @@ class GestureTopicOfMethod(GestureTopic, Safety):
             last[0] = now
             return [(out, Joy(axes=[0.0, pushed], buttons=[0] * 12))]
 
-        joystick = Clocked(repeat)
+        joystick = ClockedCallback(repeat)
         try:
             self.check_held()
             pushed = 0.0
@@ -292,13 +292,13 @@ class GestureTopicOfMethod(GestureTopic, Safety):
 
     def test_c_a_tracked_shoulder_that_freezes_or_falls_silent_after_it_has_moved_stops_the_arm(self):
         speaker = self.speakers[0]
-        speaker.say("no_motion")
+        speaker.set_gesture("no_motion")
         self.wait_for_release()
         get = rospy.ServiceProxy("/gazebo/get_model_state", GetModelState)
         mount = get("mpl_right_arm", "").pose
         height, live, last = mount.position.z, "moving", [0]
         out = rospy.Publisher("/Shoulderpad_filtered_pose", PoseStamped, queue_size=1, tcp_nodelay=True)
-        graph.until(lambda: out.get_num_connections() == 2, "simulator and method as subscribers")
+        graph.wait_until(lambda: out.get_num_connections() == 2, "simulator and method as subscribers")
 
         def track(now):
             if live == "moving":
@@ -308,11 +308,11 @@ class GestureTopicOfMethod(GestureTopic, Safety):
             header = Header(stamp=rospy.Time(now // 1000, now % 1000 * 1_000_000), frame_id="world")
             return [] if live == "silent" else [(out, PoseStamped(header=header, pose=mount))]
 
-        tracker = Clocked(track)
+        tracker = ClockedCallback(track)
         try:
             for case in ("frozen", "silent"):
                 with self.subTest(case=case):
-                    speaker.say("wrist_extension")
+                    speaker.set_gesture("wrist_extension")
                     self.wait_for_motion()
                     live = case
                     self.wait_until(self.now() + 20)
@@ -320,7 +320,7 @@ class GestureTopicOfMethod(GestureTopic, Safety):
                     self.wait_for_stop("shoulder_tracker", case)
                     live = "moving"
                     self.check_held()
-                    speaker.say("no_motion")
+                    speaker.set_gesture("no_motion")
                     self.wait_for_release()
                     self.go_back(speaker)
             self.wait_for_diagnosis("stop", "the shoulder tracker is silent")
@@ -353,7 +353,7 @@ class Armband(Safety):
         cls.recorded = cls.record()
         super().setUpClass()
         cls.out = rospy.Publisher("/proact/emg_samples", EmgSamples, queue_size=20, tcp_nodelay=True)
-        graph.until(lambda: cls.out.get_num_connections() == 1, "the EMG stage as subscriber")
+        graph.wait_until(lambda: cls.out.get_num_connections() == 1, "the EMG stage as subscriber")
 
     @classmethod
     def record(cls):
@@ -367,7 +367,7 @@ class Armband(Safety):
         rest = samples.came
         cls.processes.append(node("method"))
         held = lambda: [at for at, word in list(decisions) if word == "wrist_extension"]
-        graph.until(lambda: len(held()) > 12, "a gesture that is held")
+        graph.wait_until(lambda: len(held()) > 12, "a gesture that is held")
         cls.stop()
         for subscriber in (emg, samples.subscriber):
             subscriber.unregister()
@@ -378,7 +378,7 @@ class Armband(Safety):
 
     def test_an_armband_that_dies_stops_the_arm_until_it_is_back_and_relaxed(self):
         self.play("no_motion")
-        armband = Clocked(self.packet)
+        armband = ClockedCallback(self.packet)
         try:
             for case, told in [("silent", "silent"), ("constant", "repeats"), ("last packet again", "repeats"),
                                ("zeros", "repeats"), ("half of the packets", "lost"), ("half the rate", "the armband")]:
@@ -391,7 +391,7 @@ class Armband(Safety):
                     self.wait_for_motion()
                     self.diagnostics.clear()
                     self.first, self.fault = None, case
-                    self.check_stop(case, graph.until(lambda: self.first, "the first sample that is wrong"))
+                    self.check_stop(case, graph.wait_until(lambda: self.first, "the first sample that is wrong"))
                     self.fault = None
                     # The gesture is held all the time: long enough to be recognised again.
                     self.check_held(500)
@@ -438,8 +438,9 @@ class Gaze(Safety):
         queue = {"queue_size": 10, "tcp_nodelay": True}
         emg = rospy.Publisher("/emg", String, **queue)
         rays = [rospy.Publisher(topic, Vector3Stamped, **queue) for topic in ("/gaze_position", "/gaze_direction")]
-        for publisher in (emg, *rays):
-            graph.until(lambda: publisher.get_num_connections() == 1, "a subscriber of each")
+        # Gaze has the intent stage, and the method in case that somebody else infers.
+        for publisher, count in [(emg, 1), *((ray, 2) for ray in rays)]:
+            graph.wait_until(lambda: publisher.get_num_connections() == count, "the subscribers of each")
         block = rospy.ServiceProxy("/gazebo/get_model_state", GetModelState)("redcylinder1", "").pose.position
         eye = Vector3(-0.4, 0.3, 1.6)
         way = Vector3(block.x - eye.x, block.y - eye.y, block.z - eye.z)
@@ -460,7 +461,7 @@ class Gaze(Safety):
 
         shown = lambda true: self.view.wait(lambda m: true(json.loads(m.json)))
         self.word, self.eye = "no_motion", "live"
-        person = Clocked(look)
+        person = ClockedCallback(look)
         try:
             shown(lambda v: v["target"]["object"] == 0)
             self.word = "wrist_flexion"
@@ -472,7 +473,7 @@ class Gaze(Safety):
                     self.word = "wrist_extension"
                     self.wait_for_motion()
                     self.eye = case
-                    graph.until(lambda: case in first, case)
+                    graph.wait_until(lambda: case in first, case)
                     self.check_stop(f"gaze {case}", first[case], GAZE_LIMIT)
                     self.assertGreater(self.moved_after(first[case]), 900, "it was not the end of the path")
                     self.wait_for_stop("eye_tracker", case)

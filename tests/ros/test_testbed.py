@@ -56,7 +56,7 @@ class Testbed(unittest.TestCase):
                   "/grasp_event_republisher/grasp_events", "/move_group/motion_plan_request",
                   "/mpl_right_arm/arm_controller/command"]
         recorder = GRAPH.spawn(["/usr/bin/rosbag", "record", "-O", bag, *topics], "record.log")
-        graph.until(lambda: any(n.startswith("/record") for n in GRAPH.nodes()), "rosbag record")
+        graph.wait_until(lambda: any(n.startswith("/record") for n in GRAPH.nodes()), "rosbag record")
         node = GRAPH.node("testbed", *words)
         over = json.loads(result.wait(patience=360.0).data)
         self.assertEqual(over["arrangement"], alone["arrangement"])
@@ -64,11 +64,11 @@ class Testbed(unittest.TestCase):
         self.assertEqual(outcomes(over), outcomes(alone))
         # Plans that come late on a loaded machine cost time, not blocks.
         self.assertAlmostEqual(over["sim_seconds"], alone["sim_seconds"], delta=0.25 * alone["sim_seconds"])
-        graph.until(lambda: node.poll() is not None, "the node's end")
+        graph.wait_until(lambda: node.poll() is not None, "the node's end")
         self.assertEqual(node.returncode, 0)
         GRAPH.stop(recorder)
         # rosbag's own process closes the bag after the one that was started has ended.
-        graph.until(lambda: os.path.exists(bag), "the closed bag")
+        graph.wait_until(lambda: os.path.exists(bag), "the closed bag")
         self.check_bag(bag, topics)
 
     def check_bag(self, path, topics):
@@ -99,26 +99,26 @@ class Testbed(unittest.TestCase):
         frames = graph.Inbox("/mpl_right_arm/joint_states", JointState)
         gestures = graph.Inbox("/proact/frame", Frame)
         log = graph.Inbox("/rosout", Log, keep=1000)
-        node = GRAPH.node("testbed", "--live", "--method", "A", "--setup", "still", "_stay:=true")
+        node = GRAPH.node("testbed", "--live", "--method", "A", "--setup", "still", "_keep_running:=true")
         gestures.wait_count(5)
         first = dict(zip(frames.messages[0].name, frames.messages[0].position))
         player = GRAPH.spawn(["/usr/bin/rosbag", "play", "-q", "--wait-for-subscribers", path], "play.log")
         gestures.wait(lambda m: m.view.gesture == WRIST_EXTENSION)
         moved = lambda m: abs(dict(zip(m.name, m.position))["mpl_right_arm__shoulder"] - first["mpl_right_arm__shoulder"])
         frames.wait(lambda m: moved(m) > 0.1)
-        graph.until(lambda: player.poll() is not None, "the end of the bag")
+        graph.wait_until(lambda: player.poll() is not None, "the end of the bag")
         wrong = rospy.Publisher("/emg", String, queue_size=1)
-        graph.until(lambda: wrong.get_num_connections() == 1, "the node as subscriber")
+        graph.wait_until(lambda: wrong.get_num_connections() == 1, "the node as subscriber")
         wrong.publish("")
         log.wait(lambda m: "refused (emg)" in m.msg)
         GRAPH.stop(node)
 
     def test_goals_of_others_move_arm_and_hand_until_the_method_commands_them(self):
         states = graph.Inbox("/mpl_right_arm/joint_states", JointState, keep=2000)
-        node = GRAPH.node("testbed", "--live", "--method", "A", "--setup", "still", "_stay:=true")
+        node = GRAPH.node("testbed", "--live", "--method", "A", "--setup", "still", "_keep_running:=true")
         arm = actionlib.SimpleActionClient("/mpl_right_arm/arm_controller/follow_joint_trajectory", FollowJointTrajectoryAction)
         grasp = actionlib.SimpleActionClient("/grasp", graspAction)
-        patience = rospy.Duration(graph.PATIENCE)
+        patience = rospy.Duration(graph.TIMEOUT_SECS)
         self.assertTrue(arm.wait_for_server(patience) and grasp.wait_for_server(patience))
         states.wait_count(1)
         joints = ["mpl_right_arm__" + n for n in "shoulder humerus elbow forearm wristy wristx wristz".split()]
@@ -153,10 +153,10 @@ class Testbed(unittest.TestCase):
         self.assertAlmostEqual(now(finger), opened, delta=0.05)
         # The method commands the arm: the goal is over, and the arm goes where the gesture says.
         emg = rospy.Publisher("/emg", String, queue_size=1)
-        graph.until(lambda: emg.get_num_connections() == 1, "the node as subscriber")
+        graph.wait_until(lambda: emg.get_num_connections() == 1, "the node as subscriber")
         shoulder = now("mpl_right_arm__shoulder")
         arm.send_goal(to(-0.3, 20.0))
-        graph.until(lambda: arm.get_state() == GoalStatus.ACTIVE, "the goal at work")
+        graph.wait_until(lambda: arm.get_state() == GoalStatus.ACTIVE, "the goal at work")
         gesture = String(data="no_motion")
         frames = graph.Inbox("/proact/frame", Frame)
         beat = rospy.Timer(rospy.Duration(0.05), lambda _: emg.publish(gesture))
@@ -189,10 +189,10 @@ class Testbed(unittest.TestCase):
         display = f":{90 + os.getpid() % 100}"
         screen = GRAPH.spawn(["Xvfb", display, "-screen", "0", "1200x800x24"], "xvfb.log")
         GRAPH.env["DISPLAY"] = display
-        graph.until(lambda: os.path.exists(f"/tmp/.X11-unix/X{display[1:]}"), "the virtual display")
+        graph.wait_until(lambda: os.path.exists(f"/tmp/.X11-unix/X{display[1:]}"), "the virtual display")
         layout = os.path.join(src, "proact_bringup", "rviz", "proact.rviz")
         rviz = GRAPH.spawn(["/usr/bin/rviz", "-d", layout], "rviz.log")
-        graph.until(lambda: any("rviz" in n for n in GRAPH.nodes()), "rviz")
+        graph.wait_until(lambda: any("rviz" in n for n in GRAPH.nodes()), "rviz")
 
         def colours():
             taken = subprocess.run(["import", "-window", "root", shot], env=GRAPH.env, stderr=subprocess.DEVNULL)
@@ -222,7 +222,7 @@ class Testbed(unittest.TestCase):
             return all(seen.get(k, 0) > 8 for k in ("red", "blue", "wood", "arm"))
 
         try:
-            graph.until(drawn, "red and blue blocks, the box and the arm in the picture", 90)
+            graph.wait_until(drawn, "red and blue blocks, the box and the arm in the picture", 90)
         finally:
             print("pixels of 60000:", seen, "picture:", shot)
             for process in (rviz, node, publisher, screen):

@@ -57,7 +57,7 @@ def lab_frame(parent, child):
 class Frames(unittest.TestCase):
     def test_frames_that_the_lab_publishes_are_left_out_and_its_own_take_their_place(self):
         moving, fixed = graph.Inbox("/tf", TFMessage), graph.Inbox("/tf_static", TFMessage)
-        sim = GRAPH.node("sim", "--setup", "still", "_leave_out:=hololens_world_test, table")
+        sim = GRAPH.node("sim", "--setup", "still", "_exclude_frames:=hololens_world_test, table")
         try:
             moving.wait_count(50)
             told = {t.child_frame_id for m in moving.messages + [fixed.wait()] for t in m.transforms}
@@ -76,7 +76,7 @@ class Frames(unittest.TestCase):
                 lab.publish(there)
                 return buffer.can_transform("mpl_right_arm__wristz_link", "hololens_world_test", rospy.Time(0))
 
-            graph.until(known, "the lab's frame in one tree with the arm")
+            graph.wait_until(known, "the lab's frame in one tree with the arm")
             found = buffer.lookup_transform("world", "hololens_world_test", rospy.Time(0)).transform
             self.assertAlmostEqual(found.rotation.z, math.sin(YAW / 2), places=6)
             listener.unregister()
@@ -87,7 +87,7 @@ class Frames(unittest.TestCase):
 
     def test_a_frame_that_there_is_not_ends_the_node_with_those_that_there_are(self):
         for node in ("sim", "testbed"):
-            done = subprocess.run([graph.BINARY, "node", node, "_leave_out:=teapot"], env=GRAPH.env, timeout=60,
+            done = subprocess.run([graph.BINARY, "node", node, "_exclude_frames:=teapot"], env=GRAPH.env, timeout=60,
                                   stderr=subprocess.PIPE, universal_newlines=True)
             self.assertNotEqual(done.returncode, 0)
             self.assertIn('there is no frame "teapot", expected some of', done.stderr)
@@ -103,12 +103,12 @@ class Gaze(unittest.TestCase):
         cls.block = graph.Inbox("/block_id", String, keep=100)
         cls.seen = graph.Inbox("/gaze_direction_ros", Vector3Stamped, keep=100)
         cls.nodes = [GRAPH.node(name, "--method", "C", "--setup", "still", *words) for name, words in
-                     (("sim", ["_leave_out:=hololens_world_test"]), ("intent", []))]
+                     (("sim", ["_exclude_frames:=hololens_world_test"]), ("intent", []))]
         cls.tf = rospy.Publisher("/tf", TFMessage, queue_size=10)
         cls.gaze = [rospy.Publisher(f"/gaze_{half}", Vector3Stamped, queue_size=10) for half in ("position", "direction")]
         for publisher in (cls.tf, *cls.gaze):
-            graph.until(lambda: publisher.get_num_connections() == 1, "the intent node as subscriber")
-        rospy.wait_for_service("/gazebo/get_model_state", graph.PATIENCE)
+            graph.wait_until(lambda: publisher.get_num_connections() == 1, "the intent node as subscriber")
+        rospy.wait_for_service("/gazebo/get_model_state", graph.TIMEOUT_SECS)
         get = rospy.ServiceProxy("/gazebo/get_model_state", GetModelState)
         places = {name: get(name, "").pose.position for name in BLOCKS}
         cls.blocks = {name: (at.x, at.y, at.z) for name, at in places.items()}
@@ -137,7 +137,7 @@ class Gaze(unittest.TestCase):
                 self.look(frame, moved_back(EYE), turned_back(direction))
                 return self.block.messages and self.block.messages[-1].data == name
 
-            graph.until(tried, f"{name} meant by a gaze in {frame!r}")
+            graph.wait_until(tried, f"{name} meant by a gaze in {frame!r}")
             # The block and the gaze come on two topics; the gaze of the block before may still be the newest heard.
             length = math.sqrt(sum(v * v for v in direction))
             expected = tuple(v / length for v in direction)
@@ -155,9 +155,9 @@ class Gaze(unittest.TestCase):
             self.look("teapot" if "teapot" in text else "silent", EYE, (1.0, 0.0, -0.5))
             return any("refused (gaze)" in m.msg and text in m.msg for m in self.log.messages)
 
-        graph.until(lambda: refused('there is no frame "teapot"'), "the refusal of an unknown frame")
+        graph.wait_until(lambda: refused('there is no frame "teapot"'), "the refusal of an unknown frame")
         self.tf.publish(lab_frame("world", "silent"))
-        graph.until(lambda: refused("/tf was last heard of it"), "the refusal of a frame that is silent")
+        graph.wait_until(lambda: refused("/tf was last heard of it"), "the refusal of a frame that is silent")
 
 
 class Armband(unittest.TestCase):
@@ -165,7 +165,7 @@ class Armband(unittest.TestCase):
     def setUpClass(cls):
         cls.recordings, cls.model = (os.path.join(GRAPH.home, name) for name in ("recordings", "model.json"))
         # The third round is the one that a file source plays.
-        subprocess.run([graph.BINARY, "emg", "train", "--source", "synthetic", "--flat-out", "--least-rounds", "3",
+        subprocess.run([graph.BINARY, "emg", "train", "--source", "synthetic", "--no-realtime", "--min-rounds", "3",
                         "--out", cls.model, "--save", cls.recordings],
                        check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         cls.log = graph.Inbox("/rosout", Log, keep=1000)
@@ -191,7 +191,7 @@ class Armband(unittest.TestCase):
     def test_every_sample_of_an_armband_is_on_the_graph_and_its_end_is_told(self):
         band = GRAPH.spawn([graph.BINARY, "emg", "simulate", "--port", "0"], "band.log")
         listens = lambda: re.search(r"gforce-sim://[\d.]+:\d+", open(band.log).read())
-        node = GRAPH.node("emg", "--model", self.model, "--emg-source", graph.until(listens, "the armband").group())
+        node = GRAPH.node("emg", "--model", self.model, "--emg-source", graph.wait_until(listens, "the armband").group())
         try:
             self.samples.wait_count(50)
             messages = list(self.samples.messages)

@@ -60,4 +60,4 @@ mkdir -p "$work/colcon/src"
 [ -x "$work/colcon/install/proact_nodes/lib/proact_nodes/proact" ]
 
 echo "--- roslaunch from the install space"
-/usr/bin/python3 "$repository/tests/ros/launched.py" "$work/lab/install/setup.sh"
+/usr/bin/python3 "$repository/tests/ros/check_launch_files.py" "$work/lab/install/setup.sh"

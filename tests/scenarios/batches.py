@@ -15,7 +15,7 @@ import subprocess
 import tempfile
 import time
 
-WORDS = ["simulate", "--methods", "A,D", "--participants", "4", "--limit", "2"]
+WORDS = ["simulate", "--methods", "A,D", "--participants", "4", "--time-limit", "2"]
 FILES = ["trials.jsonl", "trials.csv", "blocks.csv", "measures.csv", "objects.csv", "phases.csv", "faults.csv"]
 
 
@@ -25,7 +25,7 @@ def run(binary, *words, fails=False):
     return done.stderr if fails else done.stdout
 
 
-def contents(folder):
+def file_contents(folder):
     return {name: (folder / name).read_bytes() for name in FILES}
 
 
@@ -40,11 +40,11 @@ def main():
         whole = place / "whole"
         told = json.loads(run(binary, *WORDS, "--jobs", 1, "--out", whole, "--json"))
         assert told["merged"] and "no evidence about people" in told["note"], told
-        expected = contents(whole)
+        expected = file_contents(whole)
         assert len(expected["trials.jsonl"].splitlines()) == 8
 
         run(binary, *WORDS, "--jobs", 2, "--out", place / "two")
-        assert contents(place / "two") == expected, "two jobs"
+        assert file_contents(place / "two") == expected, "two jobs"
 
         for number in (3, 1):
             told = json.loads(run(binary, *WORDS, "--out", place / "shards", "--shard", f"{number}/3", "--json"))
@@ -52,13 +52,13 @@ def main():
         missing = run(binary, "simulate", "--merge", place / "shards", fails=True)
         assert "of shards 2/3" in missing, missing
         run(binary, *WORDS, "--out", place / "shards", "--shard", "2/3")
-        assert contents(place / "shards") == expected, "three shards, the last of which merges"
+        assert file_contents(place / "shards") == expected, "three shards, the last of which merges"
         run(binary, "simulate", "--merge", place / "shards")
-        assert contents(place / "shards") == expected, "merged once more"
+        assert file_contents(place / "shards") == expected, "merged once more"
 
         for words, reason in [
             (["--seed", 2], "other seed: 1, and this one has 2"),
-            (["--set", "intent.sigma=0.1"], "other configuration"),
+            (["--set", "intent.gaze_sigma=0.1"], "other configuration"),
             (["--shard", "1/2"], "other number of shards: 1"),
         ]:
             refused = run(binary, *WORDS, "--out", whole, *words, fails=True)
@@ -86,7 +86,7 @@ def main():
         if log.exists() and log.stat().st_size > 100:
             log.write_bytes(log.read_bytes()[:-50])
         run(binary, *WORDS, "--jobs", 2, "--out", killed)
-        assert contents(killed) == expected, f"{kills} kills"
+        assert file_contents(killed) == expected, f"{kills} kills"
         print(f"batches: 8 trials are the same bytes with 1 and 2 jobs, in 3 shards, and after {kills} kills and a torn line")
 
 

@@ -20,17 +20,17 @@ import time
 from documents import FENCE, REPOSITORY, run_script
 
 CLAIM = re.compile(r"^<!-- claim\b([^\n]*)\n(.*?)^-->$", re.MULTILINE | re.DOTALL)
-MARKS = {"long", "recordings", "block"}
+CLAIM_OPTIONS = {"long", "recordings", "block"}
 DEFINITION = re.compile(r"^(\w+)(?:\((\w+(?:, \w+)*)\))? = (.+)$")
 PLACEHOLDER = re.compile(r"\{(~?[^{}]+)\}")
 ANYTHING = r"(?:(?!\n\n).)*?"
-WORDS = ["no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"]
-NUMBER = r"([-+]?\d+(?:,\d{3})*(?:\.\d+)?(?:e-?\d+)?|(?i:" + "|".join(rf"\b{word}\b" for word in [*WORDS, "none"]) + "))"
+NUMBER_WORDS = ["no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"]
+NUMBER = r"([-+]?\d+(?:,\d{3})*(?:\.\d+)?(?:e-?\d+)?|(?i:" + "|".join(rf"\b{word}\b" for word in [*NUMBER_WORDS, "none"]) + "))"
 # A script that takes longer hangs, s.
 SCRIPT_LIMIT = 3600
 
 
-class Broken(Exception):
+class ClaimError(Exception):
     """A claim that cannot be compared, with the reason."""
 
 
@@ -39,7 +39,7 @@ class Record(dict):
 
     def __getattr__(self, name):
         if name not in self:
-            raise Broken(f"no key {name!r}, expected one of: {', '.join(self)}")
+            raise ClaimError(f"no key {name!r}, expected one of: {', '.join(self)}")
         return self[name]
 
 
@@ -53,15 +53,15 @@ class Table:
 
     def where(self, **values):
         for key in values:
-            self.known(key)
+            self.check_column(key)
         return Table([row for row in self.rows if all(row[key] == str(value) for key, value in values.items())])
 
-    def known(self, name):
+    def check_column(self, name):
         if self.rows and name not in self.rows[0]:
-            raise Broken(f"no column {name!r}, expected one of: {', '.join(self.rows[0])}")
+            raise ClaimError(f"no column {name!r}, expected one of: {', '.join(self.rows[0])}")
 
     def column(self, name):
-        self.known(name)
+        self.check_column(name)
         return [float(row[name]) for row in self.rows if row[name] != ""]
 
     def __len__(self):
@@ -73,7 +73,7 @@ class Table:
         return lambda name: self.STATISTICS[statistic](self.column(name))
 
 
-class Names(dict):
+class ClaimNamespace(dict):
     """What expressions of a page may use: functions, the claim's definitions, and NAME for what NAME.json of the page's folder holds."""
 
     def __init__(self, place):
@@ -106,15 +106,15 @@ class Names(dict):
             # Text of this repository, as the commands beside it are.
             return eval(expression, self)
         except Exception as error:
-            raise Broken(f"{expression!r} has no value: {type(error).__name__}: {error}") from None
+            raise ClaimError(f"{expression!r} has no value: {type(error).__name__}: {error}") from None
 
 
 def as_printed(value, page):
     """The value as the page writes this figure: as a word, or with as many digits and separators."""
     if isinstance(value, str):
         return value
-    if page.lower() in WORDS or page.lower() == "none":
-        word = WORDS[int(value)] if value in range(1, len(WORDS)) else "none" if value == 0 else str(value)
+    if page.lower() in NUMBER_WORDS or page.lower() == "none":
+        word = NUMBER_WORDS[int(value)] if value in range(1, len(NUMBER_WORDS)) else "none" if value == 0 else str(value)
         if value == 0 and page.lower() in ("no", "none"):
             return page
         return word.capitalize() if page[0].isupper() else word
@@ -134,7 +134,7 @@ class Figures:
         parts = PLACEHOLDER.split(line)
         words = parts[0::2]
         if not re.search(r"[^\W\d_]", " ".join(words)):
-            raise Broken(f"the line {line!r} has no words of the page, so that its figures could be anywhere")
+            raise ClaimError(f"the line {line!r} has no words of the page, so that its figures could be anywhere")
         pattern = literal(parts[0])
         for expression, text in zip(parts[1::2], parts[2::2]):
             if expression == "...":
@@ -142,12 +142,12 @@ class Figures:
                 continue
             value = names.value(expression.removeprefix("~"))
             if isinstance(value, bool) or not isinstance(value, (int, float, str)):
-                raise Broken(f"{expression!r} is {value!r}, expected a number or a text")
+                raise ClaimError(f"{expression!r} is {value!r}, expected a number or a text")
             self.values.append(value)
             self.times.append(expression.startswith("~"))
             pattern += (r"(\w[\w-]*)" if isinstance(value, str) else NUMBER) + literal(text)
         if not self.values:
-            raise Broken(f"the line {line!r} has no figure in braces")
+            raise ClaimError(f"the line {line!r} has no figure in braces")
         # A figure at an end of the line is not a part of a longer one.
         self.pattern = re.compile(r"(?<![\w.-])" + pattern + r"(?![\d]|\.\d|,\d{3})", re.DOTALL)
 
@@ -172,16 +172,16 @@ class Page:
         found = list(CLAIM.finditer(self.text))
         broken = len(re.findall(r"<!--\s*claim\b", self.text)) - len(found)
         if broken:
-            raise Broken(f"{broken} claims are not a line '<!-- claim', lines, and a line '-->'")
+            raise ClaimError(f"{broken} claims are not a line '<!-- claim', lines, and a line '-->'")
         return list(zip(found, [claim.start() for claim in found[1:]] + [len(self.text)]))
 
     def check(self, claim, end, place, options):
         marks = set(claim[1].split())
-        if marks - MARKS:
-            raise Broken(f"unknown marks {sorted(marks - MARKS)}, expected some of {sorted(MARKS)}")
+        if marks - CLAIM_OPTIONS:
+            raise ClaimError(f"unknown marks {sorted(marks - CLAIM_OPTIONS)}, expected some of {sorted(CLAIM_OPTIONS)}")
         lines = [line for line in claim[2].splitlines() if line.strip()]
         if all(line.startswith("$ ") or DEFINITION.match(line) for line in lines):
-            raise Broken("no figure is compared; expected a line of the page's text with {EXPRESSION} in the place of each figure")
+            raise ClaimError("no figure is compared; expected a line of the page's text with {EXPRESSION} in the place of each figure")
         if "long" in marks and not options.long:
             return "skipped", "takes long; the lane claims_long runs it"
         if "recordings" in marks and not os.path.isdir(options.recordings):
@@ -190,13 +190,13 @@ class Page:
         if "block" in marks:
             block = FENCE.search(self.text, scope, end)
             if not block:
-                raise Broken("is marked block, and no block of commands follows")
+                raise ClaimError("is marked block, and no block of commands follows")
             script, scope = block[1], block.end()
         script += "".join(line[2:] + "\n" for line in lines if line.startswith("$ "))
         failure = run_script(script, place, {"RECORDINGS": options.recordings}, SCRIPT_LIMIT)
         if failure:
-            raise Broken(failure)
-        names, wrong = Names(place), 0
+            raise ClaimError(failure)
+        names, wrong = ClaimNamespace(place), 0
         for line in lines:
             definition = DEFINITION.match(line)
             if definition:
@@ -206,7 +206,7 @@ class Page:
                 found = figures.pattern.search(self.text, scope, end)
                 if not found:
                     measured = ", ".join(map(str, figures.values))
-                    raise Broken(f"the page lacks the text {line!r} between this claim, or its line before, and the next claim; measured: {measured}")
+                    raise ClaimError(f"the page lacks the text {line!r} between this claim, or its line before, and the next claim; measured: {measured}")
                 scope = found.end()
                 wrong += self.compare(figures, found)
         return ("failed", f"{wrong} figures are wrong") if wrong else ("passed", "")
@@ -234,7 +234,7 @@ class Page:
         name = os.path.relpath(self.path)
         try:
             claims = self.claims()
-        except Broken as error:
+        except ClaimError as error:
             self.counts["failed"] += 1
             print(f"FAILED   {name}: {error}")
             return
@@ -246,7 +246,7 @@ class Page:
                 start, line = time.monotonic(), self.text.count("\n", 0, claim.start()) + 1
                 try:
                     outcome, reason = self.check(claim, end, place, options)
-                except Broken as error:
+                except ClaimError as error:
                     outcome, reason = "failed", str(error)
                 self.counts[outcome] += 1
                 word = {"passed": "ok", "failed": "FAILED"}.get(outcome, outcome)

@@ -50,7 +50,7 @@ class Claims(unittest.TestCase):
             with open(path, encoding="utf-8") as file:
                 return code, output.getvalue(), file.read()
 
-    def refused(self, text, *expected):
+    def assert_refused(self, text, *expected):
         code, output, _ = self.check(text)
         self.assertEqual(code, 1, output)
         for words in expected:
@@ -69,41 +69,41 @@ class Claims(unittest.TestCase):
                              ("(0)", "(1)"), ("on_target.", "dropped."), ("three blocks", "3.1 blocks")]:
             with self.subTest(wrong=wrong):
                 self.assertIn(right, RIGHT)
-                self.refused(RIGHT.replace(right, wrong), "WRONG: measured", "1 failed")
+                self.assert_refused(RIGHT.replace(right, wrong), "WRONG: measured", "1 failed")
 
     def test_a_figure_that_the_page_does_not_have_fails(self):
-        self.refused(RIGHT.replace("three blocks\nof four", "blocks"), "the page lacks the text 'brings {trial.score} blocks", "measured: 3")
+        self.assert_refused(RIGHT.replace("three blocks\nof four", "blocks"), "the page lacks the text 'brings {trial.score} blocks", "measured: 3")
 
     def test_figures_in_another_order_or_of_the_next_claim_are_not_found(self):
         claim = "<!-- claim\n$ echo '{\"x\": 1}' > a.json\nfirst {a.x}\nsecond {a.x}\n-->\n"
-        self.refused(claim + "second 1, first 1", "lacks the text 'second {a.x}'")
-        self.refused(claim + "first 1\n\n" + claim + "first 1, second 1", "lacks the text 'second {a.x}'", "1 passed, 1 failed")
+        self.assert_refused(claim + "second 1, first 1", "lacks the text 'second {a.x}'")
+        self.assert_refused(claim + "first 1\n\n" + claim + "first 1, second 1", "lacks the text 'second {a.x}'", "1 passed, 1 failed")
 
     def test_a_command_that_fails_fails_with_what_it_said(self):
         text = "<!-- claim\n$ echo lost >&2; false\nscore {1}\n-->\nscore 1"
-        self.refused(text, "exit code 1", "lost")
-        self.refused(text.replace("false", "false | cat"), "exit code 1")
+        self.assert_refused(text, "exit code 1", "lost")
+        self.assert_refused(text.replace("false", "false | cat"), "exit code 1")
 
     def test_a_claim_that_compares_nothing_fails(self):
-        self.refused("<!-- claim\n$ echo 3\n-->\nscore 3", "no figure is compared")
-        self.refused("<!-- claim\n$ echo 3\nscore 3\n-->\nscore 3", "has no figure in braces")
-        self.refused("<!-- claim\n{3} | {4}\n-->\n3 | 4", "has no words of the page")
-        self.refused("# Page\n\nscore 3", "no claim is marked")
+        self.assert_refused("<!-- claim\n$ echo 3\n-->\nscore 3", "no figure is compared")
+        self.assert_refused("<!-- claim\n$ echo 3\nscore 3\n-->\nscore 3", "has no figure in braces")
+        self.assert_refused("<!-- claim\n{3} | {4}\n-->\n3 | 4", "has no words of the page")
+        self.assert_refused("# Page\n\nscore 3", "no claim is marked")
 
     def test_a_claim_of_another_form_fails(self):
-        self.refused("<!-- claim score {3} -->\nscore 3", "1 claims are not")
-        self.refused("<!-- claim lang\nscore {3}\n-->\nscore 3", "unknown marks ['lang']")
-        self.refused("<!-- claim block\nscore {3}\n-->\nscore 3", "no block of commands follows")
+        self.assert_refused("<!-- claim score {3} -->\nscore 3", "1 claims are not")
+        self.assert_refused("<!-- claim lang\nscore {3}\n-->\nscore 3", "unknown marks ['lang']")
+        self.assert_refused("<!-- claim block\nscore {3}\n-->\nscore 3", "no block of commands follows")
 
     def test_a_value_that_is_not_there_fails_by_name(self):
-        self.refused(RIGHT.replace("trial.score", "trial.scores"), "no key 'scores'", "score, share")
-        self.refused(RIGHT.replace("trial.score}", "trails.score}"), "trails")
-        self.refused(RIGHT.replace('mean("blocks")', 'mean("cubes")'), "no column 'cubes'")
+        self.assert_refused(RIGHT.replace("trial.score", "trial.scores"), "no key 'scores'", "score, share")
+        self.assert_refused(RIGHT.replace("trial.score}", "trails.score}"), "trails")
+        self.assert_refused(RIGHT.replace('mean("blocks")', 'mean("cubes")'), "no column 'cubes'")
 
     def test_the_block_after_a_claim_is_run(self):
         text = "<!-- claim block\n$ echo '{\"x\": 2}' > b.json\nsum {a.x + b.x}\n-->\n\n```sh\necho '{\"x\": 1}' > a.json\n```\n\nThe sum 3.\n"
         self.assertEqual(self.check(text)[0], 0)
-        self.refused(text.replace("sum 3", "sum 4"), "sum 4 (WRONG: measured 3")
+        self.assert_refused(text.replace("sum 3", "sum 4"), "sum 4 (WRONG: measured 3")
 
     def test_a_skipped_claim_is_counted_as_skipped(self):
         recorded = "<!-- claim recordings\n$ ls $RECORDINGS > names\nscore {3}\n-->\nscore 3"

@@ -19,7 +19,7 @@ import subprocess
 import sys
 
 # Five gestures are right by chance in 20 % of windows. It is a report: only a chain that is broken falls below this.
-LEAST_MEDIAN_ACCURACY = 0.5
+MIN_MEDIAN_ACCURACY = 0.5
 SEEDS = range(1, 1 + int(os.environ.get("PROACT_EMG_SEEDS", "3")))
 # Classes of myo_readings, a file each.
 MYO_FILES = ["0.txt", "1.txt", "2.txt", "7.txt"]
@@ -54,17 +54,17 @@ def repetitions(folder):
     return sorted({int(parts[1]) for parts in named})
 
 
-def measured(folder):
+def measure_session(folder):
     reps = repetitions(folder)
     half = (len(reps) + 1) // 2
     train, test = (",".join(map(str, part)) for part in (reps[:half], reps[half:]))
-    window = ["--train-reps", train, "--test-reps", test]
+    window = ["--train-repetitions", train, "--test-repetitions", test]
     judged = proact("emg", "evaluate", "--data", folder, *window)
     # A session without one of the five gestures is completed by the generator, or D could not be driven at all.
-    filled = ["--emg-fill", "synthetic"] if len(judged["classes"]) < 5 else []
+    filled = ["--fill-missing", "synthetic"] if len(judged["classes"]) < 5 else []
     trials = [
-        proact("demo", "--headless", "--method", "D", "--seed", seed, "--no-record", "--emg", folder, "--emg-train", train,
-               "--emg-feed", test, *filled)
+        proact("demo", "--headless", "--method", "D", "--seed", seed, "--no-record", "--emg", folder, "--emg-train-repetitions", train,
+               "--emg-test-repetitions", test, *filled)
         for seed in SEEDS
     ]
     return {
@@ -76,7 +76,7 @@ def measured(folder):
     }
 
 
-def spread(values):
+def min_median_max(values):
     return min(values), statistics.median(values), max(values)
 
 
@@ -86,7 +86,7 @@ def main():
         print("skipped: no recordings were named; PROACT_EMG_PEOPLE=FOLDER[:FOLDER..] names folders of them")
         return 77
     with concurrent.futures.ThreadPoolExecutor(max_workers=min(2, os.cpu_count() or 1)) as pool:
-        results = list(pool.map(measured, sessions(given)))
+        results = list(pool.map(measure_session, sessions(given)))
     for one in results:
         filled = ", a gesture of the generator's" if one["filled"] else ""
         print(f"{one['session']:24} {100 * one['accuracy']:5.1f} % of windows, on target {one['on_target']}{filled}")
@@ -95,14 +95,14 @@ def main():
         people.setdefault(one["person"], []).append(one)
     accuracies = [statistics.mean(one["accuracy"] for one in own) for own in people.values()]
     blocks = [statistics.mean(n for one in own for n in one["on_target"]) for own in people.values()]
-    low, middle, high = (100 * value for value in spread(accuracies))
+    low, middle, high = (100 * value for value in min_median_max(accuracies))
     print(f"{len(people)} people, {len(results)} sessions, seeds {SEEDS[0]} to {SEEDS[-1]}, the mean of each person:")
     print(f"windows recognised: min {low:.1f} %, median {middle:.1f} %, max {high:.1f} %")
-    print("blocks on target, of 4: min {:.2f}, median {:.2f}, max {:.2f}".format(*spread(blocks)))
+    print("blocks on target, of 4: min {:.2f}, median {:.2f}, max {:.2f}".format(*min_median_max(blocks)))
     if "--json" in sys.argv:
         pathlib.Path(sys.argv[sys.argv.index("--json") + 1]).write_text(json.dumps(results, indent=1))
-    if statistics.median(accuracies) < LEAST_MEDIAN_ACCURACY:
-        print(f"FAILED: the median is below {100 * LEAST_MEDIAN_ACCURACY:.0f} % of windows")
+    if statistics.median(accuracies) < MIN_MEDIAN_ACCURACY:
+        print(f"FAILED: the median is below {100 * MIN_MEDIAN_ACCURACY:.0f} % of windows")
         return 1
     return 0
 

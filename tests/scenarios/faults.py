@@ -23,14 +23,14 @@ import tempfile
 import threading
 import time
 
-from page_client import Page, Server
+from page_client import PageClient, ServeProcess
 
 proact = pathlib.Path(sys.argv[1]).resolve()
 work = pathlib.Path(tempfile.mkdtemp(prefix="proact-faults-"))
 # Simulated seconds for one of the clock, below which a trial is not being kept up. The machine may have other work.
-LEAST_PACE = 0.5
+MIN_REAL_TIME_FACTOR = 0.5
 # What a server may take more after a fault than before, MB.
-MOST_GROWTH = 30
+MAX_GROWTH_MB = 30
 
 
 class Skipped(Exception):
@@ -83,7 +83,7 @@ def disk_read_only():
     return done.stderr.strip()
 
 
-def of_each_kind():
+def one_input_of_each_kind():
     """A trial, a study with a plan and a table of samples, from which each kind of file can be made."""
     folder = work / "made"
     if not folder.exists():
@@ -102,12 +102,13 @@ def of_each_kind():
 
 def disk_full_outputs():
     """A file that does not fit is named; the one that was there before stays, and nothing else is left beside it."""
-    made = of_each_kind()
+    made = one_input_of_each_kind()
     writers = {
         "features": f'emg features --csv "{made}/samples.csv" --window 20 --increment 5 --unit samples --out',
         "xdf": f'export "{made}/trial" --xdf',
         "archive": f'study archive "{made}/pilot" --out',
         "tables": f'study export "{made}/pilot" --out',
+        "report": f'analyze "{made}/trial" --out',
     }
     for name, words in writers.items():
         # What is to be new cannot be there before.
@@ -150,8 +151,8 @@ def study_on_a_full_disk():
 
 # Each would work for minutes, or wait for a person, if it were not refused before.
 LONG_WRITERS = [
-    "emg train --source synthetic --secs 60 --out $dir/new",
-    "emg train --source synthetic --secs 60 --out $made/new.json --save $dir/new",
+    "emg train --source synthetic --repetition-seconds 60 --out $dir/new",
+    "emg train --source synthetic --repetition-seconds 60 --out $made/new.json --save $dir/new",
     "emg test --source synthetic --model $made/none.json --tests trial --adapt $dir/new",
     "demo --headless --out $dir/new",
     "serve --no-browser --port 0 --out $dir/new",
@@ -162,7 +163,7 @@ LONG_WRITERS = [
     "analyze $made/trial --out $dir/new",
     "study export $made/pilot --out $dir/new",
     "study archive $made/pilot --out $dir/new",
-    "study power $made/pilot --from $made/trial --figure $dir/new",
+    "study power $made/pilot --pilot $made/trial --figure $dir/new",
     "study new $dir/new",
     "export $made/trial --xdf $dir/new",
     "localize record $made/none.csv --out $dir/new",
@@ -173,7 +174,7 @@ LONG_WRITERS = [
 ]
 
 
-def refused_outputs(run_with, why):
+def check_outputs_refused(run_with, why):
     begun = []
     for words in LONG_WRITERS:
         try:
@@ -189,17 +190,17 @@ def refused_outputs(run_with, why):
 
 def read_only_outputs():
     """Refused before any work."""
-    made = of_each_kind()
+    made = one_input_of_each_kind()
 
     def run_with(script):
         return in_mount(f'mount -o remount,ro "$dir"; made="{made}"; {script}', "size=64k")
 
-    return refused_outputs(run_with, "Read-only file system")
+    return check_outputs_refused(run_with, "Read-only file system")
 
 
 def outputs_without_permission():
     """The same for a folder that this user may not write to."""
-    made = of_each_kind()
+    made = one_input_of_each_kind()
     folder = work / "forbidden"
     folder.mkdir()
     folder.chmod(0o555)
@@ -217,7 +218,7 @@ def outputs_without_permission():
         command = [*prefix, "sh", "-c", script]
         return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
 
-    return refused_outputs(run_with, "Permission denied")
+    return check_outputs_refused(run_with, "Permission denied")
 
 
 def file_limit():
@@ -254,21 +255,21 @@ def output_closed():
     return done.stderr.strip()
 
 
-class Watched:
+class MonitoredServer:
     """A server with a page that drives, and how well it keeps up."""
 
     def __init__(self, name, *words, **more):
         self.folder = work / name
-        self.server = Server(proact, random.randint(20000, 30000), self.folder, *words, **more)
-        self.page = Page(self.server.port)
-        self.watch(1)
-        self.memory = self.resident()
+        self.server = ServeProcess(proact, random.randint(20000, 30000), self.folder, *words, **more)
+        self.page = PageClient(self.server.port)
+        self.drive(1)
+        self.memory = self.resident_mb()
 
-    def resident(self):
+    def resident_mb(self):
         with open(f"/proc/{self.server.process.pid}/status") as status:
             return next(int(line.split()[1]) // 1024 for line in status if line.startswith("VmRSS"))
 
-    def watch(self, seconds):
+    def drive(self, seconds):
         """Drives for so long; simulated seconds for one of the clock."""
         begin, first, last = time.monotonic(), None, None
         gestures = ["wrist_extension", "no_motion"]
@@ -278,16 +279,16 @@ class Watched:
             first = first or (last, time.monotonic())
         return (last - first[0]) * 1e-3 / (time.monotonic() - first[1])
 
-    def end(self, pace):
+    def stop_and_check(self, pace):
         """Ends it well, and demands what must always hold; a line about it."""
-        memory = self.resident()
-        demand(self.server.stop(signal.SIGTERM) == 0, self.server.said())
-        demand("panicked" not in self.server.said(), self.server.said())
+        memory = self.resident_mb()
+        demand(self.server.stop(signal.SIGTERM) == 0, self.server.output_text())
+        demand("panicked" not in self.server.output_text(), self.server.output_text())
         for folder in self.folder.iterdir():
             replayed = json.loads(run("replay", folder, "--json").stdout)
             demand(replayed["agrees"] and replayed["finished"], f"{folder}: {replayed}")
-        demand(pace > LEAST_PACE, f"the trial went at {pace:.2f} of real time")
-        demand(memory < self.memory + MOST_GROWTH, f"{self.memory} MB before, {memory} MB after")
+        demand(pace > MIN_REAL_TIME_FACTOR, f"the trial went at {pace:.2f} of real time")
+        demand(memory < self.memory + MAX_GROWTH_MB, f"{self.memory} MB before, {memory} MB after")
         return f"pace {pace:.3f}, {self.memory} MB before, {memory} MB after"
 
 
@@ -305,18 +306,18 @@ def clock_jump():
         "FAKETIME_NO_CACHE": "1",
         "FAKETIME_DONT_FAKE_MONOTONIC": "1",
     }
-    watched = Watched("clock", env=environment)
+    watched = MonitoredServer("clock", env=environment)
     paces = []
     for jump in ["+3600", "-7200", "+0"]:
         offset.write_text(jump)
-        paces.append(watched.watch(2))
-    return watched.end(min(paces))
+        paces.append(watched.drive(2))
+    return watched.stop_and_check(min(paces))
 
 
-def half_open():
+def half_open_connections():
     """A thousand connections that ask for nothing, and some that ask one byte at a time."""
     resource.setrlimit(resource.RLIMIT_NOFILE, (4096, resource.getrlimit(resource.RLIMIT_NOFILE)[1]))
-    watched = Watched("half-open")
+    watched = MonitoredServer("half-open")
     sockets = []
     for number in range(1000):
         one = socket.socket()
@@ -328,45 +329,45 @@ def half_open():
             pass
         sockets.append(one)
     # What was drawn while they connected comes first.
-    watched.watch(1)
-    pace = watched.watch(5)
+    watched.drive(1)
+    pace = watched.drive(5)
     for one in sockets:
         one.close()
     time.sleep(0.5)
-    Page(watched.server.port).frame()
-    return watched.end(pace)
+    PageClient(watched.server.port).frame()
+    return watched.stop_and_check(pace)
 
 
 def slow_readers():
     """Twenty pages that never read what they are sent."""
-    watched = Watched("slow")
-    slow = [Page(watched.server.port, "spectator", receive_buffer=2048) for _ in range(20)]
-    pace = watched.watch(8)
-    told = watched.end(pace)
+    watched = MonitoredServer("slow")
+    slow = [PageClient(watched.server.port, "spectator", receive_buffer=2048) for _ in range(20)]
+    pace = watched.drive(8)
+    told = watched.stop_and_check(pace)
     del slow
     return told
 
 
-def crowd():
+def many_clients():
     """Seventy pages of each kind that only watch: driver and experimenter come in all the same."""
-    watched = Watched("crowd")
+    watched = MonitoredServer("crowd")
     pages, refused = [], 0
     for role in ["spectator", "participant", "experimenter"]:
         for _ in range(70):
             try:
-                pages.append(Page(watched.server.port, role))
+                pages.append(PageClient(watched.server.port, role))
             except ConnectionError as error:
                 demand(role == "spectator" and "503" in str(error), f"{role}: {error}")
                 refused += 1
     demand(refused == 6, f"{refused} of 70 spectators were refused, 64 have places")
     for role in ["participant", "experimenter"]:
-        Page(watched.server.port, role).frame()
-    pace = watched.watch(3)
+        PageClient(watched.server.port, role).frame()
+    pace = watched.drive(3)
     del pages
-    return watched.end(pace)
+    return watched.stop_and_check(pace)
 
 
-class DelayedLine:
+class DelayProxy:
     """A line to a port of this machine whose bytes come later by `secs` in each direction."""
 
     def __init__(self, port, secs):
@@ -395,10 +396,10 @@ class DelayedLine:
             sink.sendall(data)
 
 
-def delayed_line():
+def delayed_connection():
     """A page holds a gesture over a line with 200 ms each way: all that it says comes, and none of it moves the arm."""
-    watched = Watched("delay", "--method", "A")
-    page = Page(DelayedLine(watched.server.port, 0.2).port)
+    watched = MonitoredServer("delay", "--method", "A")
+    page = PageClient(DelayProxy(watched.server.port, 0.2).port)
     page.send(type="take_over")
     messages = (page.receive() for _ in range(600))
     warning = next((message for message in messages if message and message["type"] == "delay"), None)
@@ -416,13 +417,13 @@ def delayed_line():
     moved = max(abs(a - b) for a, b in zip(joints, frame["joints"]))
     demand(moved < 1e-3, f"a joint moved by {moved} rad")
     page.close()
-    return f"{stop['reason']}; {watched.end(1)}"
+    return f"{stop['reason']}; {watched.stop_and_check(1)}"
 
 
 def udp_flood():
     """Gaze and limb as fast as this machine can send, of every length, with and without sense."""
     gaze, limb = random.randint(31000, 32000), random.randint(32001, 33000)
-    watched = Watched("flood", "--gaze-udp", str(gaze), "--limb-udp", str(limb))
+    watched = MonitoredServer("flood", "--gaze-udp", str(gaze), "--limb-udp", str(limb))
     stop = threading.Event()
     sent = [0]
 
@@ -437,27 +438,27 @@ def udp_flood():
 
     threading.Thread(target=flood).start()
     try:
-        pace = watched.watch(6)
+        pace = watched.drive(6)
     finally:
         stop.set()
-    lines = len(watched.server.said().splitlines())
+    lines = len(watched.server.output_text().splitlines())
     demand(lines < 200, f"{lines} lines were said of {sent[0]} packets")
-    return f"{watched.end(pace)}, {sent[0]} packets, {lines} lines said"
+    return f"{watched.stop_and_check(pace)}, {sent[0]} packets, {lines} lines said"
 
 
 def one_core():
     """Server and a program that never rests on one and the same core."""
     hog = subprocess.Popen(["taskset", "-c", "0", sys.executable, "-c", "while True: pass"])
     try:
-        watched = Watched("one-core", prefix=["taskset", "-c", "0"])
-        return watched.end(watched.watch(5))
+        watched = MonitoredServer("one-core", prefix=["taskset", "-c", "0"])
+        return watched.stop_and_check(watched.drive(5))
     finally:
         hog.kill()
 
 
 FAULTS = [
     disk_full, disk_read_only, disk_full_outputs, study_on_a_full_disk, read_only_outputs, outputs_without_permission,
-    file_limit, output_closed, clock_jump, half_open, slow_readers, crowd, delayed_line, udp_flood, one_core
+    file_limit, output_closed, clock_jump, half_open_connections, slow_readers, many_clients, delayed_connection, udp_flood, one_core
 ]
 wanted = sys.argv[2:]
 failed = False

@@ -24,12 +24,12 @@ import sys
 import tempfile
 import time
 
-from page_client import Page, Server
+from page_client import PageClient, ServeProcess
 
 # Promised: a process that is killed loses at most this, milliseconds; a frame shows what is one flush old.
 LOST_MS = 200
 ROS_EPOCH_MS = 1_000_000
-GENTLE = [signal.SIGTERM, signal.SIGHUP, signal.SIGINT]
+GRACEFUL_SIGNALS = [signal.SIGTERM, signal.SIGHUP, signal.SIGINT]
 # Run by nohup this ignores SIGHUP, and programs that inherit that outlive it, as they should.
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
@@ -41,16 +41,16 @@ options = parser.parse_args()
 work = pathlib.Path(tempfile.mkdtemp(prefix="proact-kill-"))
 
 
-class Broken(Exception):
+class CheckFailed(Exception):
     """Something that was promised does not hold."""
 
 
 def demand(holds, what):
     if not holds:
-        raise Broken(what)
+        raise CheckFailed(what)
 
 
-def answer(*words):
+def run_program(*words):
     run = subprocess.run([options.proact, *words, "--json"], capture_output=True, text=True)
     demand(run.returncode == 0, f"{' '.join(map(str, words))} ended with {run.returncode}: {run.stderr.strip()}")
     return json.loads(run.stdout)
@@ -95,12 +95,12 @@ def check_record(folder, ended_well, shown=()):
     if not folder.exists():
         demand(not shown, f"{folder} is not there, although frames of it were shown")
         return 0
-    replayed = answer("replay", folder)
+    replayed = run_program("replay", folder)
     demand(replayed["agrees"], f"{folder} does not agree with itself: {replayed}")
     demand(replayed["finished"] or not ended_well, f"{folder} was ended by a signal and is not finished")
     # Of a record without a pick that is finished there is nothing to analyze, which is an error of its own.
     if not replayed["finished"]:
-        answer("analyze", folder, "--intent")
+        run_program("analyze", folder, "--intent")
     end = round(replayed["seconds"] * 1000)
     if shown:
         demand(end >= shown[-1]["time"] - LOST_MS, f"{folder} ends at {end} ms, {shown[-1]['time']} ms were shown")
@@ -120,7 +120,7 @@ def demo(number, rng):
     command = [options.proact, "demo", "--headless", "--seed", str(number), "--out", folder]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     time.sleep(rng.uniform(0.02, 1.2))
-    how = rng.choice(GENTLE) if number % 4 == 3 else signal.SIGKILL
+    how = rng.choice(GRACEFUL_SIGNALS) if number % 4 == 3 else signal.SIGKILL
     process.send_signal(how)
     process.wait(timeout=60)
     # Before its handlers are there a signal of any kind ends a program, and after the trial none does.
@@ -130,9 +130,9 @@ def demo(number, rng):
 def serve(number, rng):
     folder = work / f"serve{number}"
     method = rng.choice("ABCD")
-    server = Server(options.proact, 18400 + number % 50, folder, "--seed", "7", "--method", method)
-    page = Page(server.port)
-    how = rng.choice(GENTLE) if number % 4 == 3 else signal.SIGKILL
+    server = ServeProcess(options.proact, 18400 + number % 50, folder, "--seed", "7", "--method", method)
+    page = PageClient(server.port)
+    how = rng.choice(GRACEFUL_SIGNALS) if number % 4 == 3 else signal.SIGKILL
     shown, end = [], time.monotonic() + rng.uniform(0.1, 4.0)
     gestures = ["wrist_flexion", "wrist_extension", "hand_close", "hand_open", "no_motion"]
     while time.monotonic() < end:
@@ -147,13 +147,13 @@ def serve(number, rng):
 def train(number, rng):
     folder, model = work / f"train{number}", work / f"model{number}.json"
     secs, rate, gestures = 0.5, 1000, 5
-    command = [options.proact, "emg", "train", "--source", "synthetic", "--secs", str(secs), "--prepare", "0.2"]
-    command += ["--rounds", "2", "--save", folder, "--out", model]
+    command = [options.proact, "emg", "train", "--source", "synthetic", "--repetition-seconds", str(secs), "--prepare-seconds", "0.2"]
+    command += ["--max-rounds", "2", "--save", folder, "--out", model]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     time.sleep(rng.uniform(0.5, 8.0))
     # A model that is not good enough is written, and said to be so by the exit code.
     demand(process.poll() is None or model.exists(), f"{' '.join(map(str, command))} ended with {process.poll()}")
-    process.send_signal(signal.SIGKILL if number % 4 != 3 else rng.choice(GENTLE))
+    process.send_signal(signal.SIGKILL if number % 4 != 3 else rng.choice(GRACEFUL_SIGNALS))
     process.wait(timeout=60)
     rows = [len(path.read_text().splitlines()) for path in folder.glob("R_*.csv")]
     demand(all(count == rows[0] for count in rows), f"{folder} has repetitions of {rows} rows")
@@ -180,7 +180,7 @@ def features(number, rng):
     command += ["--window", str(window), "--increment", "1", "--unit", "samples"]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     time.sleep(rng.uniform(0.0, 1.0))
-    process.send_signal(rng.choice([signal.SIGKILL, *GENTLE]))
+    process.send_signal(rng.choice([signal.SIGKILL, *GRACEFUL_SIGNALS]))
     process.wait(timeout=60)
     text = out.read_text()
     count = len(text.splitlines())
@@ -189,19 +189,19 @@ def features(number, rng):
     return count
 
 
-def points(program):
+def kill_points(program):
     rng = random.Random(f"{options.seed} {program.__name__}")
     found = []
     for number in range(options.points):
         try:
             found.append(program(number, rng))
-        except (Broken, ConnectionError, RuntimeError, subprocess.SubprocessError, OSError) as error:
+        except (CheckFailed, ConnectionError, RuntimeError, subprocess.SubprocessError, OSError) as error:
             return program.__name__, found, f"point {number}: {error}; it is in {work}"
     return program.__name__, found, None
 
 
 with concurrent.futures.ThreadPoolExecutor(max_workers=4) as pool:
-    done = list(pool.map(points, [demo, serve, train, features]))
+    done = list(pool.map(kill_points, [demo, serve, train, features]))
 failed = False
 for name, found, error in done:
     unit = {"train": "repetitions kept", "features": "lines"}.get(name, "ms in the record")

@@ -14,8 +14,8 @@ start demo --method D --seed 1 --no-record
 node "$here/../page/run.mjs" --url "$address" --out "$output/watch" --mode watch --score
 stop
 
-start demo --method D --seed 1 --no-record --limit 8
-node "$here/../page/run.mjs" --url "$address" --out "$output/afterwards" --mode afterwards
+start demo --method D --seed 1 --no-record --time-limit 8
+node "$here/../page/run.mjs" --url "$address" --out "$output/result_card" --mode result_card
 stop
 
 start serve --method D --seed 1 --setup still --no-record
@@ -24,27 +24,27 @@ stop
 
 # The first visit's bytes, another page that takes over, windows of all sizes, people without a mouse, without keys or with one
 # switch, and a study as its experimenter and its participant see it.
-for mode in load wheel layout accessibility conduct study_forms; do
+for mode in download_size control_lease layout accessibility conduct study_forms; do
     start serve --method D --seed 1 --setup still --no-record
     node "$here/../page/run.mjs" --url "$address" --out "$output/$mode" --mode "$mode"
     stop
 done
 
 # The view of EMG beside a simulated armband.
-"$proact" emg train --source synthetic --flat-out --replace --out "$output/model.json" >"$output/train.log" 2>&1
-start serve --no-record --setup still --seed 1 --limit 1800 --emg-source synthetic --emg-model "$output/model.json"
+"$proact" emg train --source synthetic --no-realtime --replace --out "$output/model.json" >"$output/train.log" 2>&1
+start serve --no-record --setup still --seed 1 --time-limit 1800 --emg-source synthetic --emg-model "$output/model.json"
 node "$here/../page/run.mjs" --url "$address" --out "$output/emg" --mode emg
 stop
 
 # Signals, intent, scores and views of the participant's page, beside the same.
-start serve --method D --no-record --setup still --seed 1 --limit 1800 --emg-source synthetic --emg-model "$output/model.json"
+start serve --method D --no-record --setup still --seed 1 --time-limit 1800 --emg-source synthetic --emg-model "$output/model.json"
 node "$here/../page/run.mjs" --url "$address" --out "$output/signals" --mode signals
 stop
 
 # What was recorded, as a report in which each trial leads to its replay.
 rm -rf "$output/trials"
 for method in A D; do
-    "$proact" demo --headless --method "$method" --seed 1 --limit 20 --out "$output/trials/$method" >"$output/trials.log" 2>&1
+    "$proact" demo --headless --method "$method" --seed 1 --time-limit 20 --out "$output/trials/$method" >"$output/trials.log" 2>&1
 done
 start analyze "$output/trials" --page
 node "$here/../page/run.mjs" --url "$address" --out "$output/report" --mode report

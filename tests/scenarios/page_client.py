@@ -10,7 +10,7 @@ import threading
 import time
 
 
-class Page:
+class PageClient:
     """A connection to `/live`. `receive_buffer` bytes small makes a slow reader of it."""
 
     def __init__(self, port, role="participant", receive_buffer=None):
@@ -47,7 +47,7 @@ class Page:
         with self.writing:
             self.socket.sendall(bytes([0x80 | kind]) + length + mask + masked)
 
-    def _take(self, count):
+    def _read_exactly(self, count):
         while len(self.pending) < count:
             data = self.socket.recv(1 << 16)
             if not data:
@@ -58,13 +58,13 @@ class Page:
 
     def receive(self):
         """The next message; none for one that is no JSON, such as a ping."""
-        kind, length = self._take(2)
+        kind, length = self._read_exactly(2)
         length &= 0x7F
         if length == 126:
-            length = struct.unpack(">H", self._take(2))[0]
+            length = struct.unpack(">H", self._read_exactly(2))[0]
         elif length == 127:
-            length = struct.unpack(">Q", self._take(8))[0]
-        data = self._take(length)
+            length = struct.unpack(">Q", self._read_exactly(8))[0]
+        data = self._read_exactly(length)
         if kind & 0x0F == 9:
             # As browsers do by themselves: whoever does not answer is taken to be gone.
             self._write(0xA, data)
@@ -83,7 +83,7 @@ class Page:
         self.socket.close()
 
 
-class Server:
+class ServeProcess:
     """`proact serve` on a port of its own, in a process group of its own. Records go to the folder `out`, what it says to
     `out.log` beside that."""
 
@@ -96,12 +96,12 @@ class Server:
             [*command, *words], stdout=self.log, stderr=self.log, env=env, start_new_session=True
         )
         end = time.monotonic() + 60
-        while "page: " not in self.said():
+        while "page: " not in self.output_text():
             if self.process.poll() is not None or time.monotonic() > end:
-                raise RuntimeError(f"the server did not start: {self.said()}")
+                raise RuntimeError(f"the server did not start: {self.output_text()}")
             time.sleep(0.02)
 
-    def said(self):
+    def output_text(self):
         self.log.flush()
         with open(self.log.name) as log:
             return log.read()

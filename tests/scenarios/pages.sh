@@ -28,7 +28,7 @@ stop
 # Method B by what the page tells, and by nothing else.
 for seed in 1 2 3; do
     start serve --no-record --seed "$seed"
-    look strip
+    look hint_bar
     stop
 done
 
@@ -59,7 +59,7 @@ stop
 
 # A headset's controller on the brace.
 start serve --no-record --mocap headset:right_controller
-look brace
+look controller_tracking
 stop
 
 rm -rf "$output/trials"
@@ -81,7 +81,7 @@ node "$here/../page/run.mjs" --mode ghost --program "$proact" --out "$output/gho
 # The calibration page with a simulated person at the armband, and a trial by the model that was made there: keys are
 # prompts, the armband's EMG is recognised, and that moves the arm.
 node "$here/../page/calibrate.mjs" --program "$proact" --out "$output/calibrate"
-node "$here/../page/run.mjs" --mode limb --program "$proact" --out "$output/limb"
+node "$here/../page/run.mjs" --mode limb_tests --program "$proact" --out "$output/limb_tests"
 start serve --method D --seed 1 --setup still --no-record --emg-source synthetic --emg-model "$output/calibrate/model.json"
 node "$here/../page/run.mjs" --url "$address" --out "$output/armband" --mode interactive
 stop

@@ -15,9 +15,9 @@ import sys
 import tempfile
 import time
 
-from page_client import Page, Server
+from page_client import PageClient, ServeProcess
 
-PATIENCE_SECS = 30
+TIMEOUT_SECS = 30
 
 
 def free_port():
@@ -26,19 +26,19 @@ def free_port():
         return probe.getsockname()[1]
 
 
-def goes_on(proact, work, arm, refused):
+def check_trial_continues(proact, work, arm, refused):
     """Asks the page of `serve` with `arm` for `vmpl`, until `refused(server, message)`; then a trial has to be shown all the same."""
-    server = Server(proact, free_port(), work / arm, "--arm", arm, "--method", "A", "--limit", "60")
-    page = Page(server.port)
+    server = ServeProcess(proact, free_port(), work / arm, "--arm", arm, "--method", "A", "--time-limit", "60")
+    page = PageClient(server.port)
     page.frame()
     page.send(type="restart", method="vmpl", again=True)
-    end = time.monotonic() + PATIENCE_SECS
+    end = time.monotonic() + TIMEOUT_SECS
     while not refused(server, page.receive()):
-        assert server.process.poll() is None, f"{arm}: serve ended: {server.said()}"
-        assert time.monotonic() < end, f"{arm}: nothing was refused: {server.said()}"
+        assert server.process.poll() is None, f"{arm}: serve ended: {server.output_text()}"
+        assert time.monotonic() < end, f"{arm}: nothing was refused: {server.output_text()}"
     assert page.frame(), arm
     code = server.stop(signal.SIGINT)
-    assert code == 0, f"{arm}: ended with {code}: {server.said()}"
+    assert code == 0, f"{arm}: ended with {code}: {server.output_text()}"
     print(f"ok: vmpl refused with {arm}, the trial before goes on", flush=True)
 
 
@@ -47,20 +47,20 @@ def not_offered(_server, message):
 
 
 def cannot_begin(server, _message):
-    return "This trial cannot begin" in server.said() and "25000" in server.said()
+    return "This trial cannot begin" in server.output_text() and "25000" in server.output_text()
 
 
 def main():
     proact = pathlib.Path(sys.argv[1])
     with tempfile.TemporaryDirectory(prefix="proact-choice-") as folder:
         work = pathlib.Path(folder)
-        goes_on(proact, work, "wam", not_offered)
+        check_trial_continues(proact, work, "wam", not_offered)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
             try:
                 other.bind(("127.0.0.1", 25000))
             except OSError:
                 pass  # Somebody else listens there, which is as good.
-            goes_on(proact, work, "mpl_right", cannot_begin)
+            check_trial_continues(proact, work, "mpl_right", cannot_begin)
 
 
 main()

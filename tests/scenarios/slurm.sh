@@ -71,7 +71,7 @@ batch() {
     folder=$1
     people=$2
     shift 2
-    "$proact" simulate --methods C,D --participants "$people" --limit 2 --seed 5 --out "$folder" --jobs 1 "$@"
+    "$proact" simulate --methods C,D --participants "$people" --time-limit 2 --seed 5 --out "$folder" --jobs 1 "$@"
 }
 
 # Submits a batch; its job is in $job.
@@ -81,7 +81,7 @@ submit() {
     [ -n "$job" ] || { cat "$1.json"; echo "FAILED: it is not said which job it is"; exit 1; }
 }
 
-over() {
+wait_until_finished() {
     wait_for '^0$' sh -c "squeue --noheader --jobs=$job 2>/dev/null | wc -l"
 }
 
@@ -97,7 +97,7 @@ same() {
 
 batch "$output/local6" 3 >/dev/null 2>&1
 submit "$output/array6" 3
-over
+wait_until_finished
 same 6
 echo "ok  six trials by an array of three tasks, the same bytes as by one process"
 
@@ -106,11 +106,11 @@ batch "$output/local80" 40 >/dev/null 2>&1
 submit "$output/array80" 40
 wait_for '^[1-9]' sh -c "cat '$output'/array80/shard-*.log | grep -c digest"
 scancel "$job"
-over
+wait_until_finished
 [ ! -e "$output/array80/trials.jsonl" ] || { echo "FAILED: the batch was over before it was cancelled"; exit 1; }
 done_before=$(cat "$output"/array80/shard-*.log | grep -c digest)
 submit "$output/array80" 40
-over
+wait_until_finished
 same 80
 echo "ok  80 trials by an array that was cancelled after $done_before and submitted again"
 echo "2 passed, 0 failed"

@@ -19,9 +19,9 @@ import tempfile
 import threading
 import time
 
-from page_client import Page
+from page_client import PageClient
 
-PATIENCE_SECS = 60
+TIMEOUT_SECS = 60
 # Another distance from shoulder to midline than the set-up's, so that a calibration that is not used shows.
 HALF_WIDTH = 0.21
 PLAN = """
@@ -53,7 +53,7 @@ def demand(holds, what):
         sys.exit(1)
 
 
-def answer(*words):
+def run_program(*words):
     run = subprocess.run([proact, *words], capture_output=True, text=True, cwd=work)
     demand(run.returncode == 0, f"{words} ended with {run.returncode}: {run.stderr}")
     return run.stdout
@@ -75,7 +75,7 @@ class Listener:
     """A page whose newest message of a study is kept."""
 
     def __init__(self, port, role):
-        self.page, self.newest, self.role = Page(port, role), None, role
+        self.page, self.newest, self.role = PageClient(port, role), None, role
         threading.Thread(target=self._read, daemon=True).start()
 
     def _read(self):
@@ -88,7 +88,7 @@ class Listener:
             self.newest = None
 
     def until(self, holds, what):
-        end = time.monotonic() + PATIENCE_SECS
+        end = time.monotonic() + TIMEOUT_SECS
         while time.monotonic() < end:
             newest = self.newest
             if newest and holds(newest):
@@ -108,7 +108,7 @@ def conduct(folder, body):
          "--mocap", f"file:{work}/moving.csv/{body}", "--mocap-trunk", "Sternum"],
         stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=log, cwd=work,
     )
-    end = time.monotonic() + PATIENCE_SECS
+    end = time.monotonic() + TIMEOUT_SECS
     while True:
         try:
             desk = Listener(port, "experimenter")
@@ -137,7 +137,7 @@ def conduct(folder, body):
     desk.until(lambda screen: not (screen["session"] and screen["session"]["now"]["what"]["is"] == "trial"
                                    and screen["session"]["now"]["running"]), "the trial's end")
     process.send_signal(signal.SIGINT)
-    demand(process.wait(timeout=PATIENCE_SECS) == 0, f"study run: {(work / f'{folder}.log').read_text()}")
+    demand(process.wait(timeout=TIMEOUT_SECS) == 0, f"study run: {(work / f'{folder}.log').read_text()}")
     records = [path.parent for path in (work / folder).rglob("result.json")]
     demand(len(records) == 1, f"one record: {records}")
     return records[0]
@@ -146,27 +146,27 @@ def conduct(folder, body):
 def shoulder_of(record):
     import tomllib
 
-    return tomllib.loads((record / "config.toml").read_text())["setup"]["body"]["shoulder"]
+    return tomllib.loads((record / "config.toml").read_text())["setup"]["body"]["shoulder_m"]
 
 
 poses("rest.csv", 5, sway=False)
 poses("moving.csv", 90, sway=True)
-told = json.loads(answer("localize", "--json", "shoulder", "rest.csv", "--body", "Shoulderpad", "--half-width", str(HALF_WIDTH)))
+told = json.loads(run_program("localize", "--json", "shoulder", "rest.csv", "--body", "Shoulderpad", "--half-shoulder-width", str(HALF_WIDTH)))
 place = told["details"]["world_from_shoulder"]
 demand(abs(place[1] + HALF_WIDTH) < 1e-3, f"the shoulder is calibrated: {told}")
-reach = answer("localize", "reach")
+reach = run_program("localize", "reach")
 demand("calibrated of 20" in reach and "% of the box is reached" in reach, f"what is in reach: {reach}")
 
 for folder in ("one", "two"):
-    answer("study", "new", folder)
+    run_program("study", "new", folder)
     (work / folder / "plan.toml").write_text(PLAN)
 record = conduct("one", "Shoulderpad")
 is_at = shoulder_of(record)
 demand(all(abs(a - b) < 1e-9 for a, b in zip(is_at, place)), f"the trial's shoulder is {is_at}, calibrated {place}")
 kept = record / "calibrations" / "shoulder.toml"
 demand(kept.read_bytes() == (work / "calibrations" / "shoulder.toml").read_bytes(), "the record keeps the calibration")
-answer("replay", str(record))
-answer("study", "export", "one")
+run_program("replay", str(record))
+run_program("study", "export", "one")
 table = (work / "one" / "tables" / "compensation.csv").read_text().splitlines()
 row = dict(zip(table[0].split(","), table[1].split(",")))
 demand(2.0 < float(row["trunk_turn_deg"]) < 12.0 and float(row["shoulder_path_m"]) > 0, f"compensation: {row}")

@@ -48,7 +48,7 @@ by = "balanced"
 
 [[sessions]]
 name = "1"
-positions = [1]
+condition_positions = [1]
 trials = 2
 begin = [{{ do = "form", form = "participant", minutes = 1 }}, {{ do = "say", text = "welcome", minutes = 1 }}]
 after_condition = [{{ do = "form", form = "nasa_tlx", minutes = 1 }}]
@@ -57,9 +57,9 @@ end = [{{ do = "form", form = "ranking", minutes = 1 }}]
 [[sessions]]
 name = "2"
 days_after = [1, 2]
-positions = [2]
+condition_positions = [2]
 trials = 4
-rests = [{{ after_trial = 1, minutes = 1 }}]
+breaks = [{{ after_trial = 1, minutes = 1 }}]
 
 [texts]
 welcome = "Hello."
@@ -76,22 +76,22 @@ rng = random.Random(options.seed)
 counts = {"kills": 0, "of workers": 0, "studies": 0, "events": 0, "answers": 0, "trials": 0, "interrupted trials": 0}
 
 
-class Broken(Exception):
+class CheckFailed(Exception):
     """Something that was promised does not hold."""
 
 
 def demand(holds, what):
     if not holds:
-        raise Broken(what)
+        raise CheckFailed(what)
 
 
-def answer(*words):
+def run_program(*words):
     run = subprocess.run([proact, *words], capture_output=True, text=True)
     demand(run.returncode == 0, f"{words} ended with {run.returncode}: {run.stderr.strip()}")
     return run.stdout
 
 
-class Run:
+class StudyRun:
     """`study run` in a process group of its own."""
 
     def __init__(self, folder):
@@ -131,7 +131,7 @@ def journal(folder):
 
 
 def check_finished(folder, events):
-    status = json.loads(answer("study", "status", folder, "--json"))
+    status = json.loads(run_program("study", "status", folder, "--json"))
     demand(status["finished"] and status["trials"][0] == status["trials"][1] == 12, f"the plan is finished: {status}")
     out = folder / "tables"
     rows = {name: list(csv.DictReader(open(out / f"{name}.csv", newline=""))) for name in ("trials", "attempts", "answers", "events")}
@@ -147,7 +147,7 @@ def check_finished(folder, events):
     demand(sum(1 for row in rows["answers"] if row["answer"]) == len(given), f"{len(given)} answers were told")
     demand(all(row["simulated"] == "1" for row in rows["trials"] + rows["answers"]), "all of it is marked as simulated")
     for row in rows["trials"]:
-        replayed = json.loads(answer("replay", folder / row["record"], "--json"))
+        replayed = json.loads(run_program("replay", folder / row["record"], "--json"))
         demand(replayed["agrees"] and replayed["finished"], f"{row['record']} does not replay: {replayed}")
         demand(replayed["digest"] == row["digest"], f"{row['record']} has the digest that the table says")
     counts["answers"] += len(given)
@@ -160,11 +160,11 @@ def check_finished(folder, events):
 def study(number):
     """One study, killed until it is finished or all kills are spent, then finished."""
     folder = work / f"study{number}"
-    answer("study", "new", folder)
+    run_program("study", "new", folder)
     (folder / "plan.toml").write_text(PLAN.format(name=folder.name, seed=number, limit=rng.choice([4, 6, 10])))
     told = 0
     while True:
-        run = Run(folder)
+        run = StudyRun(folder)
         killed = counts["kills"] < options.points
         if killed:
             time.sleep(rng.uniform(0.02, 1.5))
@@ -200,7 +200,7 @@ try:
         number += 1
     print(", ".join(f"{value} {name}" for name, value in counts.items()))
     print("1 passed, 0 failed")
-except Broken as broken:
+except CheckFailed as broken:
     print(f"broken: {broken}; what is left is in {work}", file=sys.stderr)
     print(counts)
     print("0 passed, 1 failed")

@@ -27,9 +27,9 @@ import tempfile
 import threading
 import time
 
-from page_client import Page
+from page_client import PageClient
 
-PATIENCE_SECS = 30
+TIMEOUT_SECS = 30
 # Two rounds of five gestures, and a sequence without a mistake.
 TRAINING_SECS = 150
 PLAN = """
@@ -56,7 +56,7 @@ trials = 2
 begin = [
   { do = "form", form = "participant", minutes = 1 },
   { do = "say", text = "welcome", minutes = 1 },
-  { do = "train", repetitions = 2, hold_secs = 1, pass_runs = 1, minutes = 1 },
+  { do = "train", repetitions = 2, hold_secs = 1, consecutive_correct_runs = 1, minutes = 1 },
   { do = "calibrate_gaze", minutes = 1 },
   { do = "rest", minutes = 0.05 },
 ]
@@ -75,13 +75,13 @@ work = pathlib.Path(tempfile.mkdtemp(prefix="proact-study-"))
 folder = work / "live"
 
 
-class Broken(Exception):
+class CheckFailed(Exception):
     """Something that was promised does not hold."""
 
 
 def demand(holds, what):
     if not holds:
-        raise Broken(what)
+        raise CheckFailed(what)
 
 
 def free_port():
@@ -94,7 +94,7 @@ class Listener:
     """A page whose newest messages of each type are kept, read beside what the script does."""
 
     def __init__(self, port, role):
-        self.page = Page(port, role)
+        self.page = PageClient(port, role)
         self.newest = {}
         self.ended = False
         threading.Thread(target=self._read, daemon=True).start()
@@ -108,7 +108,7 @@ class Listener:
         except (OSError, ConnectionError, ValueError):
             self.ended = True
 
-    def until(self, kind, holds, what, patience=PATIENCE_SECS):
+    def until(self, kind, holds, what, patience=TIMEOUT_SECS):
         end = time.monotonic() + patience
         while time.monotonic() < end:
             message = self.newest.get(kind)
@@ -118,10 +118,10 @@ class Listener:
                 break
             time.sleep(0.01)
         ended = "; the connection is gone" if self.ended else ""
-        raise Broken(f"{what}{ended}: the newest message is {json.dumps(self.newest.get(kind))[:1500]}")
+        raise CheckFailed(f"{what}{ended}: the newest message is {json.dumps(self.newest.get(kind))[:1500]}")
 
 
-class Run:
+class StudyRun:
     """`proact study run`, with an experimenter's and a participant's page."""
 
     def __init__(self, *words, prefix=(), study=None):
@@ -133,7 +133,7 @@ class Run:
         )
         self.acknowledged = 0
         threading.Thread(target=self._acknowledge, daemon=True).start()
-        end = time.monotonic() + PATIENCE_SECS
+        end = time.monotonic() + TIMEOUT_SECS
         while True:
             try:
                 self.experimenter = Listener(self.port, "experimenter")
@@ -157,7 +157,7 @@ class Run:
     def screen(self, holds, what):
         return self.experimenter.until("study", holds, what)
 
-    def now(self, kind, what=None, running=None):
+    def wait_for_step(self, kind, what=None, running=None):
         """Waits for a step of this kind."""
 
         def holds(screen):
@@ -166,10 +166,10 @@ class Run:
 
         return self.screen(holds, what or f"a step that is {kind}")["session"]["now"]
 
-    def told(self, words):
+    def wait_for_notice(self, words):
         return self.screen(lambda screen: words in screen["told"], f"is told {words!r}")
 
-    def shows(self, show):
+    def wait_for_participant_screen(self, show):
         return self.participant.until("participant", lambda screen: screen["show"] == show, f"the participant sees {show}")
 
     def answer(self, form, key, value, page=None):
@@ -211,31 +211,31 @@ class Run:
 
     def trial(self):
         """Starts the trial that waits, although nobody minds that the gaze is not calibrated by a mouse."""
-        now = self.now("trial", running=False)
+        now = self.wait_for_step("trial", running=False)
         if all(check["ready"] for check in now["what"]["checks"]):
             self.ask("next")
         else:
             self.ask("start_anyway", reason="a test")
-        self.now("trial", running=True)
-        self.shows("scene")
+        self.wait_for_step("trial", running=True)
+        self.wait_for_participant_screen("scene")
 
     def end(self, how=signal.SIGINT):
         # What wraps the program, such as faketime, does not hand signals on.
         inner = subprocess.run(["pgrep", "-f", f"^{proact} study run"], capture_output=True, text=True).stdout.split()
         for process in map(int, inner):
             os.kill(process, how)
-        code = self.process.wait(timeout=PATIENCE_SECS)
+        code = self.process.wait(timeout=TIMEOUT_SECS)
         demand(how != signal.SIGINT or code == 0, f"study run ended with {code}: {(work / 'run.log').read_text()[-2000:]}")
         return code
 
 
-def answer(*words):
+def run_program(*words):
     run = subprocess.run([proact, *words], capture_output=True, text=True)
     demand(run.returncode == 0, f"{words} ended with {run.returncode}: {run.stderr}")
     return run.stdout
 
 
-def refused(*words, prefix=(), study=None):
+def run_refused(*words, prefix=(), study=None):
     run = subprocess.run([*prefix, proact, "study", "run", study or folder, "--no-browser", *words], capture_output=True, text=True)
     demand(run.returncode != 0, f"{words} is refused")
     lines = [line for line in run.stderr.splitlines() if line.startswith("proact:")]
@@ -248,19 +248,19 @@ def table(name, out):
         return list(csv.DictReader(file))
 
 
-def first_part():
-    run = Run("--use-log", work / "use.jsonl")
+def run_until_kill():
+    run = StudyRun("--usage-log", work / "use.jsonl")
     screen = run.screen(lambda screen: screen["next"], "says who is next")
     demand(screen["next"]["participant"] == 1 and screen["can"] == ["begin"], f"participant 1 is next: {screen['next']}")
     run.ask("begin", id="nobody")
-    run.told("there is no participant nobody")
+    run.wait_for_notice("there is no participant nobody")
     run.ask("begin", id="X1", new=True)
 
-    form = run.shows("form")
+    form = run.wait_for_participant_screen("form")
     run.ask("skip", reason="in a hurry")
-    run.told("without consent")
+    run.wait_for_notice("without consent")
     run.participant.page.send(type="submit", step=form["step"])
-    run.told("without consent")
+    run.wait_for_notice("without consent")
     run.answer(form, "no_such_item", "x")
     run.participant.until("participant", lambda s: s.get("refused") and s["refused"]["key"] == "no_such_item", "an unknown item is refused")
     choice = next(item for item in form["form"]["items"] if item["kind"] == "choice")
@@ -272,15 +272,15 @@ def first_part():
     run.participant.until("participant", lambda s: choice["key"] not in s.get("answers", {choice["key"]: 1}), "and taken back")
     run.fill(form)
 
-    demand(run.now("say")["what"]["text"] == "Hello.", "the text to say is there")
-    run.shows("listen")
+    demand(run.wait_for_step("say")["what"]["text"] == "Hello.", "the text to say is there")
+    run.wait_for_participant_screen("listen")
     run.ask("note", text="arrived\x07 late")
     screen = run.screen(lambda screen: screen["notes"], "a note is kept")
     demand(screen["notes"] == ["arrived  late"], f"without control characters: {screen['notes']}")
     run.ask("next")
 
-    run.shows("train")
-    end = time.monotonic() + PATIENCE_SECS
+    run.wait_for_participant_screen("train")
+    end = time.monotonic() + TIMEOUT_SECS
     while not (prompt := run.participant.newest["participant"])["passed"]:
         demand(time.monotonic() < end, f"the gestures are passed: {prompt}")
         run.participant.page.send(type="gesture", gesture=prompt["gesture"])
@@ -292,8 +292,8 @@ def first_part():
     run.participant.page.send(type="gesture", gesture="no_motion")
     run.ask("next")
 
-    run.now("calibrate_gaze", running=True)
-    run.shows("scene")
+    run.wait_for_step("calibrate_gaze", running=True)
+    run.wait_for_participant_screen("scene")
     point = {"accuracy_deg": 3.0, "precision_deg": 0.1, "offset_deg": [2.9, 0.1], "lost_share": 0, "blinks": 0, "samples": 60}
     run.drive(0.3)
     run.participant.until("status", lambda status: status["gaze_calibrations"] > 0, "the participant's page is asked to calibrate")
@@ -302,32 +302,32 @@ def first_part():
         lambda s: s["session"]["now"]["what"].get("error_deg") == 3.0, "the error of the gaze is shown to the experimenter"
     )
     run.ask("next")
-    demand(run.shows("rest")["left_secs"] <= 3.0, "the break's length is the plan's")
+    demand(run.wait_for_participant_screen("rest")["left_secs"] <= 3.0, "the break's length is the plan's")
     run.screen(lambda s: s["session"]["now"]["what"].get("left_secs") == 0, "the break runs out")
     run.ask("next")
 
-    run.now("demonstrate", running=False)
+    run.wait_for_step("demonstrate", running=False)
     run.ask("next")
-    run.now("demonstrate", running=True)
-    demand("watch" in run.shows("scene")["title"], "the demonstration says so")
+    run.wait_for_step("demonstrate", running=True)
+    demand("watch" in run.wait_for_participant_screen("scene")["title"], "the demonstration says so")
     time.sleep(0.5)
     run.ask("next")
-    run.now("practise", running=False)
+    run.wait_for_step("practise", running=False)
     run.ask("next")
-    run.now("practise", running=True)
+    run.wait_for_step("practise", running=True)
     run.drive(0.5)
     # What may not be asked for now is told, and changes nothing.
     run.ask("redo", reason="x")
-    run.told("end it first")
+    run.wait_for_notice("end it first")
     run.ask("next")
 
-    now = run.now("trial", running=False)
+    now = run.wait_for_step("trial", running=False)
     checks = {check["name"]: check for check in now["what"]["checks"]}
     demand({"pages", "gestures", "gaze", "disk", "clock"} <= set(checks), f"what is looked at: {sorted(checks)}")
     demand(checks["gaze"]["ready"] and checks["gestures"]["ready"], f"trained and calibrated: {checks}")
     demand(checks["gaze"]["age_secs"] is not None, "each has its age")
     run.ask("redo", reason="too early")
-    run.told("there is no trial")
+    run.wait_for_notice("there is no trial")
     run.trial()
     frame = run.participant.newest.get("frame")
     run.drive(0.5)
@@ -339,19 +339,19 @@ def first_part():
     run.screen(lambda screen: "the phone rang" in screen["notes"], "a note is kept in a pause")
     run.experimenter.page.send(type="study", action="resume")
     run.drive(4.0)
-    now = run.now("trial", running=False)
+    now = run.wait_for_step("trial", running=False)
     demand(now["what"]["number"] == [2, 2] and "blocks on target in 3 s" in now["what"]["before"], f"after the first trial: {now['what']}")
 
     # Trained and calibrated again in the middle: kept with the reasons.
     run.ask("retrain", reason="")
-    run.told("a reason is needed")
+    run.wait_for_notice("a reason is needed")
     run.ask("recalibrate", reason="the headset slipped")
-    run.now("calibrate_gaze", running=True)
+    run.wait_for_step("calibrate_gaze", running=True)
     run.drive(0.3)
     run.ask("next")
-    run.now("trial", running=False)
+    run.wait_for_step("trial", running=False)
     run.ask("redo", reason="looked away")
-    now = run.now("trial", running=False)
+    now = run.wait_for_step("trial", running=False)
     run.screen(lambda s: s["session"]["now"]["what"]["number"] == [1, 2], "the first trial is done again")
     run.trial()
     run.drive(0.5)
@@ -362,17 +362,17 @@ def first_part():
     return told
 
 
-def second_part(told):
-    run = Run("--use-log", work / "use.jsonl")
-    run.told("was interrupted")
+def resume_and_finish(told):
+    run = StudyRun("--usage-log", work / "use.jsonl")
+    run.wait_for_notice("was interrupted")
     # Beside it nobody else runs this study, and looking is allowed.
-    demand("another program runs this study" in refused("--port", "0"), "a second program is refused")
-    answer("study", "status", folder)
+    demand("another program runs this study" in run_refused("--port", "0"), "a second program is refused")
+    run_program("study", "status", folder)
     demand(run.acknowledged > told, "events go on where they were")
     screen = run.screen(lambda screen: screen["next"], "says who is next")
     demand(screen["next"]["begun"] and screen["next"]["id"] == "X1", f"the session goes on: {screen['next']}")
     run.ask("begin", id="X1", new=True)
-    run.told("X1 exists already")
+    run.wait_for_notice("X1 exists already")
     run.ask("begin")
     run.screen(lambda s: s["session"] and s["session"]["now"]["what"].get("number") == [1, 2], "the interrupted trial is done again")
     run.trial()
@@ -381,29 +381,29 @@ def second_part(told):
     run.trial()
     run.drive(0.3)
     run.experimenter.page.send(type="study", action="abort")
-    form = run.shows("form")
+    form = run.wait_for_participant_screen("form")
     demand(form["about"] == "D" and len(form["pairs"]) == 15, "the questionnaire is about the condition, with its pairs")
     run.answer(form, form["form"]["items"][0]["key"], 50)
     run.participant.until("participant", lambda s: len(s.get("answers", {})) == 1, "one answer is kept")
     run.ask("leave")
     run.screen(lambda screen: screen["next"], "the session is left")
     run.ask("begin")
-    form = run.shows("form")
+    form = run.wait_for_participant_screen("form")
     demand(len(form["answers"]) == 1, "answers stay")
     run.participant.page.send(type="submit", step=form["step"])
-    run.told("questions have no answer")
+    run.wait_for_notice("questions have no answer")
     run.fill(form)
-    form = run.shows("form")
+    form = run.wait_for_participant_screen("form")
     run.participant.until("participant", lambda s: s.get("form", {}).get("name") == "comments", "the last questionnaire")
     run.ask("skip", reason="no time left")
     run.screen(lambda screen: screen["session"] is None, "the session is over")
-    run.shows("thanks")
+    run.wait_for_participant_screen("thanks")
     told = run.acknowledged
     run.end()
     return told
 
 
-def use_is_logged():
+def check_use_log():
     """The first program was killed within its minute; the second one had the trials that ended and whoever was connected."""
     lines = [json.loads(line) for line in (work / "use.jsonl").read_text().splitlines()]
     demand(lines, "the log of use has lines")
@@ -411,14 +411,14 @@ def use_is_logged():
     trials = sum(line["trials"] for line in used)
     demand(2 <= trials <= 4, f"trials that ended, and no practice or demonstration: {lines}")
     demand(all(line["connected_secs"] > 0 for line in used), f"a page was connected: {lines}")
-    days = json.loads(answer("emg", "use", work / "use.jsonl", "--json"))["days"]
-    demand(sum(day["trials"] for day in days) == trials, f"and emg use adds them up: {days}")
+    days = json.loads(run_program("emg", "usage", work / "use.jsonl", "--json"))["days"]
+    demand(sum(day["trials"] for day in days) == trials, f"and emg usage adds them up: {days}")
 
 
-def what_is_left(told):
+def check_exported_tables(told):
     out = work / "tables"
-    use_is_logged()
-    rows = json.loads(answer("study", "export", folder, "--out", out, "--keep-ids", "--raw", "--json"))["rows"]
+    check_use_log()
+    rows = json.loads(run_program("study", "export", folder, "--out", out, "--keep-pseudonyms", "--raw", "--json"))["rows"]
     demand(rows["trials"] == 2 and rows["attempts"] == 4, f"two trials count, of four attempts: {rows}")
     demand(rows["events"] >= told, f"{told} events were told, {rows['events']} are there")
     numbers = [int(row["event"]) for row in table("events", out)]
@@ -439,45 +439,45 @@ def what_is_left(told):
     demand(rows["raw_gaze"] > 50, "the gaze sample by sample")
     for row in table("attempts", out):
         record = folder / row["record"]
-        replayed = json.loads(answer("replay", record, "--json"))
+        replayed = json.loads(run_program("replay", record, "--json"))
         demand(replayed["agrees"], f"{record} replays")
         demand((record / f"participant1-modeD-trial{row['trial']}.bag").exists() or row["outcome"] == "interrupted", f"the bag of {record}")
-    # Without --keep-ids nobody finds the pseudonym.
+    # Without --keep-pseudonyms nobody finds the pseudonym.
     plain = work / "shared"
-    answer("study", "export", folder, "--out", plain)
+    run_program("study", "export", folder, "--out", plain)
     for file in plain.glob("*.csv"):
         demand("X1" not in file.read_text(), f"{file.name} has no pseudonym")
     subprocess.run(["sha256sum", "--quiet", "-c", "SHA256SUMS"], cwd=plain, check=True)
     archive = work / "live.zip"
-    answer("study", "archive", folder, "--out", archive)
+    run_program("study", "archive", folder, "--out", archive)
     shutil.unpack_archive(archive, work / "unpacked")
     subprocess.run(["sha256sum", "--quiet", "-c", "SHA256SUMS"], cwd=work / "unpacked" / "live", check=True)
-    demand(answer("study", "status", work / "unpacked" / "live") == answer("study", "status", folder), "an archive is a study")
+    demand(run_program("study", "status", work / "unpacked" / "live") == run_program("study", "status", folder), "an archive is a study")
 
 
-def what_a_lab_may_do():
+def check_allowed_plan_edits():
     plan = folder / "plan.toml"
     text = plan.read_text()
     # What is to come may be changed, and that is kept; what was done may not.
     plan.write_text(text.replace("trials = 2", "trials = 1"))
-    demand("was done and is another one now" in refused("--port", "0"), "an edited past is refused")
+    demand("was done and is another one now" in run_refused("--port", "0"), "an edited past is refused")
     plan.write_text(text.replace('welcome = "Hello."', 'welcome = "Welcome."'))
-    run = Run("--participant", "X2", "--new")
+    run = StudyRun("--participant", "X2", "--enroll")
     run.screen(lambda s: s["session"] and "plan_changed" in s["session"]["steps"][0]["deviations"], "that the plan was changed is kept")
-    run.shows("form")
+    run.wait_for_participant_screen("form")
     run.end()
-    demand("real participants" in refused("--simulated"), "simulated and real people do not mix")
+    demand("real participants" in run_refused("--simulated"), "simulated and real people do not mix")
     demand("exists" in subprocess.run([proact, "study", "new", folder], capture_output=True, text=True).stderr, "no study is overwritten")
 
     # A clock that is set back: kept, and the order of events is that of their numbers.
     if shutil.which("faketime"):
-        run = Run(prefix=("faketime", "-f", "-2h"))
+        run = StudyRun(prefix=("faketime", "-f", "-2h"))
         screen = run.screen(lambda screen: screen["next"], "says who is next")
         run.ask("begin", id="X2")
-        run.shows("form")
+        run.wait_for_participant_screen("form")
         run.end()
         out = work / "clock"
-        answer("study", "export", folder, "--out", out)
+        run_program("study", "export", folder, "--out", out)
         kinds = [row["deviation"] for row in table("deviations", out)]
         demand("clock_set" in kinds, f"a clock that is set back is kept: {kinds}")
     else:
@@ -490,7 +490,7 @@ def what_a_lab_may_do():
         left.unlink()
     size = (other / "study.sqlite").stat().st_size
 
-    def limited():
+    def limit_file_size():
         resource.setrlimit(resource.RLIMIT_FSIZE, (size + 8192, size + 8192))
 
     port = free_port()
@@ -500,41 +500,41 @@ def what_a_lab_may_do():
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=limited,
+        preexec_fn=limit_file_size,
     )
-    end = time.monotonic() + PATIENCE_SECS
+    end = time.monotonic() + TIMEOUT_SECS
     while process.poll() is None and time.monotonic() < end:
         try:
-            page = Page(port, "experimenter")
+            page = PageClient(port, "experimenter")
             for k in range(200):
                 page.send(type="conduct", ask="note", text=f"note {k} " + 200 * "x")
                 time.sleep(0.005)
         except (OSError, ConnectionError):
             time.sleep(0.1)
-    out, error = process.communicate(timeout=PATIENCE_SECS)
+    out, error = process.communicate(timeout=TIMEOUT_SECS)
     told = [int(line.split()[1]) for line in out.splitlines() if line.startswith("event ")]
     sentence = [line for line in error.splitlines() if line.startswith("proact:")]
     demand(process.returncode != 0 and len(sentence) == 1, f"a full disk is told in one sentence: {error[-1500:]}")
     demand("study.sqlite" in sentence[0], f"and says where: {sentence}")
-    rows = json.loads(answer("study", "export", other, "--out", work / "full-tables", "--json"))["rows"]
+    rows = json.loads(run_program("study", "export", other, "--out", work / "full-tables", "--json"))["rows"]
     demand(rows["events"] >= max(told), f"{max(told)} events were told, {rows['events']} are there")
 
 
 def armband():
     """Training with an armband, a simulated one that makes what is asked for, and what becomes of its model."""
     other = work / "armband"
-    answer("study", "new", other)
-    steps = '{ do = "train", repetitions = 2, hold_secs = 2, pass_runs = 1, minutes = 1 }'
+    run_program("study", "new", other)
+    steps = '{ do = "train", repetitions = 2, hold_secs = 2, consecutive_correct_runs = 1, minutes = 1 }'
     (other / "plan.toml").write_text(
         'name = "armband"\nparticipants = 2\n[trial]\nsetup = "still"\nlimit_secs = 2\nmethod = "D"\n'
         '[[conditions]]\nname = "D"\n[order]\nby = "listed"\n'
         f'[[sessions]]\nname = "1"\ntrials = 2\nbegin = [{steps}]\n'
     )
-    run = Run("--emg-source", "synthetic", "--participant", "Y1", "--new", study=other)
+    run = StudyRun("--emg-source", "synthetic", "--participant", "Y1", "--enroll", study=other)
     run.participant.until("participant", lambda s: s["show"] == "train" and s["recording"], "gestures are recorded")
     run.participant.until("participant", lambda s: s["show"] == "train" and s["passed"], "the gestures are passed", TRAINING_SECS)
     run.ask("next")
-    now = run.now("trial", running=False)
+    now = run.wait_for_step("trial", running=False)
     checks = {check["name"]: check for check in now["what"]["checks"]}
     demand(checks["gestures"]["ready"] and "recognised" in checks["gestures"]["found"], f"trained: {checks}")
     run.screen(lambda s: all(c["ready"] for c in s["session"]["now"]["what"]["checks"]), "the armband sends")
@@ -543,47 +543,47 @@ def armband():
     run.end(signal.SIGKILL)
     demand((other / "models" / "participant1-session1.json").exists(), "the model is in the study")
     demand(any((other / "models" / "participant1-session1.recordings").iterdir()), "and what it was trained on")
-    run = Run("--emg-source", "synthetic", "--participant", "Y1", study=other)
-    now = run.now("trial", running=False)
+    run = StudyRun("--emg-source", "synthetic", "--participant", "Y1", study=other)
+    now = run.wait_for_step("trial", running=False)
     checks = {check["name"]: check for check in now["what"]["checks"]}
     demand(checks["gestures"]["ready"] and checks["gestures"]["age_secs"] is not None, f"the training is remembered: {checks}")
     run.ask("retrain", reason="the band was moved")
     run.participant.until("participant", lambda s: s["show"] == "train" and s["recording"], "gestures are recorded again")
     run.participant.until("participant", lambda s: s["show"] == "train" and s["passed"], "and passed", TRAINING_SECS)
     run.ask("next")
-    run.now("trial", running=False)
+    run.wait_for_step("trial", running=False)
     demand((other / "models" / "participant1-session1-2.json").exists(), "the second model is another file")
     run.screen(lambda s: all(c["ready"] for c in s["session"]["now"]["what"]["checks"]), "the armband sends")
     run.ask("next")
     run.screen(lambda s: s["session"] is None, "the session is over")
     run.ask("begin", id="Y2", new=True)
-    run.shows("train")
+    run.wait_for_participant_screen("train")
     run.ask("skip", reason="a test")
-    run.now("trial", running=False)
+    run.wait_for_step("trial", running=False)
     run.ask("start_anyway", reason="a test")
-    run.told("a trial needs a model")
+    run.wait_for_notice("a trial needs a model")
     run.end()
     shared = work / "armband-shared"
-    answer("study", "export", other, "--out", shared)
+    run_program("study", "export", other, "--out", shared)
     for file in shared.glob("*.csv"):
         demand("Y1" not in file.read_text() and "Y2" not in file.read_text(), f"{file.name} has no pseudonym")
 
 
-answer("study", "new", folder)
+run_program("study", "new", folder)
 (folder / "plan.toml").write_text(PLAN)
 try:
-    told = first_part()
+    told = run_until_kill()
     print("ok  a session until the program was killed in a trial")
-    told = second_part(told)
+    told = resume_and_finish(told)
     print("ok  the session goes on and ends")
-    what_is_left(told)
+    check_exported_tables(told)
     print("ok  tables, records, archive")
-    what_a_lab_may_do()
+    check_allowed_plan_edits()
     print("ok  second program, edited plan, set clock, full disk")
     armband()
     print("ok  an armband that is trained, remembered, trained again, and taken off")
     print("1 passed, 0 failed")
-except Broken as broken:
+except CheckFailed as broken:
     print(f"broken: {broken}; what is left is in {work}", file=sys.stderr)
     print("0 passed, 1 failed")
     sys.exit(1)

@@ -33,7 +33,7 @@ def demand(holds, what):
         sys.exit(1)
 
 
-def answer(*words):
+def run_program(*words):
     run = subprocess.run([proact, *words], capture_output=True, text=True)
     demand(run.returncode == 0, f"{words} ended with {run.returncode}: {run.stderr.strip()}")
     return run.stdout
@@ -41,16 +41,16 @@ def answer(*words):
 
 for name in options.studies:
     folder = work / name
-    answer("study", "new", folder, "--like", name)
-    schedule = json.loads(answer("study", "check", folder, "--schedule", "--json"))["sessions"]
+    run_program("study", "new", folder, "--template", name)
+    schedule = json.loads(run_program("study", "check", folder, "--schedule", "--json"))["sessions"]
     steps = [step for session in schedule for step in session["happenings"]]
     trials = [step for step in steps if "arrangement" in step]
     forms = [step for step in steps if step.get("do") == "form"]
     start = time.monotonic()
-    answer("study", "run", folder, "--simulated", "--jobs", options.jobs, "--json")
+    run_program("study", "run", folder, "--simulated", "--jobs", options.jobs, "--json")
     seconds = time.monotonic() - start
     start = time.monotonic()
-    rows = json.loads(answer("study", "export", folder, "--json"))["rows"]
+    rows = json.loads(run_program("study", "export", folder, "--json"))["rows"]
     exporting = time.monotonic() - start
     tables = {table: list(csv.DictReader(open(folder / "tables" / f"{table}.csv", newline=""))) for table in rows}
     demand(rows["trials"] == rows["attempts"] == len(trials), f"{len(trials)} trials are planned, {rows['trials']} are there")

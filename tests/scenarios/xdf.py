@@ -25,7 +25,7 @@ SECONDS = 12
 def main(proact):
     with tempfile.TemporaryDirectory() as place:
         trial, file = os.path.join(place, "trial"), os.path.join(place, "trial.xdf")
-        subprocess.run([proact, "demo", "--headless", "--seed", "1", "--limit", str(SECONDS), "--out", trial], check=True,
+        subprocess.run([proact, "demo", "--headless", "--seed", "1", "--time-limit", str(SECONDS), "--out", trial], check=True,
                        capture_output=True)
         told = json.loads(subprocess.run([proact, "export", trial, "--xdf", file, "--json"], check=True, capture_output=True).stdout)
         streams, header = pyxdf.load_xdf(file)

@@ -107,7 +107,7 @@ Link convert(const urdf::Link& link) {
     Visual shown{convert(visual->origin), convert(*visual->geometry), {{0.8, 0.8, 0.8, 1.0}}};
     if (visual->material) {
       const urdf::Color& colour = visual->material->color;
-      shown.colour = {{double{colour.r}, double{colour.g}, double{colour.b}, double{colour.a}}};
+      shown.color = {{double{colour.r}, double{colour.g}, double{colour.b}, double{colour.a}}};
     }
     out.visuals.push_back(shown);
   }

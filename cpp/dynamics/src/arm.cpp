@@ -5,7 +5,7 @@
 
 namespace proact::dynamics {
 
-std::unique_ptr<Arm> make_arm(const ArmSurroundings& surroundings) {
+std::unique_ptr<Arm> make_arm(const ArmContext& surroundings) {
   if (surroundings.model.options.engine == Engine::reduced) return std::make_unique<ReducedArm>(surroundings);
   return std::make_unique<OdeArm>(surroundings);
 }

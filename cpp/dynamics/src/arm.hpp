@@ -2,10 +2,10 @@
 #pragma once
 
 #include "arm_joints.hpp"
+#include "block_attachment.hpp"
 #include "block_bodies.hpp"
-#include "body_bits.hpp"
-#include "carrying.hpp"
 #include "collisions.hpp"
+#include "contact_constraint.hpp"
 #include "contact_joints.hpp"
 #include "frame_motion.hpp"
 #include "geoms.hpp"
@@ -13,7 +13,7 @@
 #include "large_islands.hpp"
 #include "link_groups.hpp"
 #include "moving_base.hpp"
-#include "touch.hpp"
+#include "ode_body_state.hpp"
 
 #include <cstddef>
 #include <memory>
@@ -22,28 +22,28 @@
 namespace proact::dynamics {
 
 /// What an arm works on. All of it outlives the arm.
-struct ArmSurroundings {
+struct ArmContext {
   const Model& model;
   dWorldID world;
   const MovingBase& base;
   ArmJoints& joints;
   JointControl& control;
   BlockBodies& blocks;
-  const Carrying& carrying;
+  const BlockAttachment& carrying;
   Geoms& geoms;
   ContactJoints& contact_joints;
   LargeIslands& islands;
 };
 
-/// A tick is drive(), place_geoms(), the search for contacts, push(), a step of ODE and finish(). Angles and speeds
-/// are the state, all else is built from them.
+/// A tick is drive(), place_geoms(), the search for contacts, resolve_contacts(), a step of ODE and finish(). Angles
+/// and speeds are the state, all else is built from them.
 class Arm {
  public:
   /// What a snapshot needs besides the joints' state.
   struct State {
-    Pose built_base;                ///< the base when the bodies were last built; identity if that has no effect
-    std::vector<int> motor_states;  ///< by moving joint: 0, or +-1 where the control gave its limit
-    std::vector<BodyBits> bodies;   ///< of ODE
+    Pose built_base;                   ///< the base when the bodies were last built; identity if that has no effect
+    std::vector<int> motor_states;     ///< by moving joint: 0, or +-1 where the control gave its limit
+    std::vector<OdeBodyState> bodies;  ///< of ODE
   };
 
   virtual ~Arm() = default;
@@ -59,11 +59,11 @@ class Arm {
   /// Brings the shapes of links and blocks to where they are for the search for contacts.
   virtual void place_geoms() = 0;
   /// Lets what touches push, large islands included. False if the speeds could be found inexactly only.
-  virtual bool push(Collisions& collisions) = 0;
+  virtual bool resolve_contacts(Collisions& collisions) = 0;
   /// After ODE's step and the arrival of the base: brings the joints' state up to date.
   virtual void finish() = 0;
 
-  virtual Side side_of_link(std::size_t link) const = 0;
+  virtual ContactSide contact_side(std::size_t link) const = 0;
   /// Place and twist of one body of links().
   virtual FrameMotion motion(std::size_t body) const = 0;
   /// Whether it has bodies that ODE moves.
@@ -82,6 +82,6 @@ class Arm {
 };
 
 /// The arm in the engine that the model's options ask for.
-std::unique_ptr<Arm> make_arm(const ArmSurroundings& surroundings);
+std::unique_ptr<Arm> make_arm(const ArmContext& surroundings);
 
 }  // namespace proact::dynamics

@@ -23,36 +23,36 @@ ArmJoints::ArmJoints(const Model& model) : model_(model), moving_of_joint_(model
   state_.positions = model.positions;
   state_.velocities.assign(joints, 0.0);
   state_.efforts.assign(joints, 0.0);
-  state_.borne.assign(joints, 0.0);
+  state_.limit_effort.assign(joints, 0.0);
   state_.last_command = model.positions;
-  state_.held.assign(joints, false);
-  state_.still_ticks.assign(joints, 0);
-  for (std::size_t k = model.arm_count; k < joints && model.options.hold_still_hand; ++k) {
-    state_.held[k] = true;
-    state_.still_ticks[k] = model.options.hold_ticks;
+  state_.locked.assign(joints, false);
+  state_.idle_ticks.assign(joints, 0);
+  for (std::size_t k = model.arm_count; k < joints && model.options.lock_idle_hand; ++k) {
+    state_.locked[k] = true;
+    state_.idle_ticks[k] = model.options.lock_ticks;
   }
 }
 
 void ArmJoints::restore(State state) { state_ = std::move(state); }
 
 bool ArmJoints::rigid(std::size_t joint) const {
-  return !movable(model_.joints[joint]) || state_.held[moving_of_joint_[joint]];
+  return !movable(model_.joints[joint]) || state_.locked[moving_of_joint_[joint]];
 }
 
 bool ArmJoints::all_finite() const {
   return std::all_of(state_.velocities.begin(), state_.velocities.end(), [](double value) { return std::isfinite(value); });
 }
 
-bool ArmJoints::choose_rigid(const double* position, const double* velocity) {
+bool ArmJoints::update_rigid(const double* position, const double* velocity) {
   const Options& options = model_.options;
   auto& [positions, velocities, efforts, borne, last_command, held, still_ticks] = state_;
   bool changed = false;
   for (std::size_t k = model_.arm_count; k < model_.moving.size(); ++k) {
     const bool commanded = std::fabs(position[k] - last_command[k]) > 1e-9 || std::fabs(velocity[k]) > 1e-9;
-    const bool reached =
-        std::fabs(position[k] - positions[k]) < options.hold_error && std::fabs(velocities[k]) < options.hold_speed;
+    const bool reached = std::fabs(position[k] - positions[k]) < options.lock_error_rad &&
+                         std::fabs(velocities[k]) < options.lock_speed_rad_per_s;
     still_ticks[k] = commanded || !(reached || held[k]) ? 0 : still_ticks[k] + 1;
-    const bool hold = options.hold_still_hand && still_ticks[k] >= options.hold_ticks;
+    const bool hold = options.lock_idle_hand && still_ticks[k] >= options.lock_ticks;
     if (hold != held[k]) {
       held[k] = hold;
       velocities[k] = hold ? 0.0 : velocities[k];
@@ -63,11 +63,11 @@ bool ArmJoints::choose_rigid(const double* position, const double* velocity) {
   return changed;
 }
 
-void ArmJoints::move(std::size_t moving, double position, double velocity, double effort, double borne) {
+void ArmJoints::set_state(std::size_t moving, double position, double velocity, double effort, double borne) {
   state_.positions[moving] = position;
   state_.velocities[moving] = velocity;
   state_.efforts[moving] = effort;
-  state_.borne[moving] = borne;
+  state_.limit_effort[moving] = borne;
 }
 
 void ArmJoints::clear_efforts() {

@@ -15,13 +15,13 @@ class ArmJoints {
  public:
   /// By moving joint.
   struct State {
-    std::vector<double> positions;   ///< rad
-    std::vector<double> velocities;  ///< rad/s
-    std::vector<double> efforts;     ///< of the motors, N m
-    std::vector<double> borne;       ///< by stops and braking gears, N m
+    std::vector<double> positions;     ///< rad
+    std::vector<double> velocities;    ///< rad/s
+    std::vector<double> efforts;       ///< of the motors, N m
+    std::vector<double> limit_effort;  ///< by stops and braking gears, N m
     std::vector<double> last_command;
-    std::vector<bool> held;          ///< rigid at present
-    std::vector<int> still_ticks;
+    std::vector<bool> locked;          ///< rigid at present
+    std::vector<int> idle_ticks;
   };
 
   explicit ArmJoints(const Model& model);
@@ -29,21 +29,21 @@ class ArmJoints {
   const std::vector<double>& positions() const { return state_.positions; }
   const std::vector<double>& velocities() const { return state_.velocities; }
   const std::vector<double>& efforts() const { return state_.efforts; }
-  const std::vector<double>& borne() const { return state_.borne; }
-  const std::vector<bool>& held() const { return state_.held; }
+  const std::vector<double>& limit_effort() const { return state_.limit_effort; }
+  const std::vector<bool>& locked() const { return state_.locked; }
   const State& state() const { return state_; }
   void restore(State state);
 
   /// Index of the joint vector of a joint of the model, or no_index.
-  std::size_t moving_of(std::size_t joint) const { return moving_of_joint_[joint]; }
+  std::size_t moving_index(std::size_t joint) const { return moving_of_joint_[joint]; }
   /// Whether a joint of the model cannot turn at present.
   bool rigid(std::size_t joint) const;
   bool all_finite() const;
 
   /// Finds which hand joints are at rest; true if that is another set than before.
-  bool choose_rigid(const double* position, const double* velocity);
-  void move(std::size_t moving, double position, double velocity, double effort, double borne);
-  void clear_effort(std::size_t moving) { state_.efforts[moving] = state_.borne[moving] = 0.0; }
+  bool update_rigid(const double* position, const double* velocity);
+  void set_state(std::size_t moving, double position, double velocity, double effort, double borne);
+  void clear_effort(std::size_t moving) { state_.efforts[moving] = state_.limit_effort[moving] = 0.0; }
   void clear_efforts();
 
  private:

@@ -31,7 +31,7 @@ dMass block_mass(const Block& block) {
 }  // namespace
 
 BlockBodies::BlockBodies(const Model& model, dWorldID world)
-    : model_(model), until_sleep_(model.blocks.size(), first_sleep_ticks) {
+    : model_(model), ticks_until_sleep_(model.blocks.size(), first_sleep_ticks) {
   for (const Block& block : model.blocks) {
     const dMass mass = block_mass(block);
     const dBodyID body = dBodyCreate(world);
@@ -47,30 +47,30 @@ bool BlockBodies::all_asleep() const {
   return std::none_of(bodies_.begin(), bodies_.end(), [](dBodyID body) { return dBodyIsEnabled(body) != 0; });
 }
 
-void BlockBodies::put_to_sleep(const Carrying& carrying) {
+void BlockBodies::put_to_sleep(const BlockAttachment& carrying) {
   for (std::size_t k = 0; k < bodies_.size() && model_.options.sleep; ++k) {
-    if (asleep(k) || carrying.carries(k)) continue;
-    if (!idle_long(k)) continue;
+    if (is_asleep(k) || carrying.is_attached(k)) continue;
+    if (!count_idle_tick(k)) continue;
     set_body_velocity(bodies_[k], {}, {});
     dBodyDisable(bodies_[k]);
   }
 }
 
-bool BlockBodies::idle_long(std::size_t block) {
+bool BlockBodies::count_idle_tick(std::size_t block) {
   const dBodyID body = bodies_[block];
   const bool idle = norm(linear_velocity(body)) <= sleep_speed && norm(angular_velocity(body)) <= sleep_turn_speed;
-  until_sleep_[block] = idle ? until_sleep_[block] - 1 : sleep_ticks;
-  return until_sleep_[block] <= 0;
+  ticks_until_sleep_[block] = idle ? ticks_until_sleep_[block] - 1 : sleep_ticks;
+  return ticks_until_sleep_[block] <= 0;
 }
 
-void BlockBodies::keep_awake(std::size_t block) { until_sleep_[block] = sleep_ticks; }
+void BlockBodies::keep_awake(std::size_t block) { ticks_until_sleep_[block] = sleep_ticks; }
 
 void BlockBodies::wake(std::size_t block) {
   dBodyEnable(bodies_[block]);
   keep_awake(block);
 }
 
-void BlockBodies::resist_rolling(std::size_t block) const {
+void BlockBodies::apply_rolling_resistance(std::size_t block) const {
   const Shape& shape = model_.blocks[block].shape;
   if (shape.kind == ShapeKind::box) return;
   const dBodyID body = bodies_[block];
@@ -91,7 +91,7 @@ void BlockBodies::read(std::size_t block) {
   states_[block] = {body_pose(body), linear_velocity(body), angular_velocity(body)};
 }
 
-void BlockBodies::set_free(std::size_t block) {
+void BlockBodies::reset_body(std::size_t block) {
   const dBodyID body = bodies_[block];
   const BodyState& state = states_[block];
   set_body_pose(body, state.pose);
@@ -107,19 +107,19 @@ void BlockBodies::check_finite() const {
   }
 }
 
-std::vector<BodyBits> BlockBodies::bits() const {
-  std::vector<BodyBits> bits;
-  for (const dBodyID body : bodies_) bits.push_back(BodyBits::of(body));
+std::vector<OdeBodyState> BlockBodies::ode_states() const {
+  std::vector<OdeBodyState> bits;
+  for (const dBodyID body : bodies_) bits.push_back(OdeBodyState::capture(body));
   return bits;
 }
 
 void BlockBodies::restore(const std::vector<BodyState>& states, const std::vector<int>& until_sleep) {
   states_ = states;
-  until_sleep_ = until_sleep;
+  ticks_until_sleep_ = until_sleep;
 }
 
-void BlockBodies::put(const std::vector<BodyBits>& bits) const {
-  for (std::size_t k = 0; k < bodies_.size(); ++k) bits[k].put(bodies_[k]);
+void BlockBodies::restore_bodies(const std::vector<OdeBodyState>& bits) const {
+  for (std::size_t k = 0; k < bodies_.size(); ++k) bits[k].restore(bodies_[k]);
 }
 
 }  // namespace proact::dynamics

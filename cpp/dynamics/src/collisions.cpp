@@ -14,10 +14,10 @@ namespace {
 constexpr double allowed_overlap = 1e-3;
 
 /// Bounds of all shapes of links together.
-std::array<dReal, 6> around_links(const Geoms& geoms) {
+std::array<dReal, 6> link_bounds(const Geoms& geoms) {
   constexpr dReal infinity = std::numeric_limits<dReal>::infinity();
   std::array<dReal, 6> all{infinity, -infinity, infinity, -infinity, infinity, -infinity};
-  for (const std::size_t shape : geoms.near) {
+  for (const std::size_t shape : geoms.near_links) {
     const std::array<dReal, 6>& bounds = geoms.links[shape].bounds;
     for (std::size_t k = 0; k < 6; k += 2) {
       all[k] = std::min(all[k], bounds[k]);
@@ -29,31 +29,33 @@ std::array<dReal, 6> around_links(const Geoms& geoms) {
 
 }  // namespace
 
-Collisions::Collisions(const Model& model, const Geoms& geoms, const BlockBodies& blocks, const Carrying& carrying)
+Collisions::Collisions(const Model& model, const Geoms& geoms, const BlockBodies& blocks, const BlockAttachment& carrying)
     : model_(model),
       geoms_(geoms),
       blocks_(blocks),
       carrying_(carrying),
-      parted_(model.links.size() * model.blocks.size(), true) {
-  touches_.reserve(World::contact_capacity);
+      separated_(model.links.size() * model.blocks.size(), true) {
+  constraints_.reserve(World::contact_capacity);
   contacts_.reserve(World::contact_capacity);
   bounds_.reserve(blocks.count());
   overlapping_.reserve(model.links.size());
 }
 
-Side Collisions::side_of_block(const Arm& arm, std::size_t block) const {
-  if (carrying_.merges(block)) return arm.side_of_link(carrying_.attached()->link);
+ContactSide Collisions::contact_side(const Arm& arm, std::size_t block) const {
+  if (carrying_.is_merged_block(block)) return arm.contact_side(carrying_.attached()->link);
   return {blocks_.body(block), block, no_index};
 }
 
 void Collisions::find_resting() {
   resting_.resize(blocks_.count());
-  for (std::size_t k = 0; k < resting_.size(); ++k) resting_[k] = !carrying_.carries(k) && blocks_.asleep(k) ? 1 : 0;
+  for (std::size_t k = 0; k < resting_.size(); ++k) {
+    resting_[k] = !carrying_.is_attached(k) && blocks_.is_asleep(k) ? 1 : 0;
+  }
 }
 
 void Collisions::find(const Arm& arm) {
   contacts_.clear();
-  touches_.clear();
+  constraints_.clear();
   find_resting();
   find_links_with_fixed(arm);
   find_blocks_with_fixed(arm, false);
@@ -64,26 +66,28 @@ void Collisions::find(const Arm& arm) {
 }
 
 /// Adds what find_contacts() has found of a pair that is not listed.
-void Collisions::add_found(const Side& first, const Side& second, double friction) {
-  for (std::size_t k = 0; k < found_.count; ++k) touches_.push_back({first, second, friction, found_.points[k], no_index});
+void Collisions::add_constraints(const ContactSide& first, const ContactSide& second, double friction) {
+  for (std::size_t k = 0; k < found_.count; ++k) {
+    constraints_.push_back({first, second, friction, found_.points[k], no_index});
+  }
 }
 
 void Collisions::find_links_with_fixed(const Arm& arm) {
-  for (const std::size_t shape : geoms_.near) {
+  for (const std::size_t shape : geoms_.near_links) {
     const Geom& link = geoms_.links[shape];
     // Neither the base nor the room can be moved by a push.
     if (arm.links().body_of(link.owner) == 0) continue;
     for (const Geom& fixed : geoms_.fixed) {
-      if (apart(link.bounds, fixed.bounds)) continue;
+      if (bounds_disjoint(link.bounds, fixed.bounds)) continue;
       find_contacts(link.placed(), fixed.placed(), found_);
-      add_found(arm.side_of_link(link.owner), {}, model_.fixed[fixed.owner].friction);
+      add_constraints(arm.contact_side(link.owner), {}, model_.fixed[fixed.owner].friction);
     }
   }
 }
 
 void Collisions::find_touched() {
   touched_.assign(blocks_.count(), 0);
-  for (const Touch& touch : touches_) {
+  for (const ContactConstraint& touch : constraints_) {
     if (touch.first.block != no_index) touched_[touch.first.block] = 1;
     if (touch.second.block != no_index) touched_[touch.second.block] = 1;
   }
@@ -96,13 +100,13 @@ void Collisions::find_blocks_with_fixed(const Arm& arm, bool at_rest) {
     if ((resting_[block.owner] != 0) != at_rest || (at_rest && touched_[block.owner] == 0)) continue;
     bool touches = false;
     for (const Geom& fixed : geoms_.fixed) {
-      if (apart(block.bounds, fixed.bounds)) continue;
+      if (bounds_disjoint(block.bounds, fixed.bounds)) continue;
       find_contacts(block.placed(), fixed.placed(), found_);
       const double friction = std::min(model_.blocks[block.owner].friction, model_.fixed[fixed.owner].friction);
-      add_found(side_of_block(arm, block.owner), {}, friction);
+      add_constraints(contact_side(arm, block.owner), {}, friction);
       touches = touches || found_.count > 0;
     }
-    if (touches && !carrying_.carries(block.owner)) blocks_.resist_rolling(block.owner);
+    if (touches && !carrying_.is_attached(block.owner)) blocks_.apply_rolling_resistance(block.owner);
   }
 }
 
@@ -114,11 +118,11 @@ void Collisions::find_blocks(const Arm& arm) {
   for (std::size_t i = 0; i < geoms_.blocks.size(); ++i) {
     const Geom& a = geoms_.blocks[i];
     for (std::size_t j = i + 1; j < geoms_.blocks.size(); ++j) {
-      if (apart(bounds_[i], bounds_[j]) || (resting_[i] != 0 && resting_[j] != 0)) continue;
+      if (bounds_disjoint(bounds_[i], bounds_[j]) || (resting_[i] != 0 && resting_[j] != 0)) continue;
       const Geom& b = geoms_.blocks[j];
       find_contacts(a.placed(), b.placed(), found_);
       const double friction = std::min(model_.blocks[i].friction, model_.blocks[j].friction);
-      add_found(side_of_block(arm, i), side_of_block(arm, j), friction);
+      add_constraints(contact_side(arm, i), contact_side(arm, j), friction);
     }
   }
 }
@@ -126,13 +130,13 @@ void Collisions::find_blocks(const Arm& arm) {
 void Collisions::find_blocks_with_links(const Arm& arm) {
   const std::size_t links = model_.links.size();
   const std::vector<Geom>& shapes = geoms_.links;
-  const std::vector<std::size_t>& near = geoms_.near;
-  const std::array<dReal, 6> arms = around_links(geoms_);
+  const std::vector<std::size_t>& near = geoms_.near_links;
+  const std::array<dReal, 6> arms = link_bounds(geoms_);
   for (const Geom& block : geoms_.blocks) {
-    if (carrying_.carries(block.owner)) continue;
-    const auto parted = parted_.begin() + static_cast<std::ptrdiff_t>(block.owner * links);
+    if (carrying_.is_attached(block.owner)) continue;
+    const auto parted = separated_.begin() + static_cast<std::ptrdiff_t>(block.owner * links);
     // Of a heap hardly any block is near the arm.
-    if (apart(block.bounds, arms)) {
+    if (bounds_disjoint(block.bounds, arms)) {
       std::fill_n(parted, links, true);
       continue;
     }
@@ -140,38 +144,38 @@ void Collisions::find_blocks_with_links(const Arm& arm) {
     overlapping_.clear();
     for (std::size_t next = 0; next < near.size();) {
       const std::size_t link = shapes[near[next]].owner;
-      const bool acts = parted_[block.owner * links + link];
+      const bool acts = separated_[block.owner * links + link];
       bool overlaps = false;
       for (; next < near.size() && shapes[near[next]].owner == link; ++next) {
         const Geom& geom = shapes[near[next]];
-        if (apart(block.bounds, geom.bounds)) continue;
+        if (bounds_disjoint(block.bounds, geom.bounds)) continue;
         find_contacts(block.placed(), geom.placed(), found_);
         overlaps = overlaps || found_.count > 0;
         if (!acts) continue;
-        const Side side = side_of_block(arm, block.owner);
-        const Side link_side = arm.side_of_link(link);
+        const ContactSide side = contact_side(arm, block.owner);
+        const ContactSide link_side = arm.contact_side(link);
         const double friction = model_.blocks[block.owner].friction_finger;
         for (std::size_t k = 0; k < found_.count; ++k) {
           const ContactPoint& point = found_.points[k];
           const bool listed = contacts_.size() < World::contact_capacity;
           if (listed) contacts_.push_back({block.owner, link, point.position, point.normal, 0.0});
-          touches_.push_back({side, link_side, friction, point, listed ? contacts_.size() - 1 : no_index});
+          constraints_.push_back({side, link_side, friction, point, listed ? contacts_.size() - 1 : no_index});
         }
       }
       if (overlaps && !acts) overlapping_.push_back(link);
     }
     std::fill_n(parted, links, true);
-    for (const std::size_t link : overlapping_) parted_[block.owner * links + link] = false;
+    for (const std::size_t link : overlapping_) separated_[block.owner * links + link] = false;
   }
 }
 
-void Collisions::let_come_apart(std::size_t block) {
+void Collisions::require_separation(std::size_t block) {
   const std::size_t links = model_.links.size();
-  std::fill_n(parted_.begin() + static_cast<std::ptrdiff_t>(block * links), links, false);
+  std::fill_n(separated_.begin() + static_cast<std::ptrdiff_t>(block * links), links, false);
 }
 
 void Collisions::refuse(const Geom& block, const Geom& other, const std::string& name) {
-  if (apart(block.bounds, other.bounds)) return;
+  if (bounds_disjoint(block.bounds, other.bounds)) return;
   find_contacts(block.placed(), other.placed(), found_);
   for (std::size_t k = 0; k < found_.count; ++k) {
     if (found_.points[k].depth > allowed_overlap) {
@@ -196,7 +200,7 @@ void Collisions::refuse_overlaps_of(std::size_t which) {
 }
 
 void Collisions::restore(const std::vector<bool>& parted, const std::vector<Contact>& contacts) {
-  parted_ = parted;
+  separated_ = parted;
   // Not taken over whole, which would give back the memory reserved for a tick.
   contacts_.assign(contacts.begin(), contacts.end());
 }

@@ -2,11 +2,11 @@
 // with them the results depend on nothing but the state.
 #pragma once
 
+#include "block_attachment.hpp"
 #include "block_bodies.hpp"
-#include "carrying.hpp"
+#include "contact_constraint.hpp"
 #include "geoms.hpp"
 #include "proact/dynamics/world.hpp"
-#include "touch.hpp"
 
 #include <cstddef>
 #include <string>
@@ -18,7 +18,7 @@ class Arm;
 
 class Collisions {
  public:
-  Collisions(const Model& model, const Geoms& geoms, const BlockBodies& blocks, const Carrying& carrying);
+  Collisions(const Model& model, const Geoms& geoms, const BlockBodies& blocks, const BlockAttachment& carrying);
 
   /// Finds what touches in this tick, and brakes blocks that roll. Expects all shapes placed.
   void find(const Arm& arm);
@@ -27,16 +27,16 @@ class Collisions {
   /// The same for one block.
   void refuse_overlaps_of(std::size_t block);
   /// From now on a block touches each link only once they have come apart.
-  void let_come_apart(std::size_t block);
+  void require_separation(std::size_t block);
 
   /// All of this tick.
-  const std::vector<Touch>& touches() const { return touches_; }
+  const std::vector<ContactConstraint>& constraints() const { return constraints_; }
   /// Those of blocks with links.
   const std::vector<Contact>& contacts() const { return contacts_; }
   void set_force(std::size_t contact, double force) { contacts_[contact].force = force; }
 
   /// [block][link]: contacts act.
-  const std::vector<bool>& parted() const { return parted_; }
+  const std::vector<bool>& separated() const { return separated_; }
   void restore(const std::vector<bool>& parted, const std::vector<Contact>& contacts);
 
  private:
@@ -44,18 +44,18 @@ class Collisions {
   void find_blocks_with_fixed(const Arm& arm, bool at_rest);
   void find_blocks(const Arm& arm);
   void find_blocks_with_links(const Arm& arm);
-  void add_found(const Side& first, const Side& second, double friction);
+  void add_constraints(const ContactSide& first, const ContactSide& second, double friction);
   void refuse(const Geom& block, const Geom& other, const std::string& name);
-  Side side_of_block(const Arm& arm, std::size_t block) const;
+  ContactSide contact_side(const Arm& arm, std::size_t block) const;
   void find_resting();
   void find_touched();
 
   const Model& model_;
   const Geoms& geoms_;
   const BlockBodies& blocks_;
-  const Carrying& carrying_;
-  std::vector<bool> parted_;
-  std::vector<Touch> touches_;
+  const BlockAttachment& carrying_;
+  std::vector<bool> separated_;
+  std::vector<ContactConstraint> constraints_;
   std::vector<char> resting_;  ///< by block, of this tick
   std::vector<std::array<dReal, 6>> bounds_;  ///< of the blocks in this tick
   std::vector<char> touched_;  ///< by block, in its sleep

@@ -7,9 +7,9 @@ namespace proact::dynamics {
 namespace {
 
 // What slides no faster than this, m/s, has no direction; ODE then chooses one.
-constexpr double slowest_slide = 1e-6;
+constexpr double min_slide_speed = 1e-6;
 // So many contacts with blocks at rest are measured.
-constexpr std::size_t most_at_rest = 512;
+constexpr std::size_t max_resting_contacts = 512;
 
 void set(dReal* out, const Vec3& v) {
   out[0] = v.x;
@@ -29,7 +29,7 @@ Vec3 speed_at(dBodyID body, const Vec3& point) {
 ContactJoints::ContactJoints(const Options& options, dWorldID world)
     : options_(options), world_(world), group_(dJointGroupCreate(0)) {
   // ODE keeps the addresses, so this never grows.
-  measured_.reserve(World::contact_capacity + most_at_rest);
+  measured_.reserve(World::contact_capacity + max_resting_contacts);
 }
 
 void ContactJoints::clear() {
@@ -37,7 +37,7 @@ void ContactJoints::clear() {
   measured_.clear();
 }
 
-void ContactJoints::push(const Touch& touch) {
+void ContactJoints::add(const ContactConstraint& touch) {
   dContact contact{};
   contact.surface.mode = dContactApprox1 | dContactSoftERP | dContactSoftCFM;
   contact.surface.mu = touch.friction;
@@ -52,7 +52,7 @@ void ContactJoints::push(const Touch& touch) {
     const Vec3 slip = speed_at(touch.first.body, touch.point.position) - speed_at(touch.second.body, touch.point.position);
     const Vec3 slide = slip - touch.point.normal * dot(slip, touch.point.normal);
     const double speed = norm(slide);
-    if (speed > slowest_slide) {
+    if (speed > min_slide_speed) {
       contact.surface.mode |= dContactFDir1;
       set(contact.fdir1, slide * (1.0 / speed));
     }
@@ -60,19 +60,22 @@ void ContactJoints::push(const Touch& touch) {
   const dJointID joint = dJointCreateContact(world_, group_.get(), &contact);
   dJointAttach(joint, touch.first.body, touch.second.body);
   // A force on a block at rest that is not measured counts as none, and wakes it.
-  if ((touch.listed == no_index && touch.still == no_index) || measured_.size() == measured_.capacity()) return;
+  if ((touch.contact_index == no_index && touch.resting_block == no_index) || measured_.size() == measured_.capacity()) {
+    return;
+  }
   measured_.push_back({touch, {}});
   dJointSetFeedback(joint, &measured_.back().feedback);
 }
 
 void ContactJoints::read_forces(Collisions& collisions, LargeIslands& islands) const {
-  for (const Measured& measured : measured_) {
-    const Touch& touch = measured.touch;
+  for (const MeasuredContact& measured : measured_) {
+    const ContactConstraint& touch = measured.touch;
     // ODE takes the second body for the first where there is no other.
     const double sign = touch.first.body == nullptr ? -1.0 : 1.0;
-    islands.note(touch, to_vec(measured.feedback.f1) * (sign * tick_secs));
-    if (touch.listed == no_index) continue;
-    collisions.set_force(touch.listed, std::max(0.0, dot(to_vec(measured.feedback.f1), collisions.contacts()[touch.listed].normal)));
+    islands.record_impulse(touch, to_vec(measured.feedback.f1) * (sign * tick_secs));
+    if (touch.contact_index == no_index) continue;
+    collisions.set_force(touch.contact_index, std::max(0.0, dot(to_vec(measured.feedback.f1),
+                                                                collisions.contacts()[touch.contact_index].normal)));
   }
 }
 

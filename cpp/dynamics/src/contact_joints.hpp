@@ -2,8 +2,8 @@
 #pragma once
 
 #include "collisions.hpp"
+#include "contact_constraint.hpp"
 #include "large_islands.hpp"
-#include "touch.hpp"
 
 #include <cstddef>
 #include <vector>
@@ -17,20 +17,20 @@ class ContactJoints {
   /// Forgets those of the last tick.
   void clear();
   /// Lets two things push each other in ODE's next step.
-  void push(const Touch& touch);
+  void add(const ContactConstraint& touch);
   /// After ODE's step: tells the forces of listed contacts, and those on blocks at rest.
   void read_forces(Collisions& collisions, LargeIslands& islands) const;
 
  private:
-  struct Measured {
-    Touch touch;
+  struct MeasuredContact {
+    ContactConstraint touch;
     dJointFeedback feedback;
   };
 
   const Options& options_;
   dWorldID world_;
   JointGroupPtr group_;
-  std::vector<Measured> measured_;
+  std::vector<MeasuredContact> measured_;
 };
 
 }  // namespace proact::dynamics

@@ -19,7 +19,7 @@ GeomPtr make_geom(const Shape& shape) {
 }
 
 /// Radius of the sphere around a shape.
-double reach_of(const Shape& shape) {
+double bounding_radius_of(const Shape& shape) {
   const auto& size = shape.size;
   switch (shape.kind) {
     case ShapeKind::box: return 0.5 * norm({size[0], size[1], size[2]});
@@ -32,7 +32,7 @@ double reach_of(const Shape& shape) {
 
 }  // namespace
 
-void Geom::hang(dBodyID body, const Pose& body_from_shape) const {
+void Geom::attach(dBodyID body, const Pose& body_from_shape) const {
   const Quat& q = body_from_shape.rotation;
   const dQuaternion rotation{q.w, q.x, q.y, q.z};
   // ODE loses the memory of an offset when the body changes under it.
@@ -45,19 +45,21 @@ void Geom::hang(dBodyID body, const Pose& body_from_shape) const {
 Geoms::Geoms(const Model& model) {
   for (std::size_t k = 0; k < model.links.size(); ++k) {
     for (const Collision& collision : model.links[k].collisions) {
-      links.push_back({make_geom(collision.shape), collision.shape, k, collision.pose, {}, {}, reach_of(collision.shape)});
+      links.push_back({make_geom(collision.shape), collision.shape, k, collision.pose, {}, {},
+                       bounding_radius_of(collision.shape)});
     }
   }
-  near.resize(links.size());
-  std::iota(near.begin(), near.end(), std::size_t{0});
+  near_links.resize(links.size());
+  std::iota(near_links.begin(), near_links.end(), std::size_t{0});
   for (std::size_t k = 0; k < model.fixed.size(); ++k) {
     const FixedObject& object = model.fixed[k];
-    fixed.push_back({make_geom(object.shape), object.shape, k, Pose{}, object.pose, {}, reach_of(object.shape)});
+    fixed.push_back(
+        {make_geom(object.shape), object.shape, k, Pose{}, object.pose, {}, bounding_radius_of(object.shape)});
     set_geom_pose(fixed.back().id.get(), object.pose);
   }
   for (std::size_t k = 0; k < model.blocks.size(); ++k) {
     const Shape& shape = model.blocks[k].shape;
-    blocks.push_back({make_geom(shape), shape, k, Pose{}, {}, {}, reach_of(shape)});
+    blocks.push_back({make_geom(shape), shape, k, Pose{}, {}, {}, bounding_radius_of(shape)});
   }
   update(fixed);
 }

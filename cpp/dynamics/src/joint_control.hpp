@@ -9,13 +9,13 @@
 namespace proact::dynamics {
 
 struct Motor {
-  double speed;    ///< at the end of the tick, rad/s
-  double limit;    ///< of its torque, N m
-  double rubbing;  ///< torque lost with each unit of the speed: damping, friction, gains, N m s/rad
-  double torque;   ///< of the gains at rest, N m
-  double slope;    ///< what of rubbing belongs to the gains
-  double fastest;  ///< beyond this speed the gear brakes, rad/s
-  double brake;    ///< torque of the gear for each unit of the speed beyond, N m s/rad
+  double speed;         ///< at the end of the tick, rad/s
+  double limit;         ///< of its torque, N m
+  double damping;       ///< torque lost with each unit of the speed: damping, friction, gains, N m s/rad
+  double torque;        ///< of the gains at rest, N m
+  double gain_damping;  ///< what of rubbing belongs to the gains
+  double max_speed;     ///< beyond this speed the gear brakes, rad/s
+  double brake_gain;    ///< torque of the gear for each unit of the speed beyond, N m s/rad
 };
 
 class JointControl {
@@ -29,7 +29,7 @@ class JointControl {
   JointControl(const Model& model, const ArmJoints& joints);
 
   /// What of a torque of joint `moving` its stop bears, since its motor cannot, N m.
-  double borne(std::size_t moving, double torque) const;
+  double limit_effort(std::size_t moving, double torque) const;
   /// Of a tick in which joint `moving` is asked for `position` with speed `velocity`.
   Motor motor(std::size_t moving, double position, double velocity);
 
@@ -38,10 +38,10 @@ class JointControl {
 
  private:
   const Joint& joint(std::size_t moving) const { return model_.joints[model_.moving[moving]]; }
-  int stop_of(std::size_t moving) const;
+  int active_stop(std::size_t moving) const;
   double gains_torque(std::size_t moving, double speed) const;
-  Motor by_position(std::size_t moving, double position, double velocity);
-  Motor by_gains(std::size_t moving, double position);
+  Motor position_motor(std::size_t moving, double position, double velocity);
+  Motor gain_motor(std::size_t moving, double position);
 
   const Model& model_;
   const ArmJoints& joints_;

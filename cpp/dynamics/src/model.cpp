@@ -9,7 +9,7 @@ namespace proact::dynamics {
 namespace {
 
 // ODE measures a hinge in (-pi, pi]: a limit outside would never be met.
-constexpr double widest_angle = 3.1;
+constexpr double max_hinge_angle_rad = 3.1;
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
 template <typename... Parts>
@@ -82,8 +82,8 @@ void check_joints(const Model& model) {
     if (joint.kind == JointKind::fixed) continue;
     if (!is_finite(joint.axis) || std::fabs(norm(joint.axis) - 1.0) > 1e-6) refuse(what, ": the axis is not a unit vector");
     const bool endless = joint.lower == -infinity && joint.upper == infinity;
-    if (!endless && !(std::fabs(joint.lower) <= widest_angle && std::fabs(joint.upper) <= widest_angle)) {
-      refuse(what, ": limits ", joint.lower, " to ", joint.upper, " rad, ODE needs them within +-", widest_angle,
+    if (!endless && !(std::fabs(joint.lower) <= max_hinge_angle_rad && std::fabs(joint.upper) <= max_hinge_angle_rad)) {
+      refuse(what, ": limits ", joint.lower, " to ", joint.upper, " rad, ODE needs them within +-", max_hinge_angle_rad,
              ", or both infinite for none");
     }
     if (joint.lower > joint.upper) refuse(what, ": lower limit ", joint.lower, " is above the upper ", joint.upper);
@@ -158,13 +158,13 @@ void validate(const Model& model) {
   if (options.position_gain * tick_secs > 1.0) {
     refuse("position gain ", options.position_gain, " per second overshoots, at most ", 1.0 / tick_secs);
   }
-  check_number("speed of commands to gains", options.gains_command_speed, 0.0);
-  if (!options.merge_carried && options.engine != Engine::ode) {
+  check_number("speed of commands to gains", options.gain_command_speed_rad_per_s, 0.0);
+  if (!options.merge_attached && options.engine != Engine::ode) {
     refuse("a carried block with a body of its own needs the engine ode: the engine reduced always merges it");
   }
   check_number("rolling resistance", options.rolling_resistance, 0.0);
-  check_number("base speed", options.base_speed, 0.0);
-  check_number("base turn speed", options.base_turn_speed, 0.0);
+  check_number("base speed", options.max_base_speed_m_per_s, 0.0);
+  check_number("base turn speed", options.max_base_turn_rate_rad_per_s, 0.0);
 }
 
 }  // namespace proact::dynamics

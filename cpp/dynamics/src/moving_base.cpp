@@ -7,16 +7,16 @@ MovingBase::MovingBase(const Model& model) : options_(model.options), target_(mo
 }
 
 /// Whether a base that is told to go to `target` would have to jump.
-bool MovingBase::jumps(const Pose& target) const {
+bool MovingBase::exceeds_speed_limit(const Pose& target) const {
   const Quat turn = target.rotation * conjugate(state_.world_from_base.rotation);
   const double speed = norm(target.position - state_.world_from_base.position) / tick_secs;
   const double turn_speed = norm(rotation_vector(turn)) / tick_secs;
-  return speed > options_.base_speed || turn_speed > options_.base_turn_speed;
+  return speed > options_.max_base_speed_m_per_s || turn_speed > options_.max_base_turn_rate_rad_per_s;
 }
 
-void MovingBase::set_off(const Pose& asked) {
+void MovingBase::begin_step(const Pose& asked) {
   const Pose normal{asked.position, normalized(asked.rotation)};
-  state_.held = jumps(normal);
+  state_.held = exceeds_speed_limit(normal);
   target_ = state_.held ? state_.world_from_base : normal;
   const Vec3 linear_before = state_.linear;
   const Vec3 angular_before = state_.angular;

@@ -18,20 +18,20 @@ class MovingBase {
   explicit MovingBase(const Model& model);
 
   /// Sets off to `asked`, or stays if it would have to jump there.
-  void set_off(const Pose& asked);
+  void begin_step(const Pose& asked);
   /// The end of the tick.
-  void arrive() { state_.world_from_base = target_; }
+  void end_step() { state_.world_from_base = target_; }
 
   const Pose& pose() const { return state_.world_from_base; }
   /// Place and twist of the base, within a tick the place from its start.
   FrameMotion motion() const { return {state_.world_from_base, state_.linear, state_.angular}; }
-  /// How it moves since set_off(), of second order: turning with the mean of the speeds before and after.
+  /// How it moves since begin_step(), of second order: turning with the mean of the speeds before and after.
   const BaseMotion& tick_motion() const { return tick_motion_; }
   const State& state() const { return state_; }
   void restore(const State& state) { state_ = state; }
 
  private:
-  bool jumps(const Pose& target) const;
+  bool exceeds_speed_limit(const Pose& target) const;
 
   const Options& options_;
   State state_;

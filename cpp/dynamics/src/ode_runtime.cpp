@@ -25,7 +25,7 @@ void keep_message(int, const char* format, std::va_list arguments) {
   std::vsnprintf(last_message, sizeof last_message, format, arguments);
 }
 
-bool start() {
+bool initialize_ode() {
   if (dInitODE2(0) == 0) throw std::runtime_error("dInitODE2 failed");
   dSetErrorHandler(throw_error);
   dSetDebugHandler(throw_error);
@@ -36,7 +36,7 @@ bool start() {
 }  // namespace
 
 void prepare_ode_in_this_thread() {
-  static const bool started = start();
+  static const bool started = initialize_ode();
   static_cast<void>(started);
   if (dAllocateODEDataForThread(dAllocateMaskAll) == 0) throw std::runtime_error("dAllocateODEDataForThread failed");
 }

@@ -19,11 +19,11 @@ OdeWorld::OdeWorld(const Options& options) : solver_(options.solver), state_{opt
   dWorldSetERP(world_.get(), options.joint_erp);
   dWorldSetCFM(world_.get(), options.joint_cfm);
   dWorldSetContactSurfaceLayer(world_.get(), options.surface_layer);
-  dWorldSetContactMaxCorrectingVel(world_.get(), options.correcting_speed);
+  dWorldSetContactMaxCorrectingVel(world_.get(), options.max_correcting_speed_m_per_s);
   dWorldSetQuickStepNumIterations(world_.get(), options.iterations);
   dWorldSetAutoDisableFlag(world_.get(), 0);
   // So that a complaint asks for no memory within a tick.
-  last_complaint_.reserve(message_size);
+  last_warning_.reserve(message_size);
 }
 
 void OdeWorld::step() {
@@ -39,8 +39,8 @@ void OdeWorld::step() {
     state_.seed = dRandGetSeed();
   }
   if (const unsigned long heard = ode_message_count() - before; heard > 0) {
-    state_.complaints += heard;
-    last_complaint_ = ode_last_message();
+    state_.warnings += heard;
+    last_warning_ = ode_last_message();
   }
   if (done == 0) throw std::runtime_error("out of memory in a step");
 }

@@ -13,7 +13,7 @@ class OdeWorld {
  public:
   struct State {
     unsigned long seed;  ///< of the iterative solver
-    std::uint64_t complaints;
+    std::uint64_t warnings;
   };
 
   /// Throws std::runtime_error if ODE can make no world.
@@ -24,9 +24,9 @@ class OdeWorld {
   void step();
 
   /// Counts a complaint of another solver that works on the same tick.
-  void add_complaint() { ++state_.complaints; }
+  void add_warning() { ++state_.warnings; }
   /// ODE's words in the latest of its own complaints.
-  const std::string& last_complaint() const { return last_complaint_; }
+  const std::string& last_warning() const { return last_warning_; }
 
   const State& state() const { return state_; }
   void restore(const State& state) { state_ = state; }
@@ -37,7 +37,7 @@ class OdeWorld {
   WorldPtr world_;
   Solver solver_;
   State state_;
-  std::string last_complaint_;
+  std::string last_warning_;
 };
 
 }  // namespace proact::dynamics

@@ -25,12 +25,13 @@ World::Simulation::Simulation(Model model)
       base_(model_),
       joints_(model_),
       control_(model_, joints_),
-      carrying_(model_.options),
+      attachment_(model_.options),
       blocks_(model_, ode_world_.id()),
       geoms_(model_),
-      collisions_(model_, geoms_, blocks_, carrying_),
-      islands_(model_, blocks_, carrying_),
-      arm_(make_arm({model_, ode_world_.id(), base_, joints_, control_, blocks_, carrying_, geoms_, contact_joints_, islands_})) {
+      collisions_(model_, geoms_, blocks_, attachment_),
+      islands_(model_, blocks_, attachment_),
+      arm_(make_arm({model_, ode_world_.id(), base_, joints_, control_, blocks_, attachment_, geoms_, contact_joints_,
+                     islands_})) {
   arm_->build();
   arm_->place_geoms();
   collisions_.refuse_overlaps();
@@ -62,30 +63,30 @@ void World::Simulation::step(const double* position, const double* velocity, con
 
 /// One tick.
 void World::Simulation::advance(const double* position, const double* velocity, const Pose& world_from_base) {
-  if (joints_.choose_rigid(position, velocity)) arm_->build();
-  base_.set_off(world_from_base);
+  if (joints_.update_rigid(position, velocity)) arm_->build();
+  base_.begin_step(world_from_base);
   arm_->drive(position, velocity);
   contact_joints_.clear();
   arm_->place_geoms();
   islands_.wake_near(geoms_);
   collisions_.find(*arm_);
-  islands_.split(collisions_.touches());
-  if (!arm_->push(collisions_)) ode_world_.add_complaint();
-  islands_.move();
+  islands_.assign_contacts(collisions_.constraints());
+  if (!arm_->resolve_contacts(collisions_)) ode_world_.add_warning();
+  islands_.integrate();
   step_ode();
-  base_.arrive();
+  base_.end_step();
   arm_->finish();
   contact_joints_.read_forces(collisions_, islands_);
-  islands_.finish();
+  islands_.end_step();
   read_blocks();
 }
 
 void World::Simulation::step_ode() {
-  blocks_.put_to_sleep(carrying_);
+  blocks_.put_to_sleep(attachment_);
   if (arm_->moved_by_ode() || !blocks_.all_asleep()) {
-    const std::uint64_t complaints = ode_world_.state().complaints;
+    const std::uint64_t complaints = ode_world_.state().warnings;
     ode_world_.step();
-    if (ode_world_.state().complaints != complaints) islands_.distrust_ode();
+    if (ode_world_.state().warnings != complaints) islands_.stop_using_ode();
   }
   if (!joints_.all_finite() || !arm_->all_finite()) throw std::runtime_error("the arm left the finite numbers");
   blocks_.check_finite();
@@ -93,11 +94,11 @@ void World::Simulation::step_ode() {
 
 void World::Simulation::read_blocks() {
   for (std::size_t k = 0; k < blocks_.count(); ++k) {
-    if (!carrying_.merges(k)) {
+    if (!attachment_.is_merged_block(k)) {
       blocks_.read(k);
       continue;
     }
-    const Attachment& attachment = *carrying_.attached();
+    const Attachment& attachment = *attachment_.attached();
     const LinkGroups& links = arm_->links();
     const FrameMotion body = arm_->motion(links.body_of(attachment.link));
     const Pose pose = body.pose * links.body_from_link(attachment.link) * attachment.link_from_block;
@@ -122,24 +123,24 @@ void World::Simulation::check_block(std::size_t block) const {
 void World::Simulation::attach(std::size_t block, std::size_t link) {
   refuse_failed();
   check_block(block);
-  if (const auto& attached = carrying_.attached(); attached) {
+  if (const auto& attached = attachment_.attached(); attached) {
     throw std::invalid_argument("block \"" + model_.blocks[attached->block].name + "\" is attached already, release it first");
   }
-  carrying_.take({block, link, inverse(link_pose(link)) * blocks_.states()[block].pose});
-  if (carrying_.apart()) {
+  attachment_.attach({block, link, inverse(link_pose(link)) * blocks_.states()[block].pose});
+  if (attachment_.is_separate()) {
     dBodyEnable(blocks_.body(block));
   } else {
     dBodyDisable(blocks_.body(block));
   }
-  collisions_.let_come_apart(block);
+  collisions_.require_separation(block);
   arm_->build();
 }
 
 void World::Simulation::release() {
-  if (!carrying_.attached()) return;
-  const std::size_t block = carrying_.attached()->block;
-  carrying_.let_go();
-  blocks_.set_free(block);
+  if (!attachment_.attached()) return;
+  const std::size_t block = attachment_.attached()->block;
+  attachment_.detach();
+  blocks_.reset_body(block);
   arm_->build();
 }
 
@@ -150,23 +151,23 @@ void World::Simulation::place(std::size_t block, const BodyState& state) {
   if (!is_finite(state.pose) || !is_finite(state.linear) || !is_finite(state.angular)) {
     throw std::invalid_argument("the place or the speed of " + name + " is not finite");
   }
-  if (carrying_.carries(block)) throw std::invalid_argument(name + " is attached, release it first");
-  const BodyBits before = BodyBits::of(blocks_.body(block));
+  if (attachment_.is_attached(block)) throw std::invalid_argument(name + " is attached, release it first");
+  const OdeBodyState before = OdeBodyState::capture(blocks_.body(block));
   set_body_pose(blocks_.body(block), state.pose);
   arm_->place_geoms();
   try {
     collisions_.refuse_overlaps_of(block);
   } catch (...) {
-    before.put(blocks_.body(block));
+    before.restore(blocks_.body(block));
     arm_->place_geoms();
     throw;
   }
   blocks_.set_state(block, state);
-  blocks_.set_free(block);
+  blocks_.reset_body(block);
   islands_.wake(block);
   // Of a heap only those wake that lose a neighbour or get one.
   for (std::size_t k = 0; k < blocks_.count(); ++k) {
-    if (!carrying_.carries(k) && !islands_.rests(k)) blocks_.wake(k);
+    if (!attachment_.is_attached(k) && !islands_.is_resting(k)) blocks_.wake(k);
   }
 }
 
@@ -178,31 +179,31 @@ std::vector<double> World::Simulation::save() const {
   snapshot.base = base_.state();
   snapshot.arm = arm_->state();
   snapshot.ode = ode_world_.state();
-  snapshot.attached = carrying_.attached();
+  snapshot.attached = attachment_.attached();
   snapshot.blocks = blocks_.states();
-  snapshot.until_sleep = blocks_.until_sleep();
-  snapshot.block_bodies = blocks_.bits();
-  snapshot.parted = collisions_.parted();
+  snapshot.ticks_until_sleep = blocks_.ticks_until_sleep();
+  snapshot.block_bodies = blocks_.ode_states();
+  snapshot.separated = collisions_.separated();
   snapshot.contacts = collisions_.contacts();
   snapshot.islands = islands_.state();
-  return to_numbers(model_, snapshot);
+  return serialize(model_, snapshot);
 }
 
 void World::Simulation::restore(const std::vector<double>& numbers) {
   refuse_failed();
   // All is read and checked before anything changes.
-  const Snapshot snapshot = from_numbers(model_, numbers);
+  const Snapshot snapshot = deserialize(model_, numbers);
   joints_.restore(snapshot.joints);
   control_.restore(snapshot.control);
   base_.restore(snapshot.base);
   ode_world_.restore(snapshot.ode);
-  carrying_.restore(snapshot.attached);
-  blocks_.restore(snapshot.blocks, snapshot.until_sleep);
+  attachment_.restore(snapshot.attached);
+  blocks_.restore(snapshot.blocks, snapshot.ticks_until_sleep);
   contact_joints_.clear();
-  collisions_.restore(snapshot.parted, snapshot.contacts);
+  collisions_.restore(snapshot.separated, snapshot.contacts);
   islands_.restore(snapshot.islands);
   arm_->restore(snapshot.arm);
-  blocks_.put(snapshot.block_bodies);
+  blocks_.restore_bodies(snapshot.block_bodies);
 }
 
 }  // namespace proact::dynamics

@@ -3,8 +3,8 @@
 
 #include "arm.hpp"
 #include "arm_joints.hpp"
+#include "block_attachment.hpp"
 #include "block_bodies.hpp"
-#include "carrying.hpp"
 #include "collisions.hpp"
 #include "contact_joints.hpp"
 #include "geoms.hpp"
@@ -41,7 +41,7 @@ class World::Simulation {
   const OdeWorld& ode_world() const { return ode_world_; }
   const MovingBase& base() const { return base_; }
   const ArmJoints& joints() const { return joints_; }
-  const Carrying& carrying() const { return carrying_; }
+  const BlockAttachment& attachment() const { return attachment_; }
   const BlockBodies& blocks() const { return blocks_; }
   const Collisions& collisions() const { return collisions_; }
   const Arm& arm() const { return *arm_; }
@@ -62,7 +62,7 @@ class World::Simulation {
   MovingBase base_;
   ArmJoints joints_;
   JointControl control_;
-  Carrying carrying_;
+  BlockAttachment attachment_;
   BlockBodies blocks_;
   Geoms geoms_;
   Collisions collisions_;

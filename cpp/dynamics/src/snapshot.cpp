@@ -11,9 +11,9 @@ namespace proact::dynamics {
 
 namespace {
 
-constexpr int most = std::numeric_limits<int>::max();
+constexpr int max_int = std::numeric_limits<int>::max();
 // Doubles tell whole numbers apart up to here.
-constexpr std::size_t whole_numbers = std::size_t{1} << 53U;
+constexpr std::size_t max_exact_integer = std::size_t{1} << 53U;
 
 /// Appends numbers.
 class Writer {
@@ -30,7 +30,7 @@ class Writer {
   void add_all(const std::vector<T>& values) {
     for (const auto& value : values) add(static_cast<double>(value));
   }
-  void add(const BodyBits& body) {
+  void add(const OdeBodyState& body) {
     add(body.pose);
     add(body.linear);
     add(body.angular);
@@ -101,7 +101,7 @@ class Reader {
     return out;
   }
   bool flag() { return whole(0, 1) != 0; }
-  BodyBits body() {
+  OdeBodyState body() {
     const Pose at = pose();
     const Vec3 linear = vec();
     const Vec3 angular = vec();
@@ -119,7 +119,7 @@ class Reader {
 };
 
 /// Bodies of ODE that the arm consists of while the joints `held` are rigid.
-std::size_t arm_bodies(const Model& model, const std::vector<bool>& held) {
+std::size_t arm_body_count(const Model& model, const std::vector<bool>& held) {
   // The arm in joint angles has none.
   if (model.options.engine == Engine::reduced) return 0;
   std::size_t bodies = 1;
@@ -132,16 +132,16 @@ std::size_t arm_bodies(const Model& model, const std::vector<bool>& held) {
 void add_islands(Writer& out, const LargeIslands::State& islands) {
   out.add_all(islands.large);
   out.add_all(islands.resting);
-  out.add(static_cast<double>(islands.presses.size()));
-  for (const LargeIslands::Press& press : islands.presses) {
+  out.add(static_cast<double>(islands.resting_forces.size()));
+  for (const LargeIslands::RestingForce& press : islands.resting_forces) {
     out.add(static_cast<double>(press.block));
-    out.add(static_cast<double>(press.neighbour));
+    out.add(static_cast<double>(press.neighbor));
     out.add(press.force);
     out.add(press.torque);
   }
-  out.add(islands.distrusts_ode ? 1.0 : 0.0);
-  out.add(static_cast<double>(islands.remembered.size()));
-  for (const LargeIslands::Remembered& point : islands.remembered) {
+  out.add(islands.ode_unreliable ? 1.0 : 0.0);
+  out.add(static_cast<double>(islands.cached_contacts.size()));
+  for (const LargeIslands::CachedContact& point : islands.cached_contacts) {
     out.add(static_cast<double>(point.pair));
     out.add(point.position);
     out.add(point.impulse);
@@ -155,27 +155,27 @@ LargeIslands::State read_islands(Reader& in, std::size_t blocks) {
   LargeIslands::State out;
   out.large = in.flags(blocks);
   out.resting = in.flags(blocks);
-  out.presses.resize(in.index("forces on blocks at rest", numbers * numbers));
-  for (LargeIslands::Press& press : out.presses) {
+  out.resting_forces.resize(in.index("forces on blocks at rest", numbers * numbers));
+  for (LargeIslands::RestingForce& press : out.resting_forces) {
     press.block = in.index("block at rest", blocks);
-    press.neighbour = in.index("neighbour", blocks);
+    press.neighbor = in.index("neighbour", blocks);
     press.force = in.vec();
     press.torque = in.vec();
   }
-  out.distrusts_ode = in.whole(0, 1) != 0;
-  out.remembered.resize(in.index("contacts remembered", points));
-  for (LargeIslands::Remembered& point : out.remembered) {
+  out.ode_unreliable = in.whole(0, 1) != 0;
+  out.cached_contacts.resize(in.index("contacts remembered", points));
+  for (LargeIslands::CachedContact& point : out.cached_contacts) {
     point.pair = in.index("pair", numbers * numbers);
     point.position = in.vec();
     point.impulse = in.vec();
-    point.taken = false;
+    point.used = false;
   }
   return out;
 }
 
 }  // namespace
 
-std::vector<double> to_numbers(const Model& model, const Snapshot& snapshot) {
+std::vector<double> serialize(const Model& model, const Snapshot& snapshot) {
   Writer out;
   const ArmJoints::State& joints = snapshot.joints;
   for (const std::size_t size :
@@ -185,22 +185,22 @@ std::vector<double> to_numbers(const Model& model, const Snapshot& snapshot) {
   out.add_all(joints.positions);
   out.add_all(joints.velocities);
   out.add_all(joints.efforts);
-  out.add_all(joints.borne);
+  out.add_all(joints.limit_effort);
   out.add_all(joints.last_command);
   out.add_all(snapshot.control.gains_command);
-  out.add_all(joints.held);
-  out.add_all(joints.still_ticks);
+  out.add_all(joints.locked);
+  out.add_all(joints.idle_ticks);
   out.add_all(snapshot.control.stop);
   out.add_all(snapshot.arm.motor_states);
-  out.add_all(snapshot.parted);
-  out.add_all(snapshot.until_sleep);
+  out.add_all(snapshot.separated);
+  out.add_all(snapshot.ticks_until_sleep);
   out.add(snapshot.arm.built_base);
   out.add(snapshot.base.world_from_base);
   out.add(snapshot.base.linear);
   out.add(snapshot.base.angular);
   out.add(snapshot.base.held ? 1.0 : 0.0);
   out.add(static_cast<double>(snapshot.ode.seed));
-  out.add(static_cast<double>(snapshot.ode.complaints));
+  out.add(static_cast<double>(snapshot.ode.warnings));
   out.add(snapshot.attached ? 1.0 : 0.0);
   if (snapshot.attached) {
     out.add(static_cast<double>(snapshot.attached->block));
@@ -212,8 +212,8 @@ std::vector<double> to_numbers(const Model& model, const Snapshot& snapshot) {
     out.add(block.linear);
     out.add(block.angular);
   }
-  for (const BodyBits& body : snapshot.arm.bodies) out.add(body);
-  for (const BodyBits& body : snapshot.block_bodies) out.add(body);
+  for (const OdeBodyState& body : snapshot.arm.bodies) out.add(body);
+  for (const OdeBodyState& body : snapshot.block_bodies) out.add(body);
   out.add(static_cast<double>(snapshot.contacts.size()));
   for (const Contact& contact : snapshot.contacts) {
     out.add(static_cast<double>(contact.block));
@@ -226,7 +226,7 @@ std::vector<double> to_numbers(const Model& model, const Snapshot& snapshot) {
   return out.take();
 }
 
-Snapshot from_numbers(const Model& model, const std::vector<double>& numbers) {
+Snapshot deserialize(const Model& model, const std::vector<double>& numbers) {
   const std::size_t links = model.links.size();
   const std::size_t joints = model.moving.size();
   const std::size_t blocks = model.blocks.size();
@@ -246,22 +246,22 @@ Snapshot from_numbers(const Model& model, const std::vector<double>& numbers) {
   out.joints.positions = in.numbers(joints);
   out.joints.velocities = in.numbers(joints);
   out.joints.efforts = in.numbers(joints);
-  out.joints.borne = in.numbers(joints);
+  out.joints.limit_effort = in.numbers(joints);
   out.joints.last_command = in.numbers(joints);
   out.control.gains_command = in.numbers(joints);
-  out.joints.held = in.flags(joints);
-  out.joints.still_ticks = in.wholes(joints, 0, most);
+  out.joints.locked = in.flags(joints);
+  out.joints.idle_ticks = in.wholes(joints, 0, max_int);
   out.control.stop = in.wholes(joints, -1, 1);
   out.arm.motor_states = in.wholes(joints, -1, 1);
-  out.parted = in.flags(links * blocks);
-  out.until_sleep = in.wholes(blocks, -most, most);
+  out.separated = in.flags(links * blocks);
+  out.ticks_until_sleep = in.wholes(blocks, -max_int, max_int);
   out.arm.built_base = in.pose();
   out.base.world_from_base = in.pose();
   out.base.linear = in.vec();
   out.base.angular = in.vec();
   out.base.held = in.flag();
-  out.ode.seed = static_cast<unsigned long>(in.index("seed", whole_numbers));
-  out.ode.complaints = static_cast<std::uint64_t>(in.index("count of complaints", whole_numbers));
+  out.ode.seed = static_cast<unsigned long>(in.index("seed", max_exact_integer));
+  out.ode.warnings = static_cast<std::uint64_t>(in.index("count of complaints", max_exact_integer));
   if (in.flag()) {
     const std::size_t block = in.index("attached block", blocks);
     const std::size_t link = in.index("attached link", links);
@@ -273,7 +273,7 @@ Snapshot from_numbers(const Model& model, const std::vector<double>& numbers) {
     block.linear = in.vec();
     block.angular = in.vec();
   }
-  if (const std::size_t needed = arm_bodies(model, out.joints.held); needed != body_count) {
+  if (const std::size_t needed = arm_body_count(model, out.joints.locked); needed != body_count) {
     throw std::invalid_argument("snapshot: " + std::to_string(body_count) + " bodies, its free joints need " + std::to_string(needed));
   }
   for (std::size_t k = 0; k < body_count; ++k) out.arm.bodies.push_back(in.body());

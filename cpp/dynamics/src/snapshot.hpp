@@ -5,10 +5,10 @@
 
 #include "arm.hpp"
 #include "arm_joints.hpp"
-#include "body_bits.hpp"
 #include "joint_control.hpp"
 #include "large_islands.hpp"
 #include "moving_base.hpp"
+#include "ode_body_state.hpp"
 #include "ode_world.hpp"
 #include "proact/dynamics/world.hpp"
 
@@ -26,15 +26,15 @@ struct Snapshot {
   OdeWorld::State ode;
   std::optional<Attachment> attached;
   std::vector<BodyState> blocks;
-  std::vector<int> until_sleep;  ///< by block
-  std::vector<BodyBits> block_bodies;
-  std::vector<bool> parted;  ///< [block][link]: contacts act
+  std::vector<int> ticks_until_sleep;  ///< by block
+  std::vector<OdeBodyState> block_bodies;
+  std::vector<bool> separated;  ///< [block][link]: contacts act
   std::vector<Contact> contacts;
   LargeIslands::State islands;
 };
 
-std::vector<double> to_numbers(const Model& model, const Snapshot& snapshot);
+std::vector<double> serialize(const Model& model, const Snapshot& snapshot);
 /// Throws std::invalid_argument if the numbers are not of a world made from `model`.
-Snapshot from_numbers(const Model& model, const std::vector<double>& numbers);
+Snapshot deserialize(const Model& model, const std::vector<double>& numbers);
 
 }  // namespace proact::dynamics

@@ -30,11 +30,11 @@ void World::step(const double* position, const double* velocity, const Pose& wor
 const std::vector<double>& World::positions() const noexcept { return simulation_->joints().positions(); }
 const std::vector<double>& World::velocities() const noexcept { return simulation_->joints().velocities(); }
 const std::vector<double>& World::efforts() const noexcept { return simulation_->joints().efforts(); }
-const std::vector<double>& World::borne() const noexcept { return simulation_->joints().borne(); }
+const std::vector<double>& World::limit_effort() const noexcept { return simulation_->joints().limit_effort(); }
 const Pose& World::world_from_base() const noexcept { return simulation_->base().pose(); }
 const std::vector<BodyState>& World::blocks() const noexcept { return simulation_->blocks().states(); }
 const std::vector<Contact>& World::contacts() const noexcept { return simulation_->collisions().contacts(); }
-const std::optional<Attachment>& World::attached() const noexcept { return simulation_->carrying().attached(); }
+const std::optional<Attachment>& World::attached() const noexcept { return simulation_->attachment().attached(); }
 
 void World::attach(std::size_t block, std::size_t link) { simulation_->attach(block, link); }
 void World::release() { simulation_->release(); }
@@ -44,7 +44,7 @@ void World::restore(const std::vector<double>& numbers) { simulation_->restore(n
 bool World::base_held() const noexcept { return simulation_->base().state().held; }
 Pose World::link_pose(std::size_t link) const { return simulation_->link_pose(link); }
 std::size_t World::arm_body_count() const noexcept { return simulation_->arm().links().body_count(); }
-std::uint64_t World::solver_complaints() const noexcept { return simulation_->ode_world().state().complaints; }
-const std::string& World::last_complaint() const noexcept { return simulation_->ode_world().last_complaint(); }
+std::uint64_t World::solver_warnings() const noexcept { return simulation_->ode_world().state().warnings; }
+const std::string& World::last_solver_warning() const noexcept { return simulation_->ode_world().last_warning(); }
 
 }  // namespace proact::dynamics

@@ -39,7 +39,7 @@ GeomPtr geom_of(const Shape& shape) {
 }
 
 /// Half of what a shape measures along z in an attitude.
-double reach_up(const Shape& shape, const Quat& attitude) {
+double top_extent(const Shape& shape, const Quat& attitude) {
   const bool standing = std::fabs(rotate(attitude, {0, 0, 1}).z) > 0.9;
   switch (shape.kind) {
     case ShapeKind::box: return 0.5 * shape.size[2];
@@ -84,7 +84,7 @@ void every_pair_touches_in_as_many_points_as_it_needs() {
   for (const Pair& pair : pairs) {
     const GeomPtr low = geom_of(pair.low);
     const GeomPtr high = geom_of(pair.high);
-    const double apart = reach_up(pair.low, pair.low_attitude) + reach_up(pair.high, pair.high_attitude) - overlap;
+    const double apart = top_extent(pair.low, pair.low_attitude) + top_extent(pair.high, pair.high_attitude) - overlap;
     const Pose low_pose{{0.3, -0.2, 0.1}, pair.low_attitude};
     const Pose high_pose{{0.3, -0.2, 0.1 + apart}, pair.high_attitude};
     set_geom_pose(low.get(), low_pose);
@@ -162,7 +162,7 @@ void what_ode_says_is_kept_and_not_printed() {
 int main() {
   // Starts ODE in this thread.
   const World world(chain(1));
-  check(world.last_complaint().empty(), "nobody has complained yet");
+  check(world.last_solver_warning().empty(), "nobody has complained yet");
   every_pair_touches_in_as_many_points_as_it_needs();
   a_block_tips_back_up_to_45_degrees_and_over_beyond();
   a_block_over_the_edge_falls_to_the_floor_and_rests_there();

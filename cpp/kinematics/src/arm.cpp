@@ -40,7 +40,7 @@ KDL::Chain make_chain(const KDL::Tree& tree, const ArmDescription& description) 
   return chain;
 }
 
-KDL::Tree with_carried(KDL::Tree tree, const std::optional<KDL::Segment>& carried, const std::string& tip) {
+KDL::Tree with_payload(KDL::Tree tree, const std::optional<KDL::Segment>& carried, const std::string& tip) {
   if (carried && !tree.addSegment(*carried, tip)) throw std::runtime_error("KDL refused the carried body");
   return tree;
 }
@@ -88,7 +88,7 @@ Arm::Arm(const ArmDescription& description)
 
 Arm::Dynamics::Dynamics(const Arm& arm, const std::array<double, 3>& gravity_in)
     : gravity(gravity_in),
-      tree(with_carried(arm.tree_, arm.carried_, arm.tip_)),
+      tree(with_payload(arm.tree_, arm.payload_, arm.tip_)),
       solver(tree, KDL::Vector(gravity[0], gravity[1], gravity[2])) {
   // KDL numbers joints anew whenever it copies a tree, so the numbers are read from the final one.
   for (const std::size_t link : arm.moving_) {
@@ -151,16 +151,16 @@ void Arm::inverse_dynamics(const double* q, const double* qd, const double* qdd,
   for (std::size_t k = 0; k < coordinates.size(); ++k) torque[k] = tree_torque_(coordinates[k]);
 }
 
-void Arm::carry(const std::optional<Inertial>& body) {
+void Arm::set_payload(const std::optional<Inertial>& body) {
   if (body && !(body->mass > 0.0)) {
     throw std::invalid_argument("the carried body has a mass of " + std::to_string(body->mass) +
                                 " kg, expected more than zero");
   }
-  carried_.reset();
+  payload_.reset();
   if (body) {
     // Sorts after every link name, so it is none of them.
     const std::string name = tree_.getSegments().rbegin()->first + "_carried";
-    carried_ = KDL::Segment(name, KDL::Joint(name, KDL::Joint::None), KDL::Frame::Identity(), to_kdl(*body));
+    payload_ = KDL::Segment(name, KDL::Joint(name, KDL::Joint::None), KDL::Frame::Identity(), to_kdl(*body));
   }
   dynamics_.reset();
 }

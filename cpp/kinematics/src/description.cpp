@@ -9,7 +9,7 @@ namespace proact::kinematics {
 namespace {
 
 // Below this length an axis is taken to be a mistake rather than a direction.
-constexpr double kShortestAxis = 1e-9;
+constexpr double kMinAxisNorm = 1e-9;
 
 void require(bool holds, const std::string& otherwise) {
   if (!holds) throw std::invalid_argument(otherwise);
@@ -19,7 +19,7 @@ std::string quoted(const std::string& name) { return '"' + name + '"'; }
 
 void check_joint(const LinkDescription& link) {
   const double length = std::hypot(link.axis[0], link.axis[1], link.axis[2]);
-  require(length >= kShortestAxis, "joint " + quoted(link.joint) + ": the axis has no direction");
+  require(length >= kMinAxisNorm, "joint " + quoted(link.joint) + ": the axis has no direction");
   // Written so that NaN fails.
   require(link.lower <= link.upper, "joint " + quoted(link.joint) + ": lower limit " + std::to_string(link.lower) +
                                         " is above upper limit " + std::to_string(link.upper));

@@ -14,17 +14,17 @@ namespace {
 
 // Metres that one radian of rotation error counts for in the descent: about the length of a hand, so that
 // neither part drowns the other.
-constexpr double kMetresPerRadian = 0.2;
+constexpr double kMetersPerRadian = 0.2;
 constexpr int kMaxIterations = 80;
 constexpr double kFirstDamping = 1e-3;
-constexpr double kLeastDamping = 1e-12;
-constexpr double kMostDamping = 1e2;
+constexpr double kMinDamping = 1e-12;
+constexpr double kMaxDamping = 1e2;
 // An iteration that lowers the error by less than this share has all but stalled; so many in a row end
 // the search from this start.
-constexpr double kSlowShare = 0.02;
-constexpr int kPatience = 8;
+constexpr double kStallRatio = 0.02;
+constexpr int kMaxSlowIterations = 8;
 // Longest step of one joint, rad: beyond it the linear picture is worthless.
-constexpr double kLongestStep = 0.7;
+constexpr double kMaxStep = 0.7;
 
 // Starts around the seed, with growing radius, and starts all over the range.
 constexpr int kStartsAround = 8;
@@ -58,8 +58,8 @@ InverseSolver::InverseSolver(const KDL::Chain& chain, std::vector<double> lower,
       q_(chain.getNrOfJoints()),
       trial_(chain.getNrOfJoints()),
       jacobian_(chain.getNrOfJoints()),
-      free_(6, chain.getNrOfJoints()),
-      change_(chain.getNrOfJoints()),
+      free_jacobian_(6, chain.getNrOfJoints()),
+      step_(chain.getNrOfJoints()),
       frozen_(chain.getNrOfJoints()) {
   if (lower_.size() != q_.rows() || upper_.size() != q_.rows()) {
     throw std::invalid_argument("got " + std::to_string(lower_.size()) + " joint limits, the chain has " +
@@ -82,7 +82,7 @@ bool InverseSolver::solve(const KDL::Frame& target, const double* seed, double* 
         if (at_limit >= 0.25 && at_limit < 0.5) q_(k) = upper_[k];
       }
     }
-    if (descend(target)) {
+    if (minimize(target)) {
       std::copy_n(q_.data.data(), q_.rows(), out);
       return true;
     }
@@ -97,11 +97,11 @@ std::vector<double> InverseSolver::solve_all(const KDL::Frame& target, std::size
   std::vector<double> found;
   for (std::size_t start = 0; start < starts; ++start) {
     for (unsigned int k = 0; k < joints; ++k) q_(k) = lower_[k] + (upper_[k] - lower_[k]) * uniform();
-    if (!descend(target)) continue;
+    if (!minimize(target)) continue;
     bool known = false;
     for (std::size_t other = 0; other < found.size() && !known; other += joints) {
       known = true;
-      for (unsigned int k = 0; k < joints; ++k) known = known && std::abs(found[other + k] - q_(k)) < kDistinct;
+      for (unsigned int k = 0; k < joints; ++k) known = known && std::abs(found[other + k] - q_(k)) < kDistinctAngle;
     }
     if (!known) found.insert(found.end(), q_.data.data(), q_.data.data() + joints);
   }
@@ -109,34 +109,34 @@ std::vector<double> InverseSolver::solve_all(const KDL::Frame& target, std::size
 }
 
 /// Moves q_ to the target; false when it gets stuck.
-bool InverseSolver::descend(const KDL::Frame& target) {
+bool InverseSolver::minimize(const KDL::Frame& target) {
   double damping = kFirstDamping;
   int slow = 0;
-  measure(target, q_);
+  evaluate_error(target, q_);
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     if (position_error_ < kPositionTolerance && rotation_error_ < kRotationTolerance) return true;
     const Eigen::Matrix<double, 6, 1> error = error_;
     jacobian_solver_.JntToJac(q_, jacobian_);
-    jacobian_.data.bottomRows<3>() *= kMetresPerRadian;
+    jacobian_.data.bottomRows<3>() *= kMetersPerRadian;
 
     // Raise the damping until a step helps.
     while (true) {
       step(damping);
-      measure(target, trial_);
+      evaluate_error(target, trial_);
       if (error_.squaredNorm() < error.squaredNorm()) break;
       error_ = error;
       damping *= 10.0;
-      if (!(damping < kMostDamping)) return false;
+      if (!(damping < kMaxDamping)) return false;
     }
     q_.data = trial_.data;
-    damping = std::max(damping * 0.1, kLeastDamping);
-    slow = error_.norm() > (1.0 - kSlowShare) * error.norm() ? slow + 1 : 0;
-    if (slow >= kPatience) return false;
+    damping = std::max(damping * 0.1, kMinDamping);
+    slow = error_.norm() > (1.0 - kStallRatio) * error.norm() ? slow + 1 : 0;
+    if (slow >= kMaxSlowIterations) return false;
   }
   return false;
 }
 
-void InverseSolver::measure(const KDL::Frame& target, const KDL::JntArray& q) {
+void InverseSolver::evaluate_error(const KDL::Frame& target, const KDL::JntArray& q) {
   KDL::Frame reached;
   position_solver_.JntToCart(q, reached);
   const KDL::Twist left(target.p - reached.p, rotation_between(reached.M, target.M));
@@ -144,7 +144,7 @@ void InverseSolver::measure(const KDL::Frame& target, const KDL::JntArray& q) {
   rotation_error_ = length(left.rot);
   for (int k = 0; k < 3; ++k) {
     error_(k) = left.vel(k);
-    error_(k + 3) = kMetresPerRadian * left.rot(k);
+    error_(k + 3) = kMetersPerRadian * left.rot(k);
   }
 }
 
@@ -152,31 +152,31 @@ void InverseSolver::measure(const KDL::Frame& target, const KDL::JntArray& q) {
 void InverseSolver::step(double damping) {
   const Eigen::Index joints = q_.data.size();
   std::fill(frozen_.begin(), frozen_.end(), false);
-  free_ = jacobian_.data;
+  free_jacobian_ = jacobian_.data;
   // Each round freezes at least one more joint, so it ends.
   while (true) {
-    Eigen::Matrix<double, 6, 6> normal = free_ * free_.transpose();
+    Eigen::Matrix<double, 6, 6> normal = free_jacobian_ * free_jacobian_.transpose();
     normal.diagonal().array() += damping;
     const Eigen::Matrix<double, 6, 1> weights = normal.ldlt().solve(error_);
-    change_.noalias() = free_.transpose() * weights;
-    const double longest = change_.cwiseAbs().maxCoeff();
-    if (longest > kLongestStep) change_ *= kLongestStep / longest;
+    step_.noalias() = free_jacobian_.transpose() * weights;
+    const double longest = step_.cwiseAbs().maxCoeff();
+    if (longest > kMaxStep) step_ *= kMaxStep / longest;
 
     bool again = false;
     for (Eigen::Index k = 0; k < joints; ++k) {
       const auto joint = static_cast<std::size_t>(k);
-      const bool over = (q_.data(k) <= lower_[joint] && change_(k) < 0.0) ||
-                        (q_.data(k) >= upper_[joint] && change_(k) > 0.0);
+      const bool over = (q_.data(k) <= lower_[joint] && step_(k) < 0.0) ||
+                        (q_.data(k) >= upper_[joint] && step_(k) > 0.0);
       if (over && !frozen_[joint]) {
         frozen_[joint] = again = true;
-        free_.col(k).setZero();
+        free_jacobian_.col(k).setZero();
       }
     }
     if (!again) break;
   }
   for (Eigen::Index k = 0; k < joints; ++k) {
     const auto joint = static_cast<std::size_t>(k);
-    trial_.data(k) = std::clamp(q_.data(k) + change_(k), lower_[joint], upper_[joint]);
+    trial_.data(k) = std::clamp(q_.data(k) + step_(k), lower_[joint], upper_[joint]);
   }
 }
 

@@ -113,12 +113,12 @@ void a_carried_body_adds_its_weight_at_its_lever() {
   kin::Inertial body;
   body.mass = 0.1;
   body.pose.position = {0.0, 0.0, -0.03};
-  arm.carry(body);
+  arm.set_payload(body);
   arm.inverse_dynamics(q.data(), zero.data(), zero.data(), gravity, with.data());
   const double expected = 0.1 * 9.80665 * 0.60;
   expect(std::abs(std::abs(with[0] - without[0]) - expected) < 1e-12, "shoulder torque rises by m g r");
   expect(with[7] == without[7] && with[8] == without[8], "fingers do not bear what the palm carries");
-  arm.carry(std::nullopt);
+  arm.set_payload(std::nullopt);
   arm.inverse_dynamics(q.data(), zero.data(), zero.data(), gravity, again.data());
   expect(again == without, "letting go restores the torque bit for bit");
 }
@@ -187,7 +187,7 @@ void wrong_descriptions_are_refused_by_name() {
   expect_error(
       [] {
         kin::Arm arm(spatial_arm());
-        arm.carry(kin::Inertial{});
+        arm.set_payload(kin::Inertial{});
       },
       "the carried body has a mass of 0.000000 kg, expected more than zero");
 }

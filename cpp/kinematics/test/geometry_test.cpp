@@ -29,9 +29,9 @@ void expect(bool holds, const std::string& sentence) {
 }
 
 /// Draws with one seed.
-class Draws {
+class RandomNumbers {
  public:
-  explicit Draws(unsigned int seed) : generator_(seed) {}
+  explicit RandomNumbers(unsigned int seed) : generator_(seed) {}
 
   double number(double low, double high) { return std::uniform_real_distribution<double>(low, high)(generator_); }
   Vec3 vector(double size) { return {number(-size, size), number(-size, size), number(-size, size)}; }
@@ -45,7 +45,7 @@ class Draws {
 };
 
 /// Seven joints and a fixed tip, on which two fingers of two joints hang.
-kin::ArmDescription random_arm(Draws& draws) {
+kin::ArmDescription random_arm(RandomNumbers& draws) {
   kin::ArmDescription arm;
   const std::size_t parents[] = {0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 8, 11};
   for (std::size_t k = 0; k < std::size(parents); ++k) {
@@ -68,7 +68,7 @@ kin::ArmDescription random_arm(Draws& draws) {
 }
 
 /// The pose of each link by the shared header.
-std::vector<Pose> places(const kin::ArmDescription& arm, const std::vector<double>& q) {
+std::vector<Pose> link_poses(const kin::ArmDescription& arm, const std::vector<double>& q) {
   std::vector<Pose> poses(arm.links.size());
   std::size_t next = 0;
   for (std::size_t k = 1; k < poses.size(); ++k) {
@@ -76,19 +76,19 @@ std::vector<Pose> places(const kin::ArmDescription& arm, const std::vector<doubl
     const Pose pose = poses[link.parent] * link.origin;
     const Vec3 axis{link.axis[0], link.axis[1], link.axis[2]};
     const bool turns = link.kind == kin::JointKind::revolute;
-    poses[k] = turns ? proact::turned(pose, axis, q[next++]) : pose;
+    poses[k] = turns ? proact::joint_pose(pose, axis, q[next++]) : pose;
   }
   return poses;
 }
 
 /// Metres and rad between two poses, whichever is larger. A quaternion and its negative are one rotation.
-double apart(const Pose& a, const Pose& b) {
+double pose_difference(const Pose& a, const Pose& b) {
   const Pose off = proact::inverse(a) * b;
   return std::max(proact::norm(off.position), proact::norm(proact::rotation_vector(off.rotation)));
 }
 
 void links_and_jacobian_are_those_of_kdl() {
-  Draws draws(7);
+  RandomNumbers draws(7);
   double farthest = 0.0;
   for (int round = 0; round < 20; ++round) {
     const kin::ArmDescription description = random_arm(draws);
@@ -99,9 +99,9 @@ void links_and_jacobian_are_those_of_kdl() {
       for (double& angle : q) angle = draws.number(-3.0, 3.0);
       std::vector<Pose> theirs(arm.link_count());
       arm.link_poses(q.data(), theirs.data());
-      const std::vector<Pose> ours = places(description, q);
-      for (std::size_t k = 0; k < ours.size(); ++k) farthest = std::max(farthest, apart(ours[k], theirs[k]));
-      farthest = std::max(farthest, apart(ours[description.tip], arm.forward(q.data())));
+      const std::vector<Pose> ours = link_poses(description, q);
+      for (std::size_t k = 0; k < ours.size(); ++k) farthest = std::max(farthest, pose_difference(ours[k], theirs[k]));
+      farthest = std::max(farthest, pose_difference(ours[description.tip], arm.forward(q.data())));
 
       std::vector<double> jacobian(6 * joints);
       arm.jacobian(q.data(), jacobian.data());
@@ -120,19 +120,20 @@ void links_and_jacobian_are_those_of_kdl() {
 }
 
 void poses_are_a_group() {
-  Draws draws(11);
+  RandomNumbers draws(11);
   for (int round = 0; round < 100; ++round) {
     const Pose a{draws.vector(1.0), draws.rotation()};
     const Pose b{draws.vector(1.0), draws.rotation()};
     const Vec3 point = draws.vector(1.0);
-    expect(apart(proact::inverse(a) * (a * b), b) < tolerance, "a pose and its inverse cancel");
+    expect(pose_difference(proact::inverse(a) * (a * b), b) < tolerance, "a pose and its inverse cancel");
     expect(proact::norm((a * b) * point - a * (b * point)) < tolerance, "poses act one after the other");
-    expect(apart(proact::pose_of(proact::numbers_of(a)), a) < tolerance, "seven numbers hold a pose");
+    expect(pose_difference(proact::pose_from_array(proact::pose_to_array(a)), a) < tolerance,
+           "seven numbers hold a pose");
   }
 }
 
 void a_rotation_vector_leads_back_to_its_rotation() {
-  Draws draws(13);
+  RandomNumbers draws(13);
   for (int round = 0; round < 100; ++round) {
     const Vec3 axis = draws.vector(1.0);
     const Vec3 unit = axis * (1.0 / proact::norm(axis));

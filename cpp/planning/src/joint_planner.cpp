@@ -47,7 +47,7 @@ class SeededSimplifier : public og::PathSimplifier {
 };
 
 /// Most looks for a free state in vain, of up to 20 random states each, after which a roadmap is given up.
-constexpr unsigned int most_looks = 2000;
+constexpr unsigned int max_failed_samples = 2000;
 
 const double* values(const ob::State* state) { return state->as<ob::RealVectorStateSpace::StateType>()->values; }
 
@@ -57,7 +57,7 @@ bool accepts_motion(const JointQuery& query, const double* a, const double* b) {
   const std::size_t joints = query.start.size();
   double squares = 0.0;
   for (std::size_t k = 0; k < joints; ++k) squares += (b[k] - a[k]) * (b[k] - a[k]);
-  const double steps = std::ceil(std::sqrt(squares) / query.resolution.radians);
+  const double steps = std::ceil(std::sqrt(squares) / query.resolution.step_rad);
   std::vector<double> q(joints);
   for (double step = 0.0; step <= steps; step += 1.0) {
     const double share = steps > 0.0 ? step / steps : 0.0;
@@ -91,13 +91,14 @@ class SceneMotions : public ob::MotionValidator {
 
   bool checkMotion(const ob::State* a, const ob::State* b) const override {
     return !cancel_.is_raised() && si_->satisfiesBounds(b) &&
-           motion_on_is_free(scene_, values(a), values(b), resolution_) && accepts_motion(query_, values(a), values(b));
+           motion_from_free_is_free(scene_, values(a), values(b), resolution_) &&
+           accepts_motion(query_, values(a), values(b));
   }
 
   bool checkMotion(const ob::State* a, const ob::State* b, std::pair<ob::State*, double>& last) const override {
     if (checkMotion(a, b)) return true;
     // How far a user's condition holds is not known.
-    last.second = query_.accepts ? 0.0 : free_share(scene_, values(a), values(b), resolution_);
+    last.second = query_.accepts ? 0.0 : free_fraction(scene_, values(a), values(b), resolution_);
     if (last.first != nullptr) si_->getStateSpace()->interpolate(a, b, last.second, last.first);
     return false;
   }
@@ -116,7 +117,7 @@ void copy_into(const std::vector<double>& q, ob::State* state) {
 std::shared_ptr<ob::RealVectorStateSpace> joint_space(const ob::RealVectorBounds& bounds, std::uint32_t seed) {
   auto space = std::make_shared<ob::RealVectorStateSpace>(static_cast<unsigned int>(bounds.low.size()));
   space->setBounds(bounds);
-  project_as_original(*space);
+  set_original_projection(*space);
   space->setStateSamplerAllocator(
       [seed](const ob::StateSpace* s) { return std::make_shared<SeededSampler>(s, seed); });
   return space;
@@ -127,7 +128,7 @@ using Clock = std::chrono::steady_clock;
 double seconds_since(Clock::time_point begin) { return std::chrono::duration<double>(Clock::now() - begin).count(); }
 
 /// What one search gave: an empty path for none.
-struct Found {
+struct SearchResult {
   std::vector<std::vector<double>> path;
   double cost = 0.0;
   std::uint64_t iterations = 0;
@@ -135,7 +136,7 @@ struct Found {
 };
 
 /// The farthest way of any joint, radians.
-double farthest_way(const std::vector<double>& from, const std::vector<double>& to) {
+double max_joint_distance(const std::vector<double>& from, const std::vector<double>& to) {
   double farthest = 0.0;
   for (std::size_t j = 0; j < from.size(); ++j) farthest = std::max(farthest, std::abs(to[j] - from[j]));
   return farthest;
@@ -143,7 +144,7 @@ double farthest_way(const std::vector<double>& from, const std::vector<double>& 
 
 /// How long a path takes at equal limits for all joints, in radians of the joint that is behind: the farthest way of
 /// any joint on each motion, and what slowing down for a corner costs.
-double slowness(const std::vector<std::vector<double>>& path) {
+double duration_cost(const std::vector<std::vector<double>>& path) {
   // At 0.5 rad/s and 1 rad/s^2 a joint comes from rest to full speed, or to rest, on a quarter of a radian that others go
   // meanwhile. Where both motions at a corner have room for that, it costs little.
   constexpr double room = 0.23;
@@ -151,10 +152,10 @@ double slowness(const std::vector<std::vector<double>>& path) {
   constexpr double no_room = 0.5;
   double cost = 0.0;
   for (std::size_t k = 0; k + 1 < path.size(); ++k) {
-    const double way = farthest_way(path[k], path[k + 1]);
+    const double way = max_joint_distance(path[k], path[k + 1]);
     cost += way;
     if (k == 0) continue;
-    const double before = farthest_way(path[k - 1], path[k]);
+    const double before = max_joint_distance(path[k - 1], path[k]);
     if (before == 0.0 || way == 0.0) continue;
     double change = 0.0;  // of the speed of the joint that changes it most, as a share of full speed
     for (std::size_t j = 0; j < path[k].size(); ++j) {
@@ -187,18 +188,18 @@ std::vector<std::vector<double>> points_of(const og::PathGeometric& path) {
 }
 
 /// A further search is worth it where a path could be quicker by this share.
-constexpr double worth_it = 0.95;
+constexpr double retry_ratio = 0.95;
 
 /// A path this many times slower than the best so far is not shortened any more.
-constexpr double hopelessly_slow = 1.5;
+constexpr double discard_ratio = 1.5;
 
 /// A shortcut may span the whole path, and begins at a point of it that is within this share of its length, so that fewer
 /// points come to lie close together.
 constexpr double shortcut_span = 1.0;
-constexpr double snap = 0.05;
+constexpr double snap_fraction = 0.05;
 
 /// Iterations, over all searches of a query, up to which a further one is begun.
-constexpr std::uint64_t easily = 200;
+constexpr std::uint64_t easy_iterations = 200;
 
 /// The limits of the joints.
 ob::RealVectorBounds limits_of(const Scene& scene) {
@@ -233,12 +234,12 @@ ob::RealVectorBounds bounds_of(const Scene& scene, const JointQuery& query, cons
 }
 
 /// The joint space within `bounds` with the scene's verdicts on states and motions; its samplers take `seed`.
-ob::SpaceInformationPtr information_of(const ob::RealVectorBounds& bounds, Scene& scene, const JointQuery& query,
-                                       std::uint32_t seed, const CancelFlag& cancel) {
+ob::SpaceInformationPtr make_space_information(const ob::RealVectorBounds& bounds, Scene& scene, const JointQuery& query,
+                                               std::uint32_t seed, const CancelFlag& cancel) {
   auto information = std::make_shared<ob::SpaceInformation>(joint_space(bounds, seed));
   information->setStateValidityChecker(std::make_shared<SceneValidity>(information, scene, query, cancel));
-  if (query.resolution.equal_steps > 0.0) {
-    information->setStateValidityCheckingResolution(query.resolution.equal_steps);
+  if (query.resolution.fixed_validity_step > 0.0) {
+    information->setStateValidityCheckingResolution(query.resolution.fixed_validity_step);
   } else {
     information->setMotionValidator(std::make_shared<SceneMotions>(information, scene, query, cancel));
   }
@@ -247,16 +248,16 @@ ob::SpaceInformationPtr information_of(const ob::RealVectorBounds& bounds, Scene
 }
 
 void require_resolution(const Resolution& resolution) {
-  if (!(resolution.radians > 0.0) || !(resolution.metres > 0.0)) {
+  if (!(resolution.step_rad > 0.0) || !(resolution.step_m > 0.0)) {
     throw std::invalid_argument("resolution must be above zero");
   }
-  if (!(resolution.equal_steps >= 0.0 && resolution.equal_steps < 1.0)) {
+  if (!(resolution.fixed_validity_step >= 0.0 && resolution.fixed_validity_step < 1.0)) {
     throw std::invalid_argument("equal steps must be a share below 1");
   }
 }
 
 /// From each point of a path on to the farthest that a free motion leads to.
-void leave_out_points(og::PathGeometric& path) {
+void skip_vertices(og::PathGeometric& path) {
   const auto& information = path.getSpaceInformation();
   std::vector<ob::State*>& points = path.getStates();
   for (std::size_t from = 0; from + 2 < points.size(); ++from) {
@@ -269,14 +270,14 @@ void leave_out_points(og::PathGeometric& path) {
 }
 
 /// Search number `number` of a query, from its start to those goals that are free; `least` is the cost of the best path yet.
-Found search_once(Scene& scene, const JointQuery& query, const std::vector<std::size_t>& free_goals,
-                  std::uint64_t number, double least, Clock::time_point begin, const CancelFlag& cancel) {
+SearchResult search_once(Scene& scene, const JointQuery& query, const std::vector<std::size_t>& free_goals,
+                         std::uint64_t number, double least, Clock::time_point begin, const CancelFlag& cancel) {
   constexpr std::uint64_t streams = 4;
-  const auto stream = [&](std::uint64_t which) { return seed_of(query.seed, which + number * streams); };
-  const double equal_steps = query.resolution.equal_steps;
+  const auto stream = [&](std::uint64_t which) { return derive_seed(query.seed, which + number * streams); };
+  const double equal_steps = query.resolution.fixed_validity_step;
   // Equal steps are shares of the bounds.
   const auto bounds = equal_steps > 0.0 ? limits_of(scene) : bounds_of(scene, query, free_goals, least);
-  const auto information = information_of(bounds, scene, query, stream(0), cancel);
+  const auto information = make_space_information(bounds, scene, query, stream(0), cancel);
   auto problem = std::make_shared<ob::ProblemDefinition>(information);
   ob::ScopedState<> state(information);
   copy_into(query.start, state.get());
@@ -288,7 +289,7 @@ Found search_once(Scene& scene, const JointQuery& query, const std::vector<std::
   }
   problem->setGoal(goals);
 
-  Found found;
+  SearchResult found;
   const std::unique_ptr<ob::Planner> planner = make_planner(information, query, stream(1));
   planner->setProblemDefinition(problem);
   planner->setup();
@@ -305,36 +306,37 @@ Found search_once(Scene& scene, const JointQuery& query, const std::vector<std::
   if (equal_steps > 0.0) {
     simplifier.simplifyMax(path);
   } else {
-    leave_out_points(path);
-    if (slowness(points_of(path)) < hopelessly_slow * least) {
-      simplifier.shortcutPath(path, query.shortcuts, query.shortcuts, shortcut_span, snap);
-      leave_out_points(path);
+    skip_vertices(path);
+    if (duration_cost(points_of(path)) < discard_ratio * least) {
+      simplifier.shortcutPath(path, query.shortcut_attempts, query.shortcut_attempts, shortcut_span, snap_fraction);
+      skip_vertices(path);
     }
   }
   if (cancel.is_raised()) return found;
   found.path = points_of(path);
-  found.cost = slowness(found.path);
+  found.cost = duration_cost(found.path);
   return found;
 }
 
 /// Paths of which the best parts are joined, the least costly ones: as many as OMPL's own planner takes. The time and the
 /// memory that it takes to join them grow with the square of their number.
-constexpr std::size_t most_joined = 24;
+constexpr std::size_t max_hybrid_paths = 24;
 
 /// Adds a path to those that will be joined, which are sorted by their cost.
-void keep_best(std::vector<Found>& paths, const Found& found) {
+void keep_best(std::vector<SearchResult>& paths, const SearchResult& found) {
   const auto after = std::upper_bound(paths.begin(), paths.end(), found.cost,
-                                      [](double cost, const Found& other) { return cost < other.cost; });
+                                      [](double cost, const SearchResult& other) { return cost < other.cost; });
   paths.insert(after, found);
-  if (paths.size() > most_joined) paths.pop_back();
+  if (paths.size() > max_hybrid_paths) paths.pop_back();
 }
 
 /// One path from the best parts of several that begin at one state, joined where a free motion leads from one to another.
-Found best_parts(Scene& scene, const JointQuery& query, const std::vector<Found>& paths, const CancelFlag& cancel) {
-  const auto information = information_of(limits_of(scene), scene, query, seed_of(query.seed, 0), cancel);
+SearchResult hybridize_paths(Scene& scene, const JointQuery& query, const std::vector<SearchResult>& paths,
+                             const CancelFlag& cancel) {
+  const auto information = make_space_information(limits_of(scene), scene, query, derive_seed(query.seed, 0), cancel);
   og::PathHybridization hybrid(information);
   ob::ScopedState<> state(information);
-  for (const Found& other : paths) {
+  for (const SearchResult& other : paths) {
     const auto& points = other.path;
     // Ends that are different goals cannot be mixed.
     if (points.back() != paths.front().path.back()) continue;
@@ -345,14 +347,15 @@ Found best_parts(Scene& scene, const JointQuery& query, const std::vector<Found>
     }
     hybrid.recordPath(path, false);
   }
-  Found found;
+  SearchResult found;
   hybrid.computeHybridPath();
   const ob::PathPtr& mixed = hybrid.getHybridPath();
   if (!mixed || cancel.is_raised()) return found;
   og::PathGeometric path = *mixed->as<og::PathGeometric>();
-  SeededSimplifier(information, seed_of(query.seed, 2)).reduceVertices(path, query.shortcuts, query.shortcuts);
+  SeededSimplifier(information, derive_seed(query.seed, 2))
+      .reduceVertices(path, query.shortcut_attempts, query.shortcut_attempts);
   found.path = points_of(path);
-  found.cost = slowness(found.path);
+  found.cost = duration_cost(found.path);
   return found;
 }
 
@@ -361,8 +364,8 @@ Found best_parts(Scene& scene, const JointQuery& query, const std::vector<Found>
 Roadmap grow_roadmap(Scene& scene, const JointQuery& query, std::size_t milestones, const CancelFlag& cancel) {
   require_resolution(query.resolution);
   ompl::msg::setLogLevel(ompl::msg::LOG_NONE);
-  const PlannerTurn turn(PlannerKind::prm, seed_of(query.seed, 3), cancel);
-  const auto information = information_of(limits_of(scene), scene, query, seed_of(query.seed, 0), cancel);
+  const GeneratorLock turn(PlannerKind::prm, derive_seed(query.seed, 3), cancel);
+  const auto information = make_space_information(limits_of(scene), scene, query, derive_seed(query.seed, 0), cancel);
   og::PRM planner(information);
   // Growing needs no start and no goal, but a definition that could hold them.
   planner.setProblemDefinition(std::make_shared<ob::ProblemDefinition>(information));
@@ -373,11 +376,11 @@ Roadmap grow_roadmap(Scene& scene, const JointQuery& query, std::size_t mileston
     const std::size_t count = planner.milestoneCount();
     looks = count > before ? 0 : looks + 1;
     before = count;
-    return cancel.is_raised() || count >= milestones || looks > most_looks;
+    return cancel.is_raised() || count >= milestones || looks > max_failed_samples;
   }));
-  if (looks > most_looks && before < milestones) {
+  if (looks > max_failed_samples && before < milestones) {
     throw std::runtime_error("the roadmap has " + std::to_string(before) + " of " + std::to_string(milestones) +
-                             " milestones, and of the last " + std::to_string(most_looks) +
+                             " milestones, and of the last " + std::to_string(max_failed_samples) +
                              " looks for a free state none found one: the arm has no room among its obstacles");
   }
   ob::PlannerData data(information);
@@ -399,7 +402,7 @@ JointPlan plan_joint(Scene& scene, const JointQuery& query, const CancelFlag& ca
   require_vectors(scene, query);
   require_resolution(query.resolution);
   if (!(query.range > 0.0)) throw std::invalid_argument("range must be above zero");
-  const double equal_steps = query.resolution.equal_steps;
+  const double equal_steps = query.resolution.fixed_validity_step;
   if (!(query.max_seconds >= 0.0)) throw std::invalid_argument("the bound on the time must not be below zero");
   const auto begin = Clock::now();
   const std::size_t checks_before = scene.state_checks();
@@ -434,24 +437,26 @@ JointPlan plan_joint(Scene& scene, const JointQuery& query, const CancelFlag& ca
 
   // OMPL reports progress on the console, which belongs to the program.
   ompl::msg::setLogLevel(ompl::msg::LOG_NONE);
-  const PlannerTurn turn(query.planner, seed_of(query.seed, 3), cancel);
+  const GeneratorLock turn(query.planner, derive_seed(query.seed, 3), cancel);
   if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
   const bool anytime = query.planner == PlannerKind::anytime;
   double best = std::numeric_limits<double>::infinity();
   double least = best;
-  std::vector<Found> paths;
+  std::vector<SearchResult> paths;
   // Only trees that end with their first path begin again, and only where that path came easily.
   const bool again = query.planner == PlannerKind::rrt_connect || query.planner == PlannerKind::bitrrt;
   const unsigned int searches = again ? 1 + query.more_searches : 1;
   for (unsigned int search = 0; anytime || search < searches; ++search) {
     if (search > 0 && !anytime) {
-      if (plan.iterations > easily) break;
+      if (plan.iterations > easy_iterations) break;
       // No path to a goal is quicker than the straight motion; what could not be quicker than the best is left out.
-      const auto hopeless = [&](std::size_t g) { return farthest_way(query.start, query.goals[g]) > worth_it * least; };
+      const auto hopeless = [&](std::size_t g) {
+        return max_joint_distance(query.start, query.goals[g]) > retry_ratio * least;
+      };
       free_goals.erase(std::remove_if(free_goals.begin(), free_goals.end(), hopeless), free_goals.end());
       if (free_goals.empty()) break;
     }
-    const Found found = search_once(scene, query, free_goals, search, least, begin, cancel);
+    const SearchResult found = search_once(scene, query, free_goals, search, least, begin, cancel);
     plan.iterations += found.iterations;
     plan.timed_out = plan.timed_out || found.timed_out;
     if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
@@ -466,7 +471,7 @@ JointPlan plan_joint(Scene& scene, const JointQuery& query, const CancelFlag& ca
     if (anytime && (plan.iterations >= query.max_iterations || plan.timed_out)) break;
   }
   if (paths.size() > 1) {
-    const Found mixed = best_parts(scene, query, paths, cancel);
+    const SearchResult mixed = hybridize_paths(scene, query, paths, cancel);
     if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
     if (!mixed.path.empty() && mixed.cost < least) plan.path = mixed.path;
   }

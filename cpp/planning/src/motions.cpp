@@ -13,10 +13,10 @@ namespace {
 
 /// Most steps of the resolution in one motion. From limit to limit the testbed's arm needs some thousands; a motion of
 /// so many would keep the planner busy for most of a second, and one of 1e16 could not be halved any more.
-constexpr double most_steps = 1e5;
+constexpr double max_motion_steps = 1e5;
 
 /// Most states that one question may prove to be free: the farther they are apart, the less it can prove.
-constexpr std::size_t most_at_once = 32;
+constexpr std::size_t max_states_at_once = 32;
 
 /// Checks interior points of a motion.
 class MotionCheck {
@@ -29,11 +29,11 @@ class MotionCheck {
       squares += difference_[k] * difference_[k];
     }
     const double steps =
-        std::max(std::sqrt(squares) / resolution.radians, scene.travel(difference_.data()) / resolution.metres);
+        std::max(std::sqrt(squares) / resolution.step_rad, scene.max_travel(difference_.data()) / resolution.step_m);
     // Also refuses NaN, for which every comparison is false.
-    if (!(steps <= most_steps)) {
+    if (!(steps <= max_motion_steps)) {
       throw std::invalid_argument("a motion needs " + std::to_string(steps) + " steps of the resolution, expected at most " +
-                                  std::to_string(most_steps) + ": the arm, or what it carries, is too long");
+                                  std::to_string(max_motion_steps) + ": the arm, or what it carries, is too long");
     }
     shortest_ = steps > 0.0 ? 1.0 / steps : 1.0;
   }
@@ -61,7 +61,7 @@ class MotionCheck {
   }
 
   /// How far from its start the motion is free, as a share of its length.
-  double free_share() {
+  double free_fraction() {
     // Short of the whole clearance, at whose end the motion may be about to hit something.
     constexpr double part = 0.9;
     double share = 0.0;
@@ -85,18 +85,18 @@ class MotionCheck {
 };
 
 /// A row of states, and what one question proves of it.
-class Row {
+class StateRow {
  public:
-  Row(Scene& scene, const double* states) : scene_(scene), states_(states), reach_(scene.joint_count()) {}
+  StateRow(Scene& scene, const double* states) : scene_(scene), states_(states), reach_(scene.joint_count()) {}
 
   const double* at(std::size_t k) const { return states_ + k * reach_.size(); }
 
   /// The states from `first` to `last` around `middle` that are proved to be free, and whatever lies on straight motions
   /// between neighbours among them; first above last if the middle is not free.
-  std::pair<std::size_t, std::size_t> proved(std::size_t first, std::size_t middle, std::size_t last) {
+  std::pair<std::size_t, std::size_t> proven_free_range(std::size_t first, std::size_t middle, std::size_t last) {
     std::fill(reach_.begin(), reach_.end(), 0.0);
     for (std::size_t k = first; k <= last; ++k) {
-      for (std::size_t j = 0; j < reach_.size(); ++j) reach_[j] = std::max(reach_[j], off(k, middle, j));
+      for (std::size_t j = 0; j < reach_.size(); ++j) reach_[j] = std::max(reach_[j], joint_distance(k, middle, j));
     }
     const double clear = scene_.clearance_around(at(middle), reach_.data(), 1.0);
     if (clear < 0.0) return {1, 0};
@@ -108,11 +108,13 @@ class Row {
   }
 
  private:
-  double off(std::size_t k, std::size_t middle, std::size_t joint) const { return std::abs(at(k)[joint] - at(middle)[joint]); }
+  double joint_distance(std::size_t k, std::size_t middle, std::size_t joint) const {
+    return std::abs(at(k)[joint] - at(middle)[joint]);
+  }
 
   bool is_within(std::size_t k, std::size_t middle, double clear) const {
     for (std::size_t j = 0; j < reach_.size(); ++j) {
-      if (off(k, middle, j) > clear * reach_[j]) return false;
+      if (joint_distance(k, middle, j) > clear * reach_[j]) return false;
     }
     return true;
   }
@@ -123,7 +125,7 @@ class Row {
 };
 
 /// The whole row before its parts, the longest first: what hits something is found soon.
-bool part_is_free(Scene& scene, Row& row, std::size_t first, std::size_t last, const Resolution& resolution) {
+bool part_is_free(Scene& scene, StateRow& row, std::size_t first, std::size_t last, const Resolution& resolution) {
   std::vector<std::pair<std::size_t, std::size_t>> open{{first, last}};
   for (std::size_t next = 0; next < open.size(); ++next) {
     const auto [begin, end] = open[next];
@@ -132,7 +134,7 @@ bool part_is_free(Scene& scene, Row& row, std::size_t first, std::size_t last, c
       if (!motion_is_free(scene, row.at(begin), row.at(end), resolution)) return false;
       continue;
     }
-    const auto [left, right] = row.proved(begin, begin + (end - begin) / 2, end);
+    const auto [left, right] = row.proven_free_range(begin, begin + (end - begin) / 2, end);
     if (left > right) return false;
     open.emplace_back(begin, left);
     open.emplace_back(right, end);
@@ -141,9 +143,9 @@ bool part_is_free(Scene& scene, Row& row, std::size_t first, std::size_t last, c
 }
 
 /// States from `first` to before `end`.
-bool some_are_free(Row& row, std::size_t first, std::size_t end) {
+bool some_are_free(StateRow& row, std::size_t first, std::size_t end) {
   if (first >= end) return true;
-  const auto [left, right] = row.proved(first, first + (end - first) / 2, end - 1);
+  const auto [left, right] = row.proven_free_range(first, first + (end - first) / 2, end - 1);
   return left <= right && some_are_free(row, first, left) && some_are_free(row, right + 1, end);
 }
 
@@ -158,30 +160,30 @@ bool motion_is_free(Scene& scene, const double* a, const double* b, const Resolu
   return end >= 0.0 && check.is_free(begin, 1.0 - end);
 }
 
-bool motion_on_is_free(Scene& scene, const double* a, const double* b, const Resolution& resolution) {
+bool motion_from_free_is_free(Scene& scene, const double* a, const double* b, const Resolution& resolution) {
   MotionCheck check(scene, a, b, resolution);
   const double end = check.clearance_at(1.0, 1.0);
   return end >= 0.0 && check.is_free(0.0, 1.0 - end);
 }
 
-double free_share(Scene& scene, const double* a, const double* b, const Resolution& resolution) {
-  return MotionCheck(scene, a, b, resolution).free_share();
+double free_fraction(Scene& scene, const double* a, const double* b, const Resolution& resolution) {
+  return MotionCheck(scene, a, b, resolution).free_fraction();
 }
 
 bool path_is_free(Scene& scene, const double* states, std::size_t count, const Resolution& resolution) {
   if (count == 0) return true;
-  Row row(scene, states);
+  StateRow row(scene, states);
   if (count == 1) return scene.is_free(row.at(0));
-  for (std::size_t first = 0; first + 1 < count; first += most_at_once) {
-    if (!part_is_free(scene, row, first, std::min(first + most_at_once, count - 1), resolution)) return false;
+  for (std::size_t first = 0; first + 1 < count; first += max_states_at_once) {
+    if (!part_is_free(scene, row, first, std::min(first + max_states_at_once, count - 1), resolution)) return false;
   }
   return true;
 }
 
 bool states_are_free(Scene& scene, const double* states, std::size_t count) {
-  Row row(scene, states);
-  for (std::size_t first = 0; first < count; first += most_at_once) {
-    if (!some_are_free(row, first, std::min(first + most_at_once, count))) return false;
+  StateRow row(scene, states);
+  for (std::size_t first = 0; first < count; first += max_states_at_once) {
+    if (!some_are_free(row, first, std::min(first + max_states_at_once, count))) return false;
   }
   return true;
 }

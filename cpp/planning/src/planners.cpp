@@ -30,10 +30,10 @@ namespace og = ompl::geometric;
 namespace {
 
 /// How long a wait for the generators goes on before the flag is looked at again.
-constexpr std::chrono::milliseconds patience{1};
+constexpr std::chrono::milliseconds poll_interval{1};
 
 /// Milestones that are added to a roadmap before a way is looked for again.
-constexpr unsigned int milestones_at_a_time = 50;
+constexpr unsigned int milestone_batch = 50;
 
 std::shared_timed_mutex& generators() {
   static std::shared_timed_mutex mutex;
@@ -66,7 +66,7 @@ class SerialPrm : public og::PRM {
     while (!maybeConstructSolution(startM_, goalM_, way)) {
       if (stop) return ob::PlannerStatus::TIMEOUT;
       unsigned int asked = 0;
-      growRoadmap(ob::PlannerTerminationCondition([&] { return ++asked > milestones_at_a_time || stop; }));
+      growRoadmap(ob::PlannerTerminationCondition([&] { return ++asked > milestone_batch || stop; }));
     }
     pdef_->addSolutionPath(way, false, 0.0, getName());
     return ob::PlannerStatus::EXACT_SOLUTION;
@@ -84,7 +84,7 @@ class FreeingLazyPrm : public og::LazyPRM {
 };
 
 /// A planner that begins with a roadmap and looks at no more of it than a way needs.
-std::unique_ptr<ob::Planner> planner_over(const ob::SpaceInformationPtr& space, const Roadmap& roadmap) {
+std::unique_ptr<ob::Planner> roadmap_planner(const ob::SpaceInformationPtr& space, const Roadmap& roadmap) {
   std::vector<ob::ScopedState<ob::RealVectorStateSpace>> states;
   states.reserve(roadmap.milestones.size());
   ob::PlannerData data(space);
@@ -101,7 +101,7 @@ std::unique_ptr<ob::Planner> planner_over(const ob::SpaceInformationPtr& space, 
   return std::make_unique<FreeingLazyPrm>(data);
 }
 #else
-std::unique_ptr<ob::Planner> planner_over(const ob::SpaceInformationPtr&, const Roadmap&) {
+std::unique_ptr<ob::Planner> roadmap_planner(const ob::SpaceInformationPtr&, const Roadmap&) {
   throw std::invalid_argument("a stored roadmap needs OMPL 1.5, this is " OMPL_VERSION);
 }
 #endif
@@ -145,7 +145,7 @@ void require_vectors(const Scene& scene, const JointQuery& query) {
   if (query.roadmap) require_roadmap(scene, *query.roadmap);
 }
 
-std::uint32_t seed_of(std::uint64_t query_seed, std::uint64_t stream) {
+std::uint32_t derive_seed(std::uint64_t query_seed, std::uint64_t stream) {
   std::uint64_t z = query_seed + (stream + 1) * 0x9e3779b97f4a7c15ULL;
   z = (z ^ (z >> 30U)) * 0xbf58476d1ce4e5b9ULL;
   z = (z ^ (z >> 27U)) * 0x94d049bb133111ebULL;
@@ -154,27 +154,27 @@ std::uint32_t seed_of(std::uint64_t query_seed, std::uint64_t stream) {
   return std::max<std::uint32_t>(static_cast<std::uint32_t>(z), 1U);
 }
 
-PlannerTurn::PlannerTurn(PlannerKind kind, std::uint32_t seed, const CancelFlag& cancel)
-    : shared_(generators(), std::defer_lock), alone_(generators(), std::defer_lock) {
+GeneratorLock::GeneratorLock(PlannerKind kind, std::uint32_t seed, const CancelFlag& cancel)
+    : shared_(generators(), std::defer_lock), exclusive_(generators(), std::defer_lock) {
   if (kind == PlannerKind::rrt_connect || kind == PlannerKind::anytime) {
-    while (!cancel.is_raised() && !shared_.try_lock_for(patience)) {
+    while (!cancel.is_raised() && !shared_.try_lock_for(poll_interval)) {
     }
     return;
   }
-  while (!cancel.is_raised() && !alone_.try_lock_for(patience)) {
+  while (!cancel.is_raised() && !exclusive_.try_lock_for(poll_interval)) {
   }
-  if (alone_) ompl::RNG::setSeed(seed);
+  if (exclusive_) ompl::RNG::setSeed(seed);
 }
 
-void project_as_original(ob::StateSpace& space) {
+void set_original_projection(ob::StateSpace& space) {
   std::vector<unsigned int> first{0};
   if (space.getDimension() > 1) first.push_back(1);
   const std::vector<double> cells(first.size(), 0.1);
   space.registerDefaultProjection(std::make_shared<ob::RealVectorOrthogonalProjectionEvaluator>(&space, cells, first));
 }
 
-std::unique_ptr<ob::Planner> plain_planner(const ob::SpaceInformationPtr& space, PlannerKind kind,
-                                           std::uint32_t seed) {
+std::unique_ptr<ob::Planner> default_planner(const ob::SpaceInformationPtr& space, PlannerKind kind,
+                                             std::uint32_t seed) {
   switch (kind) {
     case PlannerKind::rrt_connect:
     case PlannerKind::anytime: return std::make_unique<SeededRrtConnect>(space, seed);
@@ -190,7 +190,7 @@ std::unique_ptr<ob::Planner> make_planner(const ob::SpaceInformationPtr& space, 
                                           std::uint32_t seed) {
   const bool over = query.planner == PlannerKind::prm && query.roadmap && !query.roadmap->milestones.empty();
   std::unique_ptr<ob::Planner> planner =
-      over ? planner_over(space, *query.roadmap) : plain_planner(space, query.planner, seed);
+      over ? roadmap_planner(space, *query.roadmap) : default_planner(space, query.planner, seed);
   ob::ParamSet& known = planner->params();
   // A roadmap's milestones are as far apart as they are: OMPL's own bound on new edges allows for that.
   if (!over && known.hasParam("range")) known.setParam("range", std::to_string(query.range));
@@ -217,7 +217,7 @@ std::unique_ptr<ob::Planner> make_planner(const ob::SpaceInformationPtr& space, 
 
 void check_planner(const JointQuery& query) {
   // Even a planner that never runs draws a seed for its generators.
-  const PlannerTurn turn(PlannerKind::rrt_connect, 1, CancelFlag());
+  const GeneratorLock turn(PlannerKind::rrt_connect, 1, CancelFlag());
   ompl::msg::setLogLevel(ompl::msg::LOG_NONE);
   const auto space = std::make_shared<ob::RealVectorStateSpace>(2);
   space->setBounds(0.0, 1.0);

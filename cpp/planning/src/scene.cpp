@@ -33,7 +33,7 @@ Scene::Scene(const Arm& arm) : arm_(arm), hand_(arm.hand.size(), 0.0) {
     }
     placed[joint.child] = true;
     const std::string& name = arm_.links[joint.child].name;
-    checked(joint.pose, name);
+    validated_pose(joint.pose, name);
     const Vec3 axis{joint.axis[0], joint.axis[1], joint.axis[2]};
     if (joint.kind == JointKind::revolute && !(norm(axis) > 1e-9)) {
       throw std::invalid_argument("joint to \"" + name + "\": the axis has no direction");
@@ -61,14 +61,14 @@ Scene::Scene(const Arm& arm) : arm_(arm), hand_(arm.hand.size(), 0.0) {
     throw std::invalid_argument("the tip must be a link that the last arm joint moves");
   }
   allowed_links_.assign(links * links, 0);
-  for (const auto& [a, b] : arm_.allowed) {
+  for (const auto& [a, b] : arm_.allowed_collisions) {
     if (a >= links || b >= links) throw std::invalid_argument("an allowed pair names a link that does not exist");
     allowed_links_[a * links + b] = allowed_links_[b * links + a] = 1;
   }
   bodies_.resize(chain_.size() + 1);
   rates_.assign(bodies_.size() * bodies_.size(), {});
   axes_.assign(chain_.size(), Vector::Zero());
-  still_.assign(chain_.size(), 0.0);
+  zeros_.assign(chain_.size(), 0.0);
   for (std::size_t l = 0; l < links; ++l) {
     for (const PlacedShape& shape : arm_.links[l].shapes) {
       Member member;
@@ -119,7 +119,7 @@ void Scene::set_obstacles(const std::vector<Object>& obstacles) {
   }
   obstacles_ = std::move(made);
   list_boxes();
-  forget_allowed_contacts();
+  clear_allowed_contacts();
 }
 
 void Scene::set_attached(const std::optional<Object>& attached) {
@@ -163,7 +163,7 @@ void Scene::allow_contact(const std::string& member, const std::string& obstacle
   allowed_contacts_[row * (arm_.links.size() + 1) + owner] = 1;
 }
 
-void Scene::forget_allowed_contacts() { allowed_contacts_.assign(obstacles_.size() * (arm_.links.size() + 1), 0); }
+void Scene::clear_allowed_contacts() { allowed_contacts_.assign(obstacles_.size() * (arm_.links.size() + 1), 0); }
 
 void Scene::place_hand() {
   // body_from_link for every link, at the hand's present angles.
@@ -174,7 +174,7 @@ void Scene::place_hand() {
   std::vector<Pose> body_from_link(arm_.links.size());
   for (std::size_t j = 0; j < arm_.joints.size(); ++j) {
     const Joint& joint = arm_.joints[j];
-    const Pose pose = checked(joint.pose, arm_.links[joint.child].name);
+    const Pose pose = validated_pose(joint.pose, arm_.links[joint.child].name);
     if (opens_body[j]) {
       // The chain is driven from the frame of the parent body, so a fixed joint on the way goes into it.
       const std::size_t body = body_of_link_[joint.child];
@@ -182,7 +182,8 @@ void Scene::place_hand() {
     } else {
       const Pose at_zero = body_from_link[joint.parent] * pose;
       const Vec3 axis{joint.axis[0], joint.axis[1], joint.axis[2]};
-      body_from_link[joint.child] = joint.kind == JointKind::revolute ? turned(at_zero, normalized(axis), angle[j]) : at_zero;
+      body_from_link[joint.child] =
+          joint.kind == JointKind::revolute ? joint_pose(at_zero, normalized(axis), angle[j]) : at_zero;
     }
   }
   for (Body& body : bodies_) {
@@ -229,24 +230,24 @@ void Scene::list_boxes() {
 
 void Scene::update_radii() {
   for (Body& body : bodies_) {
-    body.ball = 0.0;
+    body.bounding_radius = 0.0;
     Box box;
     for (const Member& member : body.members) {
       const Box own = bounds(member.solid, member.body_from_shape);
       box.low = box.low.cwiseMin(own.low);
       box.high = box.high.cwiseMax(own.high);
     }
-    body.balls.resize(static_cast<Eigen::Index>(body.members.size()));
-    body.centres.resize(body.balls.size(), 3);
-    body.body_centre = body.members.empty() ? Vector(Vector::Zero()) : Vector(0.5 * (box.low + box.high));
+    body.bounding_radii.resize(static_cast<Eigen::Index>(body.members.size()));
+    body.centers.resize(body.bounding_radii.size(), 3);
+    body.body_center = body.members.empty() ? Vector(Vector::Zero()) : Vector(0.5 * (box.low + box.high));
     // The ball's centre, too, never moves faster than the levers below say.
-    body.radius = body.body_centre.norm();
+    body.reach = body.body_center.norm();
     Eigen::Index row = 0;
     for (Member& member : body.members) {
       const Vector& at = member.body_from_shape.translation();
-      const double around = member.ball = body.balls[row++] = reach(member.solid);
-      body.radius = std::max(body.radius, at.norm() + around);
-      body.ball = std::max(body.ball, (at - body.body_centre).norm() + around);
+      const double around = member.bounding_radius = body.bounding_radii[row++] = bounding_radius(member.solid);
+      body.reach = std::max(body.reach, at.norm() + around);
+      body.bounding_radius = std::max(body.bounding_radius, (at - body.body_center).norm() + around);
     }
   }
   // A point of body b is never farther from the axis of joint j than the links between them are long.
@@ -255,7 +256,7 @@ void Scene::update_radii() {
     double length = 0.0;
     for (std::size_t b = j + 1; b < bodies_.size(); ++b) {
       if (b > j + 1) length += norm(chain_[b - 1].parent_from_joint.position);
-      lever_[j * bodies_.size() + b] = length + bodies_[b].radius;
+      lever_[j * bodies_.size() + b] = length + bodies_[b].reach;
     }
   }
 }

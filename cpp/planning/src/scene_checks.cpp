@@ -13,10 +13,10 @@ namespace {
 
 /// A body whose ball is farther than this from something is not looked at more closely, metres: a step as long
 /// as the ball allows costs less than the poses of all its shapes.
-constexpr double far_enough = 0.02;
+constexpr double coarse_distance_m = 0.02;
 
 /// The same for a single shape, whose box costs more than its ball.
-constexpr double far_for_a_shape = 0.01;
+constexpr double coarse_shape_distance_m = 0.01;
 
 /// Squared distances of a point from boxes, whose corners are the rows of `low` and `high`.
 void squared_distances(const Eigen::Vector3d& point, const Eigen::Array<double, Eigen::Dynamic, 3>& low,
@@ -39,7 +39,7 @@ std::vector<NamePair> Scene::collisions(const double* q) { return report(q, fals
 
 std::vector<NamePair> Scene::collisions_of_all_links(const double* q) { return report(q, true); }
 
-bool Scene::is_free(const double* q) { return clearance(q, still_.data(), 1.0) >= 0.0; }
+bool Scene::is_free(const double* q) { return clearance(q, zeros_.data(), 1.0) >= 0.0; }
 
 double Scene::clearance(const double* q, const double* dq, double enough) { return clearance(q, dq, enough, true); }
 
@@ -62,58 +62,58 @@ double Scene::clearance(const double* q, const double* dq, double enough, bool s
     }
   }
   // What overlaps by its box may touch; the others are settled the sooner for what is found there.
-  for (const Near& pair : near_) {
-    if (pair.gap <= 0.0 && !is_apart(pair, least)) return -1.0;
+  for (const NearPair& pair : near_) {
+    if (pair.gap <= 0.0 && !check_pair(pair, least)) return -1.0;
   }
-  for (const Near& pair : near_) {
-    if (pair.gap > 0.0 && pair.gap < pair.rate->travel(least)) is_apart(pair, least);
+  for (const NearPair& pair : near_) {
+    if (pair.gap > 0.0 && pair.gap < pair.rate->travel(least)) check_pair(pair, least);
   }
   return least;
 }
 
-void Scene::consider(double gap, const Rate& rate, double& least) {
+void Scene::tighten_bound(double gap, const TravelBound& rate, double& least) {
   if (gap < rate.travel(least)) least = std::min(least, rate.time(gap));
 }
 
-bool Scene::is_apart(const Near& pair, double& least) {
+bool Scene::check_pair(const NearPair& pair, double& least) {
   const double enough = pair.rate->travel(least);
-  const double proved = separation(*pair.first, *pair.first_pose, *pair.second, *pair.second_pose, enough);
+  const double proved = distance_lower_bound(*pair.first, *pair.first_pose, *pair.second, *pair.second_pose, enough);
   const double gap = std::max(pair.gap, proved);
   if (gap > 0.0) {
-    consider(gap, *pair.rate, least);
+    tighten_bound(gap, *pair.rate, least);
     return true;
   }
   least = 0.0;
-  return !touch(*pair.first, *pair.first_pose, *pair.second, *pair.second_pose);
+  return !shapes_collide(*pair.first, *pair.first_pose, *pair.second, *pair.second_pose);
 }
 
 void Scene::list_near_obstacles(std::size_t b, double& least) {
   Body& body = bodies_[b];
-  const Rate& rate = rates_[b];
+  const TravelBound& rate = rates_[b];
   // A pair that is apart, and farther than it can close in, leaves `least` as it is.
   double travel = rate.travel(least);
-  squared_distances(body.centre, low_, high_, far_);
+  squared_distances(body.center, low_, high_, squared_distances_);
   for (std::size_t o = 0; o < obstacles_.size(); ++o) {
-    const double squares = far_[static_cast<Eigen::Index>(o)];
-    const double within = body.ball + travel;
+    const double squares = squared_distances_[static_cast<Eigen::Index>(o)];
+    const double within = body.bounding_radius + travel;
     if (squares > within * within) continue;
-    const double ball_gap = std::sqrt(squares) - body.ball;
-    if (ball_gap > far_enough) {
-      consider(ball_gap, rate, least);
+    const double ball_gap = std::sqrt(squares) - body.bounding_radius;
+    if (ball_gap > coarse_distance_m) {
+      tighten_bound(ball_gap, rate, least);
       travel = rate.travel(least);
       continue;
     }
     const Obstacle& obstacle = obstacles_[o];
-    centre_members(body);
-    squared_distances(body.centres, obstacle.box, squares_);
+    center_members(body);
+    squared_distances(body.centers, obstacle.box, squares_);
     for (std::size_t m = 0; m < body.members.size(); ++m) {
       Member& member = body.members[m];
       const double member_squares = squares_[static_cast<Eigen::Index>(m)];
-      const double member_within = member.ball + travel;
+      const double member_within = member.bounding_radius + travel;
       if (member_squares > member_within * member_within || contact_allowed(member.owner, o)) continue;
-      const double shape_gap = std::sqrt(member_squares) - member.ball;
-      if (shape_gap > far_for_a_shape) {
-        consider(shape_gap, rate, least);
+      const double shape_gap = std::sqrt(member_squares) - member.bounding_radius;
+      if (shape_gap > coarse_shape_distance_m) {
+        tighten_bound(shape_gap, rate, least);
         travel = rate.travel(least);
         continue;
       }
@@ -128,26 +128,26 @@ void Scene::list_near_obstacles(std::size_t b, double& least) {
 void Scene::list_near_bodies(std::size_t a, std::size_t b, double& least) {
   Body& one = bodies_[a];
   Body& other = bodies_[b];
-  const Rate& rate = rates_[a * bodies_.size() + b];
+  const TravelBound& rate = rates_[a * bodies_.size() + b];
   double travel = rate.travel(least);
-  const double ball_gap = (one.centre - other.centre).norm() - one.ball - other.ball;
+  const double ball_gap = (one.center - other.center).norm() - one.bounding_radius - other.bounding_radius;
   if (ball_gap > 0.0 && ball_gap >= travel) return;
-  if (ball_gap > far_enough) {
-    consider(ball_gap, rate, least);
+  if (ball_gap > coarse_distance_m) {
+    tighten_bound(ball_gap, rate, least);
     return;
   }
-  centre_members(one);
-  centre_members(other);
+  center_members(one);
+  center_members(other);
   for (const auto& [first_index, second_index] : pairs_[a * bodies_.size() + b]) {
     Member& first = one.members[first_index];
     Member& second = other.members[second_index];
-    const double squares = (one.centres.row(static_cast<Eigen::Index>(first_index)) -
-                            other.centres.row(static_cast<Eigen::Index>(second_index))).square().sum();
-    const double within = first.ball + second.ball + travel;
+    const double squares = (one.centers.row(static_cast<Eigen::Index>(first_index)) -
+                            other.centers.row(static_cast<Eigen::Index>(second_index))).square().sum();
+    const double within = first.bounding_radius + second.bounding_radius + travel;
     if (squares > within * within) continue;
-    const double shape_gap = std::sqrt(squares) - first.ball - second.ball;
-    if (shape_gap > far_for_a_shape) {
-      consider(shape_gap, rate, least);
+    const double shape_gap = std::sqrt(squares) - first.bounding_radius - second.bounding_radius;
+    if (shape_gap > coarse_shape_distance_m) {
+      tighten_bound(shape_gap, rate, least);
       travel = rate.travel(least);
       continue;
     }
@@ -159,7 +159,7 @@ void Scene::list_near_bodies(std::size_t a, std::size_t b, double& least) {
   }
 }
 
-double Scene::travel(const double* dq) const {
+double Scene::max_travel(const double* dq) const {
   double farthest = 0.0;
   for (std::size_t b = 1; b < bodies_.size(); ++b) {
     double sum = 0.0;
@@ -182,33 +182,33 @@ void Scene::pose_bodies(const double* q) {
     axes_[k].noalias() = parent.linear() * joint.turned_axis;
   }
   for (Body& body : bodies_) {
-    body.centre.noalias() = body.world_from_body.linear() * body.body_centre + body.world_from_body.translation();
-    body.centred = false;
+    body.center.noalias() = body.world_from_body.linear() * body.body_center + body.world_from_body.translation();
+    body.centers_valid = false;
   }
 }
 
-void Scene::centre_members(Body& body) {
-  if (body.centred) return;
+void Scene::center_members(Body& body) {
+  if (body.centers_valid) return;
   Eigen::Index row = 0;
   for (Member& member : body.members) {
     const Vector centre = body.world_from_body.linear() * member.body_from_shape.translation() + body.world_from_body.translation();
-    body.centres.row(row++) = centre.transpose().array();
-    member.posed = false;
+    body.centers.row(row++) = centre.transpose().array();
+    member.is_posed = false;
   }
-  body.centred = true;
+  body.centers_valid = true;
 }
 
 void Scene::pose_member(const Body& body, Member& member) {
-  if (member.posed) return;
+  if (member.is_posed) return;
   member.world_from_shape = body.world_from_body * member.body_from_shape;
   member.box = bounds(member.solid, member.world_from_shape);
-  member.posed = true;
+  member.is_posed = true;
 }
 
 void Scene::set_rates(const double* dq, double span, bool straight) {
   const std::size_t bodies = bodies_.size();
   if (std::all_of(dq, dq + chain_.size(), [](double v) { return v == 0.0; })) {
-    std::fill(rates_.begin(), rates_.end(), Rate{});
+    std::fill(rates_.begin(), rates_.end(), TravelBound{});
     return;
   }
   for (std::size_t b = 1; b < bodies; ++b) {
@@ -222,11 +222,11 @@ void Scene::set_rates(const double* dq, double span, bool straight) {
     Vector turn = Vector::Zero();
     for (std::size_t a = b; a-- > 0;) {
       // Joint a turns body a + 1 about an axis through that body's origin, and all bodies beyond it.
-      const Vector swing = axes_[a].cross(body.centre - bodies_[a + 1].world_from_body.translation());
+      const Vector swing = axes_[a].cross(body.center - bodies_[a + 1].world_from_body.translation());
       const double lever = lever_[a * bodies + b];
       const double rate = std::abs(dq[a]);
       // On a straight motion the speed now tells more, and costs less.
-      here += rate * (straight ? lever : std::min(swing.norm() + body.ball + anywhere * span, lever));
+      here += rate * (straight ? lever : std::min(swing.norm() + body.bounding_radius + anywhere * span, lever));
       // Each pair of joints adds to the second derivative of a point's place the product of their rates, times the lever of
       // the outer one.
       bend += rate * (0.5 * rate * lever + anywhere);
@@ -234,7 +234,7 @@ void Scene::set_rates(const double* dq, double span, bool straight) {
       velocity += dq[a] * swing;
       turn += dq[a] * axes_[a];
       if (a > 0 && pairs_[a * bodies + b].empty()) continue;
-      const double now = straight ? velocity.norm() + turn.norm() * body.ball : here;
+      const double now = straight ? velocity.norm() + turn.norm() * body.bounding_radius : here;
       rates_[a * bodies + b] = {here, now, bend};
     }
   }
@@ -257,7 +257,7 @@ std::vector<NamePair> Scene::report(const double* q, bool within_bodies) {
   ++state_checks_;
   pose_bodies(q);
   for (Body& body : bodies_) {
-    centre_members(body);
+    center_members(body);
     for (Member& member : body.members) pose_member(body, member);
   }
   std::vector<NamePair> pairs;
@@ -269,7 +269,7 @@ std::vector<NamePair> Scene::report(const double* q, bool within_bodies) {
     for (const Member& member : bodies_[b].members) {
       for (std::size_t o = 0; o < obstacles_.size(); ++o) {
         if (contact_allowed(member.owner, o) || distance(member.box, obstacles_[o].box) > 0.0) continue;
-        if (touch(member.solid, member.world_from_shape, obstacles_[o].solid, obstacles_[o].world_from_shape)) {
+        if (shapes_collide(member.solid, member.world_from_shape, obstacles_[o].solid, obstacles_[o].world_from_shape)) {
           add(owner_name(member.owner), obstacles_[o].name);
         }
       }
@@ -283,7 +283,7 @@ std::vector<NamePair> Scene::report(const double* q, bool within_bodies) {
           const bool same_body = a == b;
           if (same_body && (first.owner >= second.owner || second.owner == arm_.links.size())) continue;
           if (links_allowed(first.owner, second.owner) || distance(first.box, second.box) > 0.0) continue;
-          if (touch(first.solid, first.world_from_shape, second.solid, second.world_from_shape)) {
+          if (shapes_collide(first.solid, first.world_from_shape, second.solid, second.world_from_shape)) {
             add(owner_name(first.owner), owner_name(second.owner));
           }
         }

@@ -11,10 +11,10 @@ namespace {
 using Vector = Eigen::Vector3d;
 
 /// Most steps of the algorithm: shapes that are apart take five on average.
-constexpr int most_steps = 24;
+constexpr int max_gjk_steps = 24;
 /// The bound is near enough to the distance when it lacks less than this share of it, or this many metres.
-constexpr double share_off = 0.05;
-constexpr double metres_off = 1e-6;
+constexpr double relative_tolerance = 0.05;
+constexpr double absolute_tolerance_m = 1e-6;
 
 /// A shape without its rounding: spheres are points, capsules segments.
 class Core {
@@ -24,7 +24,7 @@ class Core {
   }
 
   double rounding() const { return rounding_; }
-  Vector centre() const { return pose_.translation(); }
+  Vector center() const { return pose_.translation(); }
 
   /// The point that is farthest along `d`, which need not be a unit vector.
   Vector farthest(const Vector& d) const {
@@ -157,22 +157,24 @@ class Simplex {
 
 }  // namespace
 
-double separation(const Solid& a, const Eigen::Isometry3d& a_pose, const Solid& b, const Eigen::Isometry3d& b_pose,
-                  double enough) {
+double distance_lower_bound(const Solid& a, const Eigen::Isometry3d& a_pose, const Solid& b,
+                            const Eigen::Isometry3d& b_pose, double enough) {
   if (a.shape.kind == ShapeKind::mesh || b.shape.kind == ShapeKind::mesh) return 0.0;
   const Core one(a, a_pose);
   const Core other(b, b_pose);
   const double rounding = one.rounding() + other.rounding();
   Simplex simplex;
-  Vector to_one = one.centre() - other.centre();
+  Vector to_one = one.center() - other.center();
   double bound = 0.0;
-  for (int step = 0; step < most_steps; ++step) {
+  for (int step = 0; step < max_gjk_steps; ++step) {
     const double length = to_one.norm();
     // The cores are no farther apart than this.
-    if (length <= rounding + metres_off) break;
+    if (length <= rounding + absolute_tolerance_m) break;
     const Vector point = one.farthest(-to_one) - other.farthest(to_one);
     bound = std::max(bound, to_one.dot(point) / length);
-    if (bound - rounding > enough || length - bound <= share_off * (length - rounding) + metres_off) break;
+    if (bound - rounding > enough || length - bound <= relative_tolerance * (length - rounding) + absolute_tolerance_m) {
+      break;
+    }
     simplex.add(point);
     to_one = simplex.nearest();
   }

@@ -13,7 +13,7 @@ namespace proact::planning {
 /// bound is above `enough`, or within a twentieth of the distance. Each bound is the width of the gap between two parallel
 /// planes that both shapes keep behind, so that it holds however far the algorithm has come. Depends on nothing but the
 /// arguments. Zero for a mesh.
-double separation(const Solid& a, const Eigen::Isometry3d& a_pose, const Solid& b, const Eigen::Isometry3d& b_pose,
-                  double enough);
+double distance_lower_bound(const Solid& a, const Eigen::Isometry3d& a_pose, const Solid& b,
+                            const Eigen::Isometry3d& b_pose, double enough);
 
 }  // namespace proact::planning

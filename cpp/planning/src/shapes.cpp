@@ -15,7 +15,7 @@ constexpr double smallest_extent = 1e-4;
 
 /// Nothing that an arm could reach is farther away or longer than this, metres; squares of the largest numbers would
 /// overflow in FCL.
-constexpr double farthest = 1000.0;
+constexpr double max_coordinate_m = 1000.0;
 
 std::size_t extents_of(ShapeKind kind) {
   switch (kind) {
@@ -34,7 +34,7 @@ void require_mesh(const Shape& shape, const std::string& name) {
   }
   for (const auto& vertex : shape.mesh->vertices) {
     for (const double coordinate : vertex) {
-      if (!(std::abs(coordinate) <= farthest)) {
+      if (!(std::abs(coordinate) <= max_coordinate_m)) {
         throw std::invalid_argument("\"" + name + "\": a vertex of the mesh is at " + std::to_string(coordinate) +
                                     " m, expected a number of at most 1000 either way");
       }
@@ -50,7 +50,7 @@ void require_mesh(const Shape& shape, const std::string& name) {
   }
 }
 
-std::shared_ptr<fcl::CollisionGeometryd> tree_of(const Mesh& mesh) {
+std::shared_ptr<fcl::CollisionGeometryd> make_bvh(const Mesh& mesh) {
   std::vector<fcl::Vector3d> vertices;
   for (const auto& vertex : mesh.vertices) vertices.push_back(to_fcl(Vector(vertex[0], vertex[1], vertex[2])));
   std::vector<fcl::Triangle> triangles;
@@ -72,10 +72,10 @@ Eigen::Isometry3d to_transform(const Pose& pose) {
   return result;
 }
 
-Pose checked(const Pose& pose, const std::string& name) {
+Pose validated_pose(const Pose& pose, const std::string& name) {
   const auto& [p, q] = pose;
   const double length = std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
-  const bool near = is_finite(p) && std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) <= farthest;
+  const bool near = is_finite(p) && std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) <= max_coordinate_m;
   if (!near || !(std::abs(length - 1.0) < 1e-6)) {
     throw std::invalid_argument("\"" + name + "\": the pose needs a finite position of at most 1000 m either way and a unit quaternion");
   }
@@ -85,7 +85,7 @@ Pose checked(const Pose& pose, const std::string& name) {
 void require_extent(const Shape& shape, const std::string& name) {
   if (shape.kind == ShapeKind::mesh) require_mesh(shape, name);
   for (std::size_t k = 0; k < extents_of(shape.kind); ++k) {
-    if (!(shape.size[k] > 0.0 && shape.size[k] <= farthest)) {
+    if (!(shape.size[k] > 0.0 && shape.size[k] <= max_coordinate_m)) {
       throw std::invalid_argument("\"" + name + "\": extent " + std::to_string(k) + " of its shape is " +
                                   std::to_string(shape.size[k]) + " m, expected a length above zero and at most 1000");
     }
@@ -133,7 +133,7 @@ const std::shared_ptr<fcl::CollisionGeometryd>& geometry_of(const Solid& solid) 
     case ShapeKind::sphere: solid.geometry = std::make_shared<fcl::Sphered>(size[0]); break;
     case ShapeKind::cylinder: solid.geometry = std::make_shared<fcl::Cylinderd>(size[0], size[1]); break;
     case ShapeKind::capsule: solid.geometry = std::make_shared<fcl::Capsuled>(size[0], size[1]); break;
-    case ShapeKind::mesh: solid.geometry = tree_of(*solid.shape.mesh); break;
+    case ShapeKind::mesh: solid.geometry = make_bvh(*solid.shape.mesh); break;
   }
   return solid.geometry;
 }
@@ -169,7 +169,7 @@ Box bounds(const Solid& solid, const Eigen::Isometry3d& world_from_shape) {
   return {middle - half, middle + half};
 }
 
-double reach(const Solid& solid) {
+double bounding_radius(const Solid& solid) {
   const Shape& shape = solid.shape;
   switch (shape.kind) {
     case ShapeKind::box: return 0.5 * Vector(shape.size[0], shape.size[1], shape.size[2]).norm();
@@ -181,7 +181,7 @@ double reach(const Solid& solid) {
   throw std::invalid_argument("unknown kind of shape");
 }
 
-bool touch(const Solid& a, const Eigen::Isometry3d& a_pose, const Solid& b, const Eigen::Isometry3d& b_pose) {
+bool shapes_collide(const Solid& a, const Eigen::Isometry3d& a_pose, const Solid& b, const Eigen::Isometry3d& b_pose) {
   static const fcl::CollisionRequestd request(1, false);
   fcl::CollisionResultd result;
   if (fcl::collide(geometry_of(a).get(), to_fcl(a_pose), geometry_of(b).get(), to_fcl(b_pose), request, result) > 0) return true;

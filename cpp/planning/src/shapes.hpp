@@ -12,10 +12,12 @@ Eigen::Isometry3d to_transform(const Pose& pose);
 
 /// `pose` with a quaternion of length one. Throws std::invalid_argument naming `name` for a position that is not finite or
 /// a quaternion whose length is not near one.
-Pose checked(const Pose& pose, const std::string& name);
+Pose validated_pose(const Pose& pose, const std::string& name);
 
-/// The transform of a pose that may be refused, as by `checked`.
-inline Eigen::Isometry3d transform_of(const Pose& pose, const std::string& name) { return to_transform(checked(pose, name)); }
+/// The transform of a pose that may be refused, as by `validated_pose`.
+inline Eigen::Isometry3d transform_of(const Pose& pose, const std::string& name) {
+  return to_transform(validated_pose(pose, name));
+}
 
 /// Throws std::invalid_argument naming `name` if the shape has no extent, or is a mesh that makes no sense.
 void require_extent(const Shape& shape, const std::string& name);
@@ -31,7 +33,7 @@ const std::shared_ptr<fcl::CollisionGeometryd>& geometry_of(const Solid& solid);
 Box bounds(const Solid& solid, const Eigen::Isometry3d& world_from_shape);
 
 /// Farthest point of a shape from its own origin, metres.
-double reach(const Solid& solid);
+double bounding_radius(const Solid& solid);
 
 /// Distance, metres; zero where the two overlap. Asked for so often that it is worth having in place.
 inline double distance(const Box& a, const Box& b) {
@@ -39,6 +41,6 @@ inline double distance(const Box& a, const Box& b) {
 }
 
 /// True if the two shapes touch, by FCL.
-bool touch(const Solid& a, const Eigen::Isometry3d& a_pose, const Solid& b, const Eigen::Isometry3d& b_pose);
+bool shapes_collide(const Solid& a, const Eigen::Isometry3d& a_pose, const Solid& b, const Eigen::Isometry3d& b_pose);
 
 }  // namespace proact::planning

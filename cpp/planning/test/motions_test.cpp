@@ -19,7 +19,7 @@ namespace {
 /// What FCL's distance of primitives may be off by, metres.
 constexpr double fcl_tolerance = 1e-5;
 
-class Draw {
+class RandomScene {
  public:
   double between(double low, double high) { return std::uniform_real_distribution<double>(low, high)(random_); }
 
@@ -45,7 +45,7 @@ class Draw {
 };
 
 void shapes_are_never_farther_apart_by_the_bound_than_by_fcl() {
-  Draw draw;
+  RandomScene draw;
   int apart = 0;
   int met = 0;
   int near = 0;
@@ -54,8 +54,8 @@ void shapes_are_never_farther_apart_by_the_bound_than_by_fcl() {
     const Solid b = draw.solid();
     const Eigen::Isometry3d a_pose = draw.pose();
     const Eigen::Isometry3d b_pose = draw.pose();
-    const double bound = separation(a, a_pose, b, b_pose, 10.0);
-    if (touch(a, a_pose, b, b_pose)) {
+    const double bound = distance_lower_bound(a, a_pose, b, b_pose, 10.0);
+    if (shapes_collide(a, a_pose, b, b_pose)) {
       ++met;
       check(bound <= fcl_tolerance, "shapes that touch are not said to be apart");
       continue;
@@ -73,14 +73,14 @@ void shapes_are_never_farther_apart_by_the_bound_than_by_fcl() {
 }
 
 void a_bound_that_is_enough_ends_the_look() {
-  Draw draw;
+  RandomScene draw;
   for (int n = 0; n < 1000; ++n) {
     const Solid a = draw.solid();
     const Solid b = draw.solid();
     const Eigen::Isometry3d a_pose = draw.pose();
     const Eigen::Isometry3d b_pose = draw.pose();
-    const double whole = separation(a, a_pose, b, b_pose, 10.0);
-    const double part = separation(a, a_pose, b, b_pose, 0.0);
+    const double whole = distance_lower_bound(a, a_pose, b, b_pose, 10.0);
+    const double part = distance_lower_bound(a, a_pose, b, b_pose, 0.0);
     check(part <= whole + 1e-12 && (part > 0.0) == (whole > 0.0), "what is enough is a bound as well");
   }
 }
@@ -88,7 +88,7 @@ void a_bound_that_is_enough_ends_the_look() {
 void a_clearance_around_a_state_holds_for_any_motion() {
   Scene scene(planar_arm());
   scene.set_obstacles(clutter());
-  Draw draw;
+  RandomScene draw;
   int promised = 0;
   for (int n = 0; n < 2000; ++n) {
     const std::vector<double> q = draw.angles();
@@ -106,7 +106,7 @@ void a_clearance_around_a_state_holds_for_any_motion() {
 }
 
 /// `count` states along a bent way through joint space.
-std::vector<double> row_of(Draw& draw, std::size_t count) {
+std::vector<double> row_of(RandomScene& draw, std::size_t count) {
   const std::vector<double> a = draw.angles();
   const std::vector<double> b = draw.angles();
   const std::vector<double> c = draw.angles();
@@ -123,7 +123,7 @@ std::vector<double> row_of(Draw& draw, std::size_t count) {
 void a_row_of_states_is_free_if_each_of_them_is() {
   Scene scene(planar_arm());
   scene.set_obstacles(clutter());
-  Draw draw;
+  RandomScene draw;
   int free_rows = 0;
   for (int n = 0; n < 500; ++n) {
     const std::size_t count = 2 + static_cast<std::size_t>(n) % 90;
@@ -140,7 +140,7 @@ void a_row_of_states_is_free_if_each_of_them_is() {
 void a_path_that_is_free_has_no_contact_on_the_way() {
   Scene scene(planar_arm());
   scene.set_obstacles(clutter());
-  Draw draw;
+  RandomScene draw;
   const Resolution fine{0.002, 0.0005, 0.0};
   int free_paths = 0;
   for (int n = 0; n < 200; ++n) {

@@ -47,7 +47,7 @@ inline Arm planar_arm() {
   arm.arm = {0, 1, 2};
   arm.hand = {3};
   arm.tip = 3;
-  arm.allowed = {{1, 2}, {2, 3}, {3, 4}};
+  arm.allowed_collisions = {{1, 2}, {2, 3}, {3, 4}};
   return arm;
 }
 

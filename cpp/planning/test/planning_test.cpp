@@ -57,7 +57,7 @@ void contacts_are_where_geometry_says() {
   scene.set_hand({0.0});
   scene.allow_contact("finger", "near");
   check(scene.is_free(straight), "an allowed contact does not count");
-  scene.forget_allowed_contacts();
+  scene.clear_allowed_contacts();
   check(!scene.is_free(straight), "a withdrawn allowance counts again");
   scene.set_padding(0.0);
   scene.set_base({{0.002, 0.0, 0.0}, {0.0, 0.0, 0.0, 1.0}});
@@ -417,7 +417,7 @@ void bad_input_is_refused_by_name() {
   query.goals.clear();
   check(refuses([&] { plan_joint(scene, query, flag); }, "no goal"), "a query without goal is refused");
   query = fold_query(0);
-  query.resolution.metres = 0.0;
+  query.resolution.step_m = 0.0;
   check(refuses([&] { plan_joint(scene, query, flag); }, "resolution"), "a resolution of zero is refused");
   scene.set_obstacles({});
   check(plan_joint(scene, fold_query(0), flag).status == JointPlanStatus::solved, "an empty scene is planned in");

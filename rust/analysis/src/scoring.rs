@@ -5,9 +5,9 @@
 //!
 //! | row | what | columns |
 //! |---|---|---|
-//! | [`ActionPhase`] | a reach for an object, or its transport | [`OF_PHASE`] |
-//! | [`Handling`] | an object in a trial | [`OF_OBJECT`] |
-//! | trial | all of it | [`OF_TRIAL`] |
+//! | [`ActionPhase`] | a reach for an object, or its transport | [`PHASE_MEASURES`] |
+//! | [`ObjectTransfer`] | an object in a trial | [`OBJECT_MEASURES`] |
+//! | trial | all of it | [`TRIAL_MEASURES`] |
 //! | [`TrialFault`] | something that went wrong | kind, object, detail |
 //!
 //! Each column is one function with its definition and source beside it. One that a record cannot answer is none, never zero.
@@ -27,37 +27,37 @@ mod shoulder;
 mod trace;
 
 pub use faults::{FaultKind, TrialFault, faults};
-pub use gaze::{Dwell, LookedAt, looks};
-pub use measure::{Measure, OF_OBJECT, OF_PHASE, OF_TRIAL};
-pub use objects::{Handling, handlings};
+pub use gaze::{Dwell, FixationTarget, find_dwells};
+pub use measure::{Measure, OBJECT_MEASURES, PHASE_MEASURES, TRIAL_MEASURES};
+pub use objects::{ObjectTransfer, find_object_transfers};
 pub use phases::{ActionPhase, PhaseKind, phases};
-pub use trace::{Instant, JointRange, Trace};
+pub use trace::{JointRange, Trace, TracePoint};
 
 /// A trial with what was found in it.
 #[derive(Clone, Debug)]
-pub struct Scored<'a> {
+pub struct ScoredTrial<'a> {
     /// The trial.
     pub trace: &'a Trace,
     /// Reaches and transports, in their order.
     pub phases: Vec<ActionPhase>,
     /// Its objects, in the order of the scene.
-    pub objects: Vec<Handling>,
+    pub objects: Vec<ObjectTransfer>,
     /// What went wrong, in its order.
     pub faults: Vec<TrialFault>,
     /// What the gaze fell on at each instant.
-    sight: Vec<Option<LookedAt>>,
+    fixation_targets: Vec<Option<FixationTarget>>,
 }
 
-impl<'a> Scored<'a> {
+impl<'a> ScoredTrial<'a> {
     /// Finds phases, objects and faults of `trace`.
     pub fn of(trace: &'a Trace) -> Self {
         let phases = phases(trace);
-        let objects = handlings(trace, &phases);
+        let objects = find_object_transfers(trace, &phases);
         let faults = faults(trace, &phases, &objects);
-        let sight = gaze::sight(trace, &phases);
-        Self { trace, phases, objects, faults, sight }
+        let sight = gaze::find_fixation_targets(trace, &phases);
+        Self { trace, phases, objects, faults, fixation_targets: sight }
     }
 }
 
 #[cfg(test)]
-mod constructed;
+mod tests;

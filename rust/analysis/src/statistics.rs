@@ -8,21 +8,21 @@
 //! | does any condition differ? | [`friedman`], with Kendall's W | while the sums of ranks can be enumerated |
 //! | do two differ? | [`wilcoxon`], signed ranks | up to 50 differences, also with ties |
 //! | the same, of the means | [`paired_permutation`] | up to 20 differences |
-//! | how much? | [`PairedEffect`] | intervals by [`bootstrap`] over people |
+//! | how much? | [`PairedEffect`] | intervals by [`bootstrap_interval`] over people |
 //!
-//! Several pairs of one measure are corrected together by [`holm`]. [`compare`] does all of it and says what was presumed.
+//! Several pairs of one measure are corrected together by [`holm`]. [`compare_conditions`] does all of it and says what was presumed.
 //!
 //! Pure and deterministic: what is drawn comes from a seed that is stated. Each result is compared with SciPy and statsmodels
 //! in `rust/analysis/tests/scipy.rs`.
 //!
 //! ```
-//! use proact_analysis::statistics::{Repeated, compare};
-//! let blocks = Repeated::new(
+//! use proact_analysis::statistics::{RepeatedMeasures, compare_conditions};
+//! let blocks = RepeatedMeasures::new(
 //!     ["A", "D"].map(str::to_owned).to_vec(),
 //!     vec![vec![Some(2.0), Some(4.0)], vec![Some(1.0), Some(4.0)], vec![Some(3.0), Some(4.0)], vec![Some(0.0), None]],
 //! )?;
-//! let found = compare(&blocks, 1);
-//! assert_eq!((found.pairs[0].n, found.pairs[0].left_out), (3, 1));
+//! let found = compare_conditions(&blocks, 1);
+//! assert_eq!((found.pairs[0].n, found.pairs[0].excluded), (3, 1));
 //! assert_eq!(found.pairs[0].wilcoxon.as_ref().unwrap().p, 0.25);
 //! # Ok::<(), proact_analysis::statistics::StatisticsError>(())
 //! ```
@@ -34,18 +34,18 @@ mod friedman;
 mod holm;
 mod permutation;
 mod ranks;
-mod repeated;
+mod repeated_measures;
 mod wilcoxon;
 
-pub use bootstrap::{Interval, bca_interval, bootstrap};
-pub use comparison::{ConditionComparison, Pair, compare};
+pub use bootstrap::{ConfidenceInterval, bca_interval, bootstrap_interval};
+pub use comparison::{ConditionComparison, PairwiseComparison, compare_conditions};
 pub use effect::{PairedEffect, skewness_test};
-pub(crate) use friedman::friedman_quick;
+pub(crate) use friedman::friedman_asymptotic_p;
 pub use friedman::{Friedman, friedman};
 pub use holm::{holm, holm_of_pairs};
 pub use permutation::{PermutationTest, paired_permutation};
 pub use ranks::tied;
-pub use repeated::Repeated;
+pub use repeated_measures::RepeatedMeasures;
 pub use wilcoxon::{Wilcoxon, wilcoxon, wilcoxon_of_pairs};
 
 use serde::Serialize;
@@ -53,27 +53,29 @@ use serde::Serialize;
 /// Share of intervals that hold the true value.
 pub const CONFIDENCE: f64 = 0.95;
 /// Samples that are drawn again for an interval.
-pub const RESAMPLES: usize = 10_000;
+pub const BOOTSTRAP_RESAMPLES: usize = 10_000;
 
 /// How a chance was found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Chance {
+pub enum PValueMethod {
     /// Every case was counted.
     Exact,
     /// By the distribution of a large sample.
-    Approximate,
+    #[serde(rename = "approximate")]
+    Asymptotic,
     /// Cases were drawn.
-    Drawn,
+    #[serde(rename = "drawn")]
+    MonteCarlo,
 }
 
-impl Chance {
+impl PValueMethod {
     /// For a table.
     pub fn label(self) -> &'static str {
         match self {
-            Chance::Exact => "exact",
-            Chance::Approximate => "approximate",
-            Chance::Drawn => "drawn",
+            PValueMethod::Exact => "exact",
+            PValueMethod::Asymptotic => "approximate",
+            PValueMethod::MonteCarlo => "drawn",
         }
     }
 }

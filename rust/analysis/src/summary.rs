@@ -17,7 +17,8 @@ pub struct SampleSummary {
     /// Median: the middle one, or the mean of the two in the middle.
     pub median: f64,
     /// How many values.
-    pub trials: usize,
+    #[serde(rename = "trials")]
+    pub count: usize,
 }
 
 impl SampleSummary {
@@ -33,7 +34,7 @@ impl SampleSummary {
             min: data.min(),
             max: data.max(),
             median: data.median(),
-            trials: values.len(),
+            count: values.len(),
         })
     }
 }
@@ -46,7 +47,7 @@ mod tests {
     fn a_sample_is_summed_up_and_a_broken_one_is_not() {
         let summary = SampleSummary::of(&[4.0, 1.0, 3.0, 2.0]).unwrap();
         assert_eq!(
-            (summary.mean, summary.min, summary.max, summary.median, summary.trials),
+            (summary.mean, summary.min, summary.max, summary.median, summary.count),
             (2.5, 1.0, 4.0, 2.5, 4)
         );
         // By hand: squares of 1.5, 0.5, 0.5, 1.5 are 5 together, over n - 1 = 3.

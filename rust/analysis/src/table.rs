@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 /// What a column holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Column {
+pub struct TableColumn {
     /// Its name.
     pub name: &'static str,
     /// Its unit; empty for a name, a text or a count.
@@ -19,87 +19,90 @@ pub struct Column {
 /// A value in a table. As JSON: null, a number, a string.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
-pub enum Cell {
+pub enum TableCell {
     /// There is none.
     Missing,
     /// A whole number.
-    Whole(i64),
+    #[serde(rename = "Whole")]
+    Integer(i64),
     /// A number; one that is not finite is missing.
-    Real(f64),
+    #[serde(rename = "Real")]
+    Number(f64),
     /// Words.
-    Words(String),
+    #[serde(rename = "Words")]
+    Text(String),
 }
 
-impl From<&str> for Cell {
+impl From<&str> for TableCell {
     fn from(words: &str) -> Self {
-        Cell::Words(words.to_owned())
+        TableCell::Text(words.to_owned())
     }
 }
 
-impl From<String> for Cell {
+impl From<String> for TableCell {
     fn from(words: String) -> Self {
-        Cell::Words(words)
+        TableCell::Text(words)
     }
 }
 
-impl From<f64> for Cell {
+impl From<f64> for TableCell {
     fn from(number: f64) -> Self {
         // Adding zero makes a negative zero positive.
-        if number.is_finite() { Cell::Real(number + 0.0) } else { Cell::Missing }
+        if number.is_finite() { TableCell::Number(number + 0.0) } else { TableCell::Missing }
     }
 }
 
-impl From<bool> for Cell {
+impl From<bool> for TableCell {
     fn from(yes: bool) -> Self {
-        Cell::Whole(i64::from(yes))
+        TableCell::Integer(i64::from(yes))
     }
 }
 
 macro_rules! whole {
     ($($number:ty),*) => {$(
-        impl From<$number> for Cell {
+        impl From<$number> for TableCell {
             fn from(number: $number) -> Self {
-                i64::try_from(number).map_or(Cell::Missing, Cell::Whole)
+                i64::try_from(number).map_or(TableCell::Missing, TableCell::Integer)
             }
         }
     )*};
 }
 whole!(i64, u32, u64, usize);
 
-impl<T: Into<Cell>> From<Option<T>> for Cell {
+impl<T: Into<TableCell>> From<Option<T>> for TableCell {
     fn from(value: Option<T>) -> Self {
-        value.map_or(Cell::Missing, Into::into)
+        value.map_or(TableCell::Missing, Into::into)
     }
 }
 
-impl std::fmt::Display for Cell {
+impl std::fmt::Display for TableCell {
     fn fmt(&self, to: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Cell::Missing => Ok(()),
-            Cell::Whole(number) => write!(to, "{number}"),
-            Cell::Real(number) => write!(to, "{}", Number(*number)),
-            Cell::Words(words) => to.write_str(words),
+            TableCell::Missing => Ok(()),
+            TableCell::Integer(number) => write!(to, "{number}"),
+            TableCell::Number(number) => write!(to, "{}", Number(*number)),
+            TableCell::Text(words) => to.write_str(words),
         }
     }
 }
 
-impl Cell {
+impl TableCell {
     /// What a file has as text: a number if it is written as one.
-    pub fn read(text: &str) -> Self {
+    pub fn parse(text: &str) -> Self {
         match (text.parse::<i64>(), text.parse::<f64>()) {
-            _ if text.is_empty() => Cell::Missing,
+            _ if text.is_empty() => TableCell::Missing,
             // Tables of earlier versions have it.
-            _ if text == "-0" => Cell::Real(0.0),
+            _ if text == "-0" => TableCell::Number(0.0),
             // `007` is a name.
-            (Ok(whole), _) if whole.to_string() == text => Cell::Whole(whole),
+            (Ok(whole), _) if whole.to_string() == text => TableCell::Integer(whole),
             (Err(_), Ok(real)) if real.is_finite() => real.into(),
-            _ => Cell::Words(text.to_owned()),
+            _ => TableCell::Text(text.to_owned()),
         }
     }
 }
 
 /// A value as the word that files have for it, such as `on_target`.
-pub fn word<T: serde::Serialize>(value: &T) -> String {
+pub fn serialized_name<T: serde::Serialize>(value: &T) -> String {
     match serde_json::to_value(value) {
         Ok(serde_json::Value::String(text)) => text,
         Ok(other) => other.to_string(),
@@ -113,50 +116,50 @@ pub struct Table {
     /// Its name, which is that of its file too.
     pub name: &'static str,
     /// What a row is.
-    pub row: &'static str,
+    pub row_meaning: &'static str,
     /// The columns.
-    pub columns: &'static [Column],
+    pub columns: &'static [TableColumn],
     /// The rows.
-    pub rows: Vec<Vec<Cell>>,
+    pub rows: Vec<Vec<TableCell>>,
 }
 
 impl Table {
     /// A table without rows.
-    pub fn new(name: &'static str, row: &'static str, columns: &'static [Column]) -> Self {
-        Self { name, row, columns, rows: Vec::new() }
+    pub fn new(name: &'static str, row: &'static str, columns: &'static [TableColumn]) -> Self {
+        Self { name, row_meaning: row, columns, rows: Vec::new() }
     }
 
     /// The place of the column called `name`.
-    pub fn place(&self, name: &str) -> Option<usize> {
+    pub fn column_index(&self, name: &str) -> Option<usize> {
         self.columns.iter().position(|column| column.name == name)
     }
 
     /// What `row` has in the column called `name`.
-    pub fn cell<'a>(&self, row: &'a [Cell], name: &str) -> Option<&'a Cell> {
-        row.get(self.place(name)?).filter(|cell| **cell != Cell::Missing)
+    pub fn cell<'a>(&self, row: &'a [TableCell], name: &str) -> Option<&'a TableCell> {
+        row.get(self.column_index(name)?).filter(|cell| **cell != TableCell::Missing)
     }
 
     /// The number that `row` has in the column called `name`.
-    pub fn number(&self, row: &[Cell], name: &str) -> Option<f64> {
+    pub fn number(&self, row: &[TableCell], name: &str) -> Option<f64> {
         match self.cell(row, name)? {
-            Cell::Whole(number) => Some(*number as f64),
-            Cell::Real(number) => Some(*number),
+            TableCell::Integer(number) => Some(*number as f64),
+            TableCell::Number(number) => Some(*number),
             // What a person answered is words, whatever was asked.
-            Cell::Words(words) => words.parse().ok().filter(|number: &f64| number.is_finite()),
-            Cell::Missing => None,
+            TableCell::Text(words) => words.parse().ok().filter(|number: &f64| number.is_finite()),
+            TableCell::Missing => None,
         }
     }
 
     /// What `row` has in the column called `name`, as words; empty if it is missing.
-    pub fn words(&self, row: &[Cell], name: &str) -> String {
-        self.cell(row, name).map(Cell::to_string).unwrap_or_default()
+    pub fn text(&self, row: &[TableCell], name: &str) -> String {
+        self.cell(row, name).map(TableCell::to_string).unwrap_or_default()
     }
 
     /// Adds a row.
     ///
     /// # Panics
     /// If it has not as many cells as there are columns.
-    pub fn push(&mut self, row: Vec<Cell>) {
+    pub fn push(&mut self, row: Vec<TableCell>) {
         assert_eq!(row.len(), self.columns.len(), "cells of a row of {}", self.name);
         self.rows.push(row);
     }
@@ -169,10 +172,15 @@ mod tests {
     /// Tables had `-0`, which a reader takes for another value than 0.
     #[test]
     fn no_cell_shows_a_negative_zero() {
-        for cell in [Cell::from(-0.0), Cell::read("-0.0"), Cell::read("-0"), Cell::from(Some(-0.0))] {
+        for cell in [
+            TableCell::from(-0.0),
+            TableCell::parse("-0.0"),
+            TableCell::parse("-0"),
+            TableCell::from(Some(-0.0)),
+        ] {
             assert_eq!(cell.to_string(), "0");
             assert_eq!(serde_json::to_string(&cell).unwrap(), "0.0");
         }
-        assert_eq!(Cell::from(-1e-9).to_string(), "-0.000000001");
+        assert_eq!(TableCell::from(-1e-9).to_string(), "-0.000000001");
     }
 }

@@ -3,8 +3,8 @@
 #![allow(clippy::disallowed_methods)] // It reads the guide.
 
 use proact_analysis::{
-    scoring::{FaultKind, OF_OBJECT, OF_PHASE, OF_TRIAL},
-    table::Column,
+    scoring::{FaultKind, OBJECT_MEASURES, PHASE_MEASURES, TRIAL_MEASURES},
+    table::TableColumn,
 };
 use std::path::Path;
 
@@ -12,10 +12,10 @@ use std::path::Path;
 fn every_measure_is_defined_in_the_guide() {
     let guide = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/analysis.md");
     let guide = std::fs::read_to_string(guide).unwrap();
-    let columns = OF_PHASE.iter().map(|measure| measure.column);
-    let columns = columns.chain(OF_OBJECT.iter().map(|measure| measure.column));
-    let columns = columns.chain(OF_TRIAL.iter().map(|measure| measure.column));
-    let row = |Column { name, unit, meaning, source }: Column| {
+    let columns = PHASE_MEASURES.iter().map(|measure| measure.column);
+    let columns = columns.chain(OBJECT_MEASURES.iter().map(|measure| measure.column));
+    let columns = columns.chain(TRIAL_MEASURES.iter().map(|measure| measure.column));
+    let row = |TableColumn { name, unit, meaning, source }: TableColumn| {
         let unit = if unit.is_empty() { "–" } else { unit };
         format!("| `{name}` | {unit} | {meaning} | {source} |")
     };

@@ -3,8 +3,8 @@
 #![allow(clippy::disallowed_methods)] // It starts another program.
 
 use proact_analysis::statistics::{
-    Chance, Repeated, StatisticsError, Wilcoxon, bca_interval, friedman, holm, paired_permutation,
-    skewness_test, wilcoxon, wilcoxon_of_pairs,
+    PValueMethod, RepeatedMeasures, StatisticsError, Wilcoxon, bca_interval, friedman, holm,
+    paired_permutation, skewness_test, wilcoxon, wilcoxon_of_pairs,
 };
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -104,7 +104,7 @@ struct Compared {
 }
 
 impl Compared {
-    fn ranks(&mut self, number: usize, values: &Repeated, peer: &Value) {
+    fn ranks(&mut self, number: usize, values: &RepeatedMeasures, peer: &Value) {
         let Ok(test) = friedman(&values.complete()) else {
             assert!(peer.is_null(), "{number}: {peer}");
             return;
@@ -112,7 +112,7 @@ impl Compared {
         near(&format!("{number} Friedman"), test.statistic, &peer["statistic"]);
         let w = test.statistic / (test.n * test.degrees_of_freedom) as f64;
         assert!((test.kendalls_w - w).abs() < 1e-12);
-        if test.chance == Chance::Approximate {
+        if test.p_method == PValueMethod::Asymptotic {
             near(&format!("{number} Friedman's p"), test.p, &peer["p"]);
             self.friedman += 1;
         } else if !peer["exact"].is_null() {
@@ -128,7 +128,7 @@ impl Compared {
         };
         near(&format!("{number} W+"), test.w_plus, &peer["plus"]);
         near(&format!("{number} W-"), test.w_minus, &peer["minus"]);
-        if test.chance == Chance::Approximate {
+        if test.p_method == PValueMethod::Asymptotic {
             near(&format!("{number} Wilcoxon's p"), test.p, &peer["approximate"]);
             self.wilcoxon += 1;
         } else if !peer["p"].is_null() {
@@ -174,7 +174,7 @@ fn two_hundred_data_sets_come_out_as_in_scipy_and_statsmodels() {
     let mut compared = Compared::default();
     for (number, (set, answer)) in sets.iter().zip(&answers).enumerate() {
         let conditions = (0..set.rows[0].len()).map(|c| c.to_string()).collect();
-        let values = Repeated::new(conditions, set.rows.clone()).unwrap();
+        let values = RepeatedMeasures::new(conditions, set.rows.clone()).unwrap();
         compared.ranks(number, &values, &answer["friedman"]);
         let differences: Vec<f64> = values.pairs(0, 1).into_iter().map(|[a, b]| b - a).collect();
         compared.signed_ranks(number, wilcoxon(&differences), &answer["paired"]["wilcoxon"]);
@@ -207,15 +207,15 @@ fn ties_that_rounding_breaks_have_the_chances_of_the_exact_values() {
     let (mut compared, mut broken) = (Compared::default(), 0);
     for (number, (set, answer)) in steps.iter().zip(&answers).enumerate() {
         // Of three equal ways to the same value one is drawn by its place.
-        let mut place = number;
+        let mut index = number;
         let mut inexact = |step: f64| {
-            place += 1;
-            [12.3 + step * 0.1, 12.0 + (step + 3.0) / 10.0, (123.0 + step) * 0.1][place % 3]
+            index += 1;
+            [12.3 + step * 0.1, 12.0 + (step + 3.0) / 10.0, (123.0 + step) * 0.1][index % 3]
         };
         let rows: Vec<Vec<Option<f64>>> =
             set.rows.iter().map(|row| row.iter().map(|value| value.map(&mut inexact)).collect()).collect();
         let conditions = (0..rows[0].len()).map(|c| c.to_string()).collect();
-        let values = Repeated::new(conditions, rows).unwrap();
+        let values = RepeatedMeasures::new(conditions, rows).unwrap();
         compared.ranks(number, &values, &answer["friedman"]);
         let pairs = values.pairs(0, 1);
         broken += pairs.iter().filter(|[a, b]| a != b && (a - b).abs() < 1e-9).count();

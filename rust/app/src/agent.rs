@@ -14,15 +14,15 @@ pub use reward::RewardKind;
 
 use crate::{
     Arm, Recorder, RecorderError,
-    trial::{Assembly, AssemblyError, EmgOf, simulated_by},
+    trial::{Assembly, AssemblyError, EmgInput, simulate_with},
 };
-use action::{Driver, is_control_tick};
-use observation::Observer;
+use action::{ActionDecoder, is_control_tick};
+use observation::ObservationWriter;
 use proact_control::{JogProfile, JogSteps, MethodRegistry};
 use proact_devices::EmgOrigin;
-use proact_testbed::{ConfigError, Session, TestbedError, TrialConfig, TrialEnd, TrialResult};
+use proact_testbed::{ConfigError, RunningTrial, TestbedError, TrialConfig, TrialEnd, TrialResult};
 use proact_types::{DisplayFrame, Event, SimTime};
-use reward::Reward;
+use reward::RewardFunction;
 use std::path::PathBuf;
 
 /// Why a program cannot drive a trial, or not any further.
@@ -83,10 +83,10 @@ pub struct AgentStep {
 }
 
 /// A trial that a program drives.
-pub struct AgentTrial {
-    run: Run,
-    observer: Observer,
-    reward: Reward,
+pub struct AgentEnvironment {
+    run: AgentLoop,
+    observation_writer: ObservationWriter,
+    reward: RewardFunction,
     period_ms: u64,
     /// The newest one.
     frame: DisplayFrame,
@@ -94,16 +94,16 @@ pub struct AgentTrial {
 }
 
 /// What goes on from tick to tick.
-struct Run {
-    session: Session,
-    driver: Driver,
+struct AgentLoop {
+    trial: RunningTrial,
+    driver: ActionDecoder,
     recorder: Option<Recorder>,
     /// Of the last step.
     events: Vec<Event>,
     ended: bool,
 }
 
-impl AgentTrial {
+impl AgentEnvironment {
     /// A trial as `config` says with `arm` and the `methods` that there are, at its first display frame. A level of action that
     /// stands in the place of a method replaces the method that `config` names.
     ///
@@ -119,25 +119,25 @@ impl AgentTrial {
             let (key, got) = ("period_ms", options.period_ms.to_string());
             return Err(ConfigError::Value { key, got, expected: "1 to 1000" }.into());
         }
-        let (driver, own) = Driver::new(options.action, methods, arm.model(), &mut config)?;
+        let (driver, own) = ActionDecoder::new(options.action, methods, arm.model(), &mut config)?;
         if options.emg.is_none() {
             // As for keys: a gesture that is given directly has no effort.
-            if let JogProfile::Time { steps, .. } = &mut config.profile.jog {
+            if let JogProfile::Time { speed_steps: steps, .. } = &mut config.profile.jog {
                 steps.get_or_insert(JogSteps::KEYS);
             }
-            config.gestures_from("agent")?;
+            config.set_gesture_source("agent")?;
         }
-        let emg = options.emg.as_ref().map(|origin| EmgOf { origin, trained: None });
-        let assembly = simulated_by(methods, arm, config, emg, options.gaze_error_deg, own)?;
-        let Assembly { session, classifier, arm, plans, .. } = assembly;
+        let emg = options.emg.as_ref().map(|origin| EmgInput { origin, trained: None });
+        let assembly = simulate_with(methods, arm, config, emg, options.gaze_error_deg, own)?;
+        let Assembly { trial, classifier, arm, plans, .. } = assembly;
         let recorder = match &options.record {
             Some(dir) => {
-                let config = session.testbed().config();
+                let config = trial.testbed().config();
                 Some(Recorder::create(dir, config, &arm, classifier.as_ref())?.with_plans(plans)?)
             }
             None => None,
         };
-        let mut run = Run { session, driver, recorder, events: Vec::new(), ended: false };
+        let mut run = AgentLoop { trial, driver, recorder, events: Vec::new(), ended: false };
         // An agent sees what a person would: nothing before the first frame.
         let frame = loop {
             if let Some(frame) = run.tick(false)? {
@@ -145,8 +145,8 @@ impl AgentTrial {
             }
         };
         Ok(Self {
-            observer: Observer::new(options.observation, &run.session, &frame),
-            reward: Reward::new(options.reward, &run.session),
+            observation_writer: ObservationWriter::new(options.observation, &run.trial, &frame),
+            reward: RewardFunction::new(options.reward, &run.trial),
             period_ms: options.period_ms,
             frame,
             dir: options.record.clone(),
@@ -154,7 +154,7 @@ impl AgentTrial {
         })
     }
 
-    /// Holds `action` for one period. Its numbers are those of [`AgentTrial::action_kind`].
+    /// Holds `action` for one period. Its numbers are those of [`AgentEnvironment::action_kind`].
     ///
     /// # Errors
     /// [`AgentError`]: a trial that is over, an action of another length, numbers that are not finite or out of range; a tick or
@@ -162,9 +162,9 @@ impl AgentTrial {
     pub fn step(&mut self, action: &[f64]) -> Result<AgentStep, AgentError> {
         let run = &mut self.run;
         if run.ended {
-            return Err(AgentError::Ended { at_secs: run.session.testbed().now().as_secs() });
+            return Err(AgentError::Ended { at_secs: run.trial.testbed().now().as_secs() });
         }
-        run.driver.take(action)?;
+        run.driver.apply_action(action)?;
         run.events.clear();
         for _ in 0..self.period_ms {
             if let Some(frame) = run.tick(false)? {
@@ -174,8 +174,8 @@ impl AgentTrial {
                 break;
             }
         }
-        let reward = self.reward.of_step(&run.session);
-        let testbed = run.session.testbed();
+        let reward = self.reward.step_reward(&run.trial);
+        let testbed = run.trial.testbed();
         let out_of_time = testbed.now() >= SimTime::from_secs(testbed.config().limit_secs);
         let (terminated, truncated) = (run.ended && !out_of_time, run.ended && out_of_time);
         if run.ended {
@@ -206,20 +206,20 @@ impl AgentTrial {
     /// The result as of now.
     pub fn result(&self) -> TrialResult {
         let trial_dir = self.dir.as_deref().map(|dir| dir.display().to_string());
-        TrialResult { trial_dir, ..self.run.session.result() }
+        TrialResult { trial_dir, ..self.run.trial.result() }
     }
 
-    /// Writes what is observed now, in the order of [`AgentTrial::observation_names`].
+    /// Writes what is observed now, in the order of [`AgentEnvironment::observation_names`].
     ///
     /// # Panics
     /// If `out` is not as long as there are names.
-    pub fn observe(&self, out: &mut [f64]) {
-        self.observer.write(&self.run.session, &self.frame, out);
+    pub fn write_observation(&self, out: &mut [f64]) {
+        self.observation_writer.write(&self.run.trial, &self.frame, out);
     }
 
     /// Names of the numbers that are observed, such as `tip.x`.
     pub fn observation_names(&self) -> &[String] {
-        self.observer.names()
+        self.observation_writer.names()
     }
 
     /// What the numbers of an action are.
@@ -238,20 +238,20 @@ impl AgentTrial {
     }
 
     /// The trial.
-    pub fn session(&self) -> &Session {
-        &self.run.session
+    pub fn running_trial(&self) -> &RunningTrial {
+        &self.run.trial
     }
 }
 
-impl Run {
+impl AgentLoop {
     /// One tick, with the frame that it displayed.
     fn tick(&mut self, last: bool) -> Result<Option<DisplayFrame>, AgentError> {
-        if is_control_tick(self.session.testbed().now()) {
-            self.driver.command(&self.session);
+        if is_control_tick(self.trial.testbed().now()) {
+            self.driver.update_joint_speeds(&self.trial);
         }
-        let step = self.session.step(last)?;
+        let step = self.trial.step(last)?;
         if let Some(recorder) = &mut self.recorder {
-            recorder.write(&step, self.session.testbed().plant().state())?;
+            recorder.write(&step, self.trial.testbed().plant().state())?;
         }
         self.ended = step.output.finished || last;
         self.events.extend(step.output.events);

@@ -2,8 +2,8 @@
 
 use proact_arm::ArmModel;
 use proact_bridge::MeshFile;
-use proact_description::{ArmFolder, DescriptionError, FolderError, addresses, read_text};
-use proact_testbed::{Pinned, TrialConfig};
+use proact_description::{ArmFolder, DescriptionError, FolderError, mesh_uris, read_text};
+use proact_testbed::{PinnedContent, TrialConfig};
 use std::{
     borrow::Cow,
     collections::BTreeMap,
@@ -20,14 +20,14 @@ const SETTINGS_FILE: &str = "arm.toml";
 const MESH_FILE: &str = "arm.mesh.";
 
 /// Poses that every trial needs: group, name.
-const POSES: [(&str, &str); 3] = [("arm", "start"), ("hand", "open"), ("hand", "closed")];
+const REQUIRED_POSES: [(&str, &str); 3] = [("arm", "start"), ("hand", "open"), ("hand", "closed")];
 
 /// Why there is no arm.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ArmError {
     /// Neither an arm that ships with the program nor a folder.
-    #[error("arm {got:?} is unknown; expected {}, or a folder with a URDF file", shipped())]
+    #[error("arm {got:?} is unknown; expected {}, or a folder with a URDF file", shipped_names())]
     Unknown {
         /// What was asked for.
         got: String,
@@ -36,7 +36,7 @@ pub enum ArmError {
     #[error(
         "the trial was made with arm {name:?}, which does not ship with this program, and its directory has no \
          {URDF_FILE}; expected {}, or that file",
-        shipped()
+        shipped_names()
     )]
     NotRecorded {
         /// The arm's name.
@@ -79,7 +79,7 @@ pub enum ArmError {
 }
 
 /// The names there are, for errors.
-fn shipped() -> String {
+fn shipped_names() -> String {
     ArmFolder::shipped_names().join(", ")
 }
 
@@ -98,8 +98,8 @@ impl Arm {
     ///
     /// # Errors
     /// [`ArmError`]: no such arm, a folder that does not hold just one, a mesh or a pose that is missing.
-    pub fn named(name: &str) -> Result<Self, ArmError> {
-        match Self::shipped(name)? {
+    pub fn load(name: &str) -> Result<Self, ArmError> {
+        match Self::load_shipped(name)? {
             Some(arm) => Ok(arm),
             None if Path::new(name).is_dir() => Self::in_folder(Path::new(name)),
             None => Err(ArmError::Unknown { got: name.to_owned() }),
@@ -110,9 +110,9 @@ impl Arm {
     ///
     /// # Errors
     /// [`ArmError::Unknown`].
-    pub fn of(config: &TrialConfig) -> Result<Self, ArmError> {
+    pub fn from_config(config: &TrialConfig) -> Result<Self, ArmError> {
         let name = &config.arm.name;
-        Self::shipped(name)?.ok_or_else(|| ArmError::Unknown { got: name.clone() })
+        Self::load_shipped(name)?.ok_or_else(|| ArmError::Unknown { got: name.clone() })
     }
 
     /// The arm of the trial that is recorded in `dir`. Whether it is the one that the trial was made with is seen when
@@ -120,10 +120,10 @@ impl Arm {
     ///
     /// # Errors
     /// [`ArmError`].
-    pub fn recorded(dir: &Path, config: &TrialConfig) -> Result<Self, ArmError> {
+    pub fn from_record(dir: &Path, config: &TrialConfig) -> Result<Self, ArmError> {
         let name = &config.arm.name;
         if !dir.join(URDF_FILE).is_file() {
-            return Self::shipped(name)?.ok_or_else(|| ArmError::NotRecorded { name: name.clone() });
+            return Self::load_shipped(name)?.ok_or_else(|| ArmError::NotRecorded { name: name.clone() });
         }
         let text = |file: &str| {
             let path = dir.join(file);
@@ -139,7 +139,7 @@ impl Arm {
         };
         let model = folder.model();
         let model = model.map_err(|source| ArmError::Description { path: dir.to_owned(), source })?;
-        for (number, address) in addresses(&model).into_keys().enumerate() {
+        for (number, address) in mesh_uris(&model).into_keys().enumerate() {
             let path = dir.join(format!("{MESH_FILE}{number}"));
             let bytes = fs::read(&path).map_err(|source| ArmError::File { path, source })?;
             folder.meshes.insert(address, Cow::Owned(bytes));
@@ -147,7 +147,7 @@ impl Arm {
         Self::from_folder(folder, dir, false)
     }
 
-    fn shipped(name: &str) -> Result<Option<Self>, ArmError> {
+    fn load_shipped(name: &str) -> Result<Option<Self>, ArmError> {
         let folder = ArmFolder::shipped(name);
         folder.map(|folder| Self::from_folder(folder, Path::new(name), true)).transpose()
     }
@@ -160,10 +160,10 @@ impl Arm {
         Self::from_folder(ArmFolder::read(folder)?, folder, false)
     }
 
-    fn from_folder(folder: ArmFolder, place: &Path, shipped: bool) -> Result<Self, ArmError> {
+    fn from_folder(folder: ArmFolder, path: &Path, shipped: bool) -> Result<Self, ArmError> {
         let model = folder.model();
-        let model = model.map_err(|source| ArmError::Description { path: place.to_owned(), source })?;
-        for (group, pose) in POSES {
+        let model = model.map_err(|source| ArmError::Description { path: path.to_owned(), source })?;
+        for (group, pose) in REQUIRED_POSES {
             if model.pose(group, pose).is_err() {
                 let names: Vec<String> =
                     model.poses.iter().map(|pose| format!("{} ({})", pose.name, pose.group)).collect();
@@ -186,12 +186,12 @@ impl Arm {
     }
 
     /// What a configuration calls it, with the hash of its folder.
-    pub fn pinned(&self) -> Pinned {
-        Pinned { name: self.folder.name.clone(), hash: Some(self.hash.clone()) }
+    pub fn pinned(&self) -> PinnedContent {
+        PinnedContent { name: self.folder.name.clone(), hash: Some(self.hash.clone()) }
     }
 
     /// Writes the arm's present name over a former one in `config`.
-    pub(crate) fn rename(&self, config: &mut TrialConfig) {
+    pub(crate) fn write_current_name(&self, config: &mut TrialConfig) {
         if self.shipped && self.folder.aliases().contains(&config.arm.name) {
             config.arm.name.clone_from(&self.folder.name);
         }

@@ -1,12 +1,12 @@
 //! An armband in a live trial: samples come on a thread of their own and go into the ticks.
 
-use crate::source::{read_model, takes_imu};
-use crate::tell;
+use crate::emg_model_file::{model_uses_imu, read_model};
+use crate::print_status;
 use proact_devices::{EmgPacket, SampleSource, SourceEvent, SourceName, SourceOptions, SourceRegistry};
 use proact_emg::EmgModel;
-use proact_http::Repeats;
+use proact_http::LogThrottle;
 use proact_testbed::ports::EmgSource;
-use proact_types::{EmgSample, Gesture, GestureCommands, GestureName, MAX_TICK_SAMPLES, SimTime};
+use proact_types::{Command, CommandMap, EmgSample, Gesture, MAX_TICK_SAMPLES, SimTime};
 use std::{
     error::Error,
     path::Path,
@@ -20,19 +20,19 @@ use std::{
 };
 
 /// Samples that may wait; those beyond are lost and leave a gap in the counter. Four seconds at 1 kHz.
-const WAITING: usize = 4096;
+const MAX_QUEUED_SAMPLES: usize = 4096;
 
-/// Samples that come within this time of the first make one packet of [`LiveArmband::wait`].
-const TOGETHER: Duration = Duration::from_millis(2);
+/// Samples that come within this time of the first make one packet of [`LiveArmband::wait_for_samples`].
+const PACKET_GATHER_TIME: Duration = Duration::from_millis(2);
 
 /// A sample, and when its packet came.
-type Arrived = (Instant, EmgSample);
+type TimedEmgSample = (Instant, EmgSample);
 
 /// The stream of an armband, shared by the trials of a session. Its loss is told on standard error; the trial itself sees a
 /// silence, which stops the arm.
 pub struct LiveArmband {
-    samples: Arc<Mutex<Receiver<Arrived>>>,
-    prompts: Sender<GestureName>,
+    samples: Arc<Mutex<Receiver<TimedEmgSample>>>,
+    prompts: Sender<Gesture>,
     received: Arc<AtomicU64>,
     stop: Arc<AtomicBool>,
     /// Gives the source back when it ends.
@@ -50,7 +50,7 @@ impl LiveArmband {
         source: &SourceName,
         model: &Path,
     ) -> Result<LiveArmband, Box<dyn Error>> {
-        let options = SourceOptions { imu: takes_imu(model)?, ..SourceOptions::default() };
+        let options = SourceOptions { imu: model_uses_imu(model)?, ..SourceOptions::default() };
         let source = sources.open(source, &options)?;
         let model = read_model(model, source.info())?;
         Ok(Self::start(source, model))
@@ -60,7 +60,7 @@ impl LiveArmband {
     pub fn start(mut source: Box<dyn SampleSource>, mut model: EmgModel) -> LiveArmband {
         let rails = source.info().rails.map(|(low, high)| [low, high]);
         model.config.liveness = model.liveness(rails);
-        let (sender, samples) = sync_channel(WAITING);
+        let (sender, samples) = sync_channel(MAX_QUEUED_SAMPLES);
         let (prompts, prompted) = channel();
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = stop.clone();
@@ -69,32 +69,40 @@ impl LiveArmband {
         let thread = std::thread::spawn(move || {
             let mut packet = EmgPacket::default();
             // A band at the edge of its radio's reach is lost and found many times.
-            let mut repeats = Repeats::default();
+            let mut repeats = LogThrottle::default();
             while !stopped.load(Ordering::Relaxed) {
-                say(repeats.due(Instant::now()));
+                print_reports(repeats.take_due(Instant::now()));
                 if let Some(gesture) = prompted.try_iter().last() {
                     source.prompt(gesture);
                 }
                 match source.poll(Duration::from_millis(20), &mut packet) {
                     Ok(SourceEvent::Packet) => {
-                        if !hand_on(&sender, &packet) {
+                        if !forward_packet(&sender, &packet) {
                             return source;
                         }
                         counted.fetch_add(packet.samples.len() as u64, Ordering::Release);
                     }
                     Ok(SourceEvent::Lost { reason }) => {
-                        say(repeats.tell("lost", format!("armband lost: {reason}"), Instant::now()));
+                        print_reports(repeats.report(
+                            "lost",
+                            format!("armband lost: {reason}"),
+                            Instant::now(),
+                        ));
                     }
                     Ok(SourceEvent::Restored) => {
-                        say(repeats.tell("found", "armband found again".to_owned(), Instant::now()));
+                        print_reports(repeats.report(
+                            "found",
+                            "armband found again".to_owned(),
+                            Instant::now(),
+                        ));
                     }
                     Ok(SourceEvent::Nothing) => {}
                     Ok(SourceEvent::Ended) => {
-                        tell("the EMG source has ended");
+                        print_status("the EMG source has ended");
                         return source;
                     }
                     Err(error) => {
-                        tell(format_args!("armband: {error}"));
+                        print_status(format_args!("armband: {error}"));
                         return source;
                     }
                 }
@@ -116,7 +124,7 @@ impl LiveArmband {
     }
 
     /// Tells simulated people who wear it what to make.
-    pub fn prompt(&self, gesture: GestureName) {
+    pub fn prompt(&self, gesture: Gesture) {
         // An error means that the source has ended, which has been told.
         let _ = self.prompts.send(gesture);
     }
@@ -127,16 +135,16 @@ impl LiveArmband {
         self.thread.take()?.join().ok()
     }
 
-    /// Waits at most for `patience`; the samples that came since, oldest first, and those that came with them.
-    pub fn wait(&self, patience: Duration) -> Vec<EmgSample> {
+    /// Waits at most for `timeout`; the samples that came since, oldest first, and those that came with them.
+    pub fn wait_for_samples(&self, timeout: Duration) -> Vec<EmgSample> {
         let samples = self.samples.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         let mut came = Vec::new();
-        let mut end = Instant::now() + patience;
+        let mut end = Instant::now() + timeout;
         loop {
             match samples.recv_timeout(end.saturating_duration_since(Instant::now())) {
                 Ok((_, sample)) => {
                     if came.is_empty() {
-                        end = Instant::now() + TOGETHER;
+                        end = Instant::now() + PACKET_GATHER_TIME;
                     }
                     came.push(sample);
                 }
@@ -151,13 +159,13 @@ impl LiveArmband {
     }
 
     /// The armband of the next trial, from now on. Simulated people who wear it give commands as `commands` says.
-    pub fn port(&self, commands: GestureCommands) -> Box<dyn EmgSource> {
+    pub fn new_port(&self, commands: CommandMap) -> Box<dyn EmgSource> {
         let mut port = ArmbandPort {
             samples: self.samples.clone(),
             prompts: self.prompts.clone(),
-            intended: Gesture::NoMotion,
+            intended: Command::NoMotion,
             commands,
-            waited: None,
+            queue_delay: None,
         };
         // What came before the trial is none of it.
         port.drain(usize::MAX);
@@ -166,9 +174,9 @@ impl LiveArmband {
 }
 
 /// Prints what there is to say.
-fn say(texts: impl IntoIterator<Item = String>) {
+fn print_reports(texts: impl IntoIterator<Item = String>) {
     for text in texts {
-        tell(text);
+        print_status(text);
     }
 }
 
@@ -182,7 +190,7 @@ impl Drop for LiveArmband {
 }
 
 /// False if nobody listens any more.
-fn hand_on(sender: &SyncSender<Arrived>, packet: &EmgPacket) -> bool {
+fn forward_packet(sender: &SyncSender<TimedEmgSample>, packet: &EmgPacket) -> bool {
     let now = Instant::now();
     packet.samples.iter().all(|sample| match sender.try_send((now, sample.clone())) {
         Ok(()) | Err(TrySendError::Full(_)) => true,
@@ -191,20 +199,20 @@ fn hand_on(sender: &SyncSender<Arrived>, packet: &EmgPacket) -> bool {
 }
 
 struct ArmbandPort {
-    samples: Arc<Mutex<Receiver<Arrived>>>,
-    prompts: Sender<GestureName>,
-    intended: Gesture,
-    commands: GestureCommands,
-    waited: Option<Duration>,
+    samples: Arc<Mutex<Receiver<TimedEmgSample>>>,
+    prompts: Sender<Gesture>,
+    intended: Command,
+    commands: CommandMap,
+    queue_delay: Option<Duration>,
 }
 
 impl ArmbandPort {
-    fn drain(&mut self, most: usize) -> Vec<EmgSample> {
+    fn drain(&mut self, max_samples: usize) -> Vec<EmgSample> {
         let samples = self.samples.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         let mut out = Vec::new();
-        self.waited = None;
-        for (came, sample) in samples.try_iter().take(most) {
-            self.waited.get_or_insert_with(|| came.elapsed());
+        self.queue_delay = None;
+        for (came, sample) in samples.try_iter().take(max_samples) {
+            self.queue_delay.get_or_insert_with(|| came.elapsed());
             out.push(sample);
         }
         out
@@ -214,7 +222,7 @@ impl ArmbandPort {
 impl EmgSource for ArmbandPort {
     /// What has arrived, at most eight a tick. The keys of the page are prompts for simulated people; armbands on people
     /// take no notice.
-    fn sample_at(&mut self, _now: SimTime, intended: Gesture) -> Vec<EmgSample> {
+    fn sample_at(&mut self, _now: SimTime, intended: Command) -> Vec<EmgSample> {
         if intended != self.intended {
             self.intended = intended;
             // An error means that the source has ended, which has been told.
@@ -223,33 +231,34 @@ impl EmgSource for ArmbandPort {
         self.drain(MAX_TICK_SAMPLES)
     }
 
-    fn waited(&self) -> Option<Duration> {
-        self.waited
+    fn oldest_sample_wait(&self) -> Option<Duration> {
+        self.queue_delay
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proact_devices::{Pacing, PersonSource};
-    use proact_emg::{Calibration, CalibrationConfig, EmgConfig, Phase};
+    use proact_devices::{Pacing, SimulatedPersonSource};
+    use proact_emg::{Calibration, CalibrationConfig, CalibrationPhase, EmgConfig};
     use std::collections::BTreeMap;
 
     /// A model of the generator, from its own samples.
     fn model() -> EmgModel {
         let source = proact_devices::EmgOrigin::Synthetic;
-        let mut person = PersonSource::new(&source, Pacing::FlatOut, Duration::ZERO, 1).unwrap();
+        let mut person =
+            SimulatedPersonSource::new(&source, Pacing::AsFastAsPossible, Duration::ZERO, 1).unwrap();
         let config = CalibrationConfig { emg: EmgConfig::default(), ..CalibrationConfig::default() };
-        let mut session = Calibration::new(config).unwrap();
+        let mut calibration = Calibration::new(config).unwrap();
         let mut packet = EmgPacket::default();
-        while session.phase() != Phase::Reviewing {
-            if let Phase::Preparing { prompt, .. } = session.phase() {
+        while calibration.phase() != CalibrationPhase::Reviewing {
+            if let CalibrationPhase::Preparing { prompt, .. } = calibration.phase() {
                 person.prompt(prompt.gesture);
             }
             person.poll(Duration::ZERO, &mut packet).unwrap();
-            session.step(SimTime(packet.received.as_millis() as u64), &packet.samples).unwrap();
+            calibration.step(SimTime(packet.received.as_millis() as u64), &packet.samples).unwrap();
         }
-        session.finish().unwrap()
+        calibration.finish().unwrap()
     }
 
     #[test]
@@ -260,17 +269,12 @@ mod tests {
         let armband =
             LiveArmband::open(&SourceRegistry::standard(), &"synthetic".parse().unwrap(), &path).unwrap();
         let commands = || {
-            GestureCommands::new(
-                &Gesture::ALL.map(GestureName::from),
-                GestureName::default(),
-                &BTreeMap::new(),
-            )
-            .unwrap()
+            CommandMap::new(&Command::ALL.map(Gesture::from), Gesture::default(), &BTreeMap::new()).unwrap()
         };
-        let mut port = armband.port(commands());
+        let mut port = armband.new_port(commands());
         let mut counters = Vec::new();
         while counters.len() < 100 {
-            let taken = port.sample_at(SimTime(0), Gesture::NoMotion);
+            let taken = port.sample_at(SimTime(0), Command::NoMotion);
             assert!(taken.len() <= 8);
             counters.extend(taken.iter().map(|s| s.counter));
             std::thread::sleep(Duration::from_millis(1));
@@ -279,9 +283,9 @@ mod tests {
         let last = *counters.last().unwrap();
         // Between two trials samples pile up; the next trial does not see them.
         std::thread::sleep(Duration::from_millis(100));
-        let mut next = armband.port(commands());
+        let mut next = armband.new_port(commands());
         let first = loop {
-            if let Some(sample) = next.sample_at(SimTime(0), Gesture::NoMotion).first() {
+            if let Some(sample) = next.sample_at(SimTime(0), Command::NoMotion).first() {
                 break sample.counter;
             }
         };

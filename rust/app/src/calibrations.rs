@@ -1,8 +1,8 @@
 //! Calibrations of headset and shoulder on disk: TOML with date, sources and a hash, one file of each kind in a folder.
 
-use crate::MarkedHeadset;
-use proact_files::{make_folder, write_whole};
-use proact_localization::{CalibrationVerdict, ShoulderCalibration, ShoulderVerdict};
+use crate::HeadsetMarkerCalibration;
+use proact_files::{make_folder, write_atomically};
+use proact_localization::{HeadsetCalibrationVerdict, ShoulderCalibration, ShoulderVerdict};
 use proact_testbed::Setup;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::{
@@ -27,7 +27,7 @@ pub enum CalibrationFileError {
     },
     /// Not a calibration.
     #[error("{}: {reason}; repeat the calibration: proact localize --help", path.display())]
-    Text {
+    Invalid {
         /// Which file.
         path: PathBuf,
         /// What is wrong.
@@ -36,7 +36,7 @@ pub enum CalibrationFileError {
 }
 
 /// A kind of calibration.
-pub trait Calibrated: Serialize + DeserializeOwned {
+pub trait CalibrationFile: Serialize + DeserializeOwned {
     /// Its file in the folder.
     const FILE: &'static str;
     /// The verdict in words.
@@ -47,7 +47,7 @@ pub trait Calibrated: Serialize + DeserializeOwned {
     fn residual_m(&self) -> f64;
 }
 
-impl Calibrated for MarkedHeadset {
+impl CalibrationFile for HeadsetMarkerCalibration {
     const FILE: &'static str = "headset.toml";
 
     fn verdict(&self) -> String {
@@ -55,7 +55,7 @@ impl Calibrated for MarkedHeadset {
     }
 
     fn is_good(&self) -> bool {
-        self.headset.verdict == CalibrationVerdict::Good
+        self.headset.verdict == HeadsetCalibrationVerdict::Good
     }
 
     fn residual_m(&self) -> f64 {
@@ -63,7 +63,7 @@ impl Calibrated for MarkedHeadset {
     }
 }
 
-impl Calibrated for ShoulderCalibration {
+impl CalibrationFile for ShoulderCalibration {
     const FILE: &'static str = "shoulder.toml";
 
     fn verdict(&self) -> String {
@@ -102,9 +102,9 @@ pub struct SavedCalibration<T> {
 }
 
 /// What stands before the hash of all lines below it.
-const HASH: &str = "# blake3 of what follows: ";
+const HASH_PREFIX: &str = "# blake3 of what follows: ";
 
-impl<T: Calibrated> SavedCalibration<T> {
+impl<T: CalibrationFile> SavedCalibration<T> {
     /// A calibration that is made now from `files`.
     ///
     /// # Errors
@@ -128,7 +128,7 @@ impl<T: Calibrated> SavedCalibration<T> {
     /// It cannot be written as TOML.
     pub fn text(&self) -> Result<String, toml::ser::Error> {
         let body = toml::to_string(self)?;
-        Ok(format!("{HASH}{}\n{body}", blake3::hash(body.as_bytes())))
+        Ok(format!("{HASH_PREFIX}{}\n{body}", blake3::hash(body.as_bytes())))
     }
 
     /// Writes it into `dir`, which is made if it is not there; the file.
@@ -138,10 +138,11 @@ impl<T: Calibrated> SavedCalibration<T> {
     pub fn save(&self, dir: &Path) -> Result<PathBuf, CalibrationFileError> {
         let path = dir.join(T::FILE);
         let disk = |source| CalibrationFileError::Disk { path: path.clone(), source };
-        let text = self
-            .text()
-            .map_err(|error| CalibrationFileError::Text { path: path.clone(), reason: error.to_string() })?;
-        make_folder(dir).and_then(|()| write_whole(&path, &text)).map_err(|error| disk(error.into()))?;
+        let text = self.text().map_err(|error| CalibrationFileError::Invalid {
+            path: path.clone(),
+            reason: error.to_string(),
+        })?;
+        make_folder(dir).and_then(|()| write_atomically(&path, &text)).map_err(|error| disk(error.into()))?;
         Ok(path)
     }
 
@@ -152,16 +153,16 @@ impl<T: Calibrated> SavedCalibration<T> {
     pub fn load(dir: &Path) -> Result<Option<Self>, CalibrationFileError> {
         let path = dir.join(T::FILE);
         let read = std::fs::File::open(&path)
-            .and_then(|file| proact_types::read_text(file, proact_types::MOST_TEXT_BYTES));
+            .and_then(|file| proact_types::read_text(file, proact_types::MAX_TEXT_BYTES));
         let text = match read {
             Ok(text) => text,
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             Err(source) => return Err(CalibrationFileError::Disk { path, source }),
         };
-        let wrong = |reason: String| CalibrationFileError::Text { path: path.clone(), reason };
-        let lines = text.strip_prefix(HASH).and_then(|rest| rest.split_once('\n'));
+        let wrong = |reason: String| CalibrationFileError::Invalid { path: path.clone(), reason };
+        let lines = text.strip_prefix(HASH_PREFIX).and_then(|rest| rest.split_once('\n'));
         let Some((hash, body)) = lines else {
-            return Err(wrong(format!("the first line is not {HASH:?} with a hash")));
+            return Err(wrong(format!("the first line is not {HASH_PREFIX:?} with a hash")));
         };
         if blake3::hash(body.as_bytes()).to_string() != hash {
             return Err(wrong(
@@ -172,7 +173,7 @@ impl<T: Calibrated> SavedCalibration<T> {
     }
 
     /// One line for people: date, residual, verdict.
-    pub fn line(&self) -> String {
+    pub fn summary(&self) -> String {
         let residual = 1e3 * self.calibration.residual_m();
         format!("of {}, residual {residual:.1} mm: {}", self.made_at, self.calibration.verdict())
     }
@@ -184,7 +185,7 @@ pub struct Calibrations {
     /// Where the arm sits on the person, and the box.
     pub shoulder: Option<SavedCalibration<ShoulderCalibration>>,
     /// Where the markers sit on the headset.
-    pub headset: Option<SavedCalibration<MarkedHeadset>>,
+    pub headset: Option<SavedCalibration<HeadsetMarkerCalibration>>,
 }
 
 impl Calibrations {
@@ -197,27 +198,28 @@ impl Calibrations {
     }
 
     /// Those that a trial with the body `body` as its shoulder may rest on: good ones, and no shoulder of another body.
-    pub fn of_body(self, body: &str) -> Self {
+    pub fn for_body(self, body: &str) -> Self {
         let shoulder =
             self.shoulder.filter(|saved| saved.calibration.body == body && saved.calibration.is_good());
         Self { shoulder, headset: self.headset.filter(|saved| saved.calibration.is_good()) }
     }
 
     /// Puts the person of a set-up where the calibration has the shoulder, as a whole.
-    pub fn seat(&self, setup: &mut Setup) {
+    pub fn place_person(&self, setup: &mut Setup) {
         let Some(saved) = &self.shoulder else { return };
         let shoulder = saved.calibration.placement.world_from_shoulder.translation.vector;
-        let way = shoulder - setup.body.shoulder.coords;
-        for point in [&mut setup.body.hip, &mut setup.body.shoulder, &mut setup.body.eye] {
-            *point += way;
+        let offset = shoulder - setup.body.shoulder_m.coords;
+        for point in [&mut setup.body.hip_m, &mut setup.body.shoulder_m, &mut setup.body.eye_m] {
+            *point += offset;
         }
     }
 
     /// Each kind with its line.
-    pub fn lines(&self) -> Vec<(&'static str, String, bool)> {
+    pub fn summaries(&self) -> Vec<(&'static str, String, bool)> {
         let shoulder =
-            self.shoulder.iter().map(|saved| ("shoulder", saved.line(), saved.calibration.is_good()));
-        let headset = self.headset.iter().map(|saved| ("headset", saved.line(), saved.calibration.is_good()));
+            self.shoulder.iter().map(|saved| ("shoulder", saved.summary(), saved.calibration.is_good()));
+        let headset =
+            self.headset.iter().map(|saved| ("headset", saved.summary(), saved.calibration.is_good()));
         shoulder.chain(headset).collect()
     }
 
@@ -225,7 +227,7 @@ impl Calibrations {
     ///
     /// # Errors
     /// The disk refuses.
-    pub fn keep(&self, dir: &Path) -> Result<(), CalibrationFileError> {
+    pub fn save_to_record(&self, dir: &Path) -> Result<(), CalibrationFileError> {
         let dir = dir.join(CALIBRATIONS_DIR);
         if let Some(shoulder) = &self.shoulder {
             shoulder.save(&dir)?;

@@ -9,13 +9,13 @@ use std::{
 };
 
 /// Longest line that is looked at, bytes.
-const LONGEST_LINE: usize = 1 << 20;
+const MAX_LINE_BYTES: usize = 1 << 20;
 
 /// Writes an answer to standard output, with a line's end.
 ///
 /// # Errors
 /// Whatever the answer was to go to is closed or full.
-pub fn answer(text: impl Display) -> io::Result<()> {
+pub fn print_result(text: impl Display) -> io::Result<()> {
     let write = || {
         let mut out = io::stdout().lock();
         writeln!(out, "{text}")?;
@@ -28,22 +28,22 @@ pub fn answer(text: impl Display) -> io::Result<()> {
 ///
 /// # Errors
 /// As [`answer`].
-pub fn answer_json(value: &impl Serialize) -> io::Result<()> {
-    answer(to_json(value)?)
+pub fn print_result_json(value: &impl Serialize) -> io::Result<()> {
+    print_result(to_json(value)?)
 }
 
 /// Tells whoever watches standard error. What cannot be told is lost: a terminal that is closed ends no trial.
-pub fn tell(text: impl Display) {
+pub fn print_status(text: impl Display) {
     let _ = writeln!(io::stderr().lock(), "{text}");
 }
 
 /// Lines as they come, read in a thread of their own, which ends with them or when nobody takes them. The channel closes after the
 /// last one. What is longer than any sensible line is cut.
-pub fn lines_of(mut from: impl BufRead + Send + 'static) -> Receiver<String> {
+pub fn read_lines(mut from: impl BufRead + Send + 'static) -> Receiver<String> {
     let (sender, lines) = channel();
     std::thread::spawn(move || {
         let mut line = Vec::new();
-        while read_line(&mut from, LONGEST_LINE, &mut line).is_ok_and(|read| read != LineRead::End) {
+        while read_line(&mut from, MAX_LINE_BYTES, &mut line).is_ok_and(|read| read != LineRead::End) {
             if sender.send(String::from_utf8_lossy(&line).trim_end().to_owned()).is_err() {
                 return;
             }

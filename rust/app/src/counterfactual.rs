@@ -3,16 +3,16 @@
 use crate::{
     arm::Arm,
     replay::{check_record, read_classifier},
-    trial,
+    trial, warn_of_renamed_keys,
 };
 use proact_control::MethodRegistry;
 use proact_testbed::{Testbed, TestbedError, TrialConfig, first_divergence};
-use proact_types::{DisplayFrame, Gesture, Pose};
+use proact_types::{Command, DisplayFrame, Pose};
 use serde::Serialize;
 use std::{collections::BTreeSet, error::Error, path::Path};
 
 /// What may be changed: everything else changes what the inputs were an answer to, from the first tick on.
-const MAY_CHANGE: [&str; 3] = ["intent_model", "intent.", "emg."];
+const CHANGEABLE_KEYS: [&str; 3] = ["intent_model", "intent.", "emg."];
 
 /// A recorded trial beside the same inputs with other values.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -21,14 +21,17 @@ pub struct Counterfactual {
     pub values: Vec<String>,
     /// From when on the person would have seen something else, seconds; none if they never would. What they did after it was an answer
     /// to something else: what follows is no evidence.
-    pub seen_from_s: Option<f64>,
+    #[serde(rename = "seen_from_s")]
+    pub display_differs_from_secs: Option<f64>,
     /// What of the display was another first.
-    pub seen_first: Vec<&'static str>,
+    #[serde(rename = "seen_first")]
+    pub first_display_differences: Vec<&'static str>,
     /// Length of the record, seconds.
     pub seconds: f64,
     /// Share of the record in which the gesture in force was the same, 0 to 1. The EMG does not hang on the display for as long as the
     /// person would have made the same gestures.
-    pub same_gesture: f64,
+    #[serde(rename = "same_gesture")]
+    pub same_gesture_fraction: f64,
     /// Times at which the gesture in force changed: as recorded, and with the other values.
     pub gesture_changes: [u64; 2],
     /// What the task counted in the end: as recorded, and with the other values.
@@ -52,7 +55,7 @@ pub fn counterfactual(
 ) -> Result<Counterfactual, Box<dyn Error>> {
     for value in values {
         let key = value.split('=').next().unwrap_or_default().trim();
-        if !MAY_CHANGE.iter().any(|may| key == *may || may.ends_with('.') && key.starts_with(may)) {
+        if !CHANGEABLE_KEYS.iter().any(|may| key == *may || may.ends_with('.') && key.starts_with(may)) {
             return Err(format!(
                 "{key:?} cannot be changed afterwards: with another one the person would have done something else from the start; \
                  expected intent_model, intent.KEY or emg.KEY"
@@ -61,8 +64,8 @@ pub fn counterfactual(
         }
     }
     let checked = check_record(dir, other_versions)?;
-    checked.record.check_computed()?;
-    let (record, config, recorded) = (checked.record, checked.config, checked.recorded);
+    checked.record.check_replayable()?;
+    let (record, config, recorded) = (checked.record, checked.config, checked.recorded_spans);
     if config.method_process.is_some() {
         return Err("the method was another program: what it would have answered is not in the record".into());
     }
@@ -77,55 +80,61 @@ pub fn counterfactual(
     if config.emg.is_none() && values.iter().any(|value| value.trim_start().starts_with("emg.")) {
         return Err("the trial has no EMG: its gestures came from keys".into());
     }
-    let arm = Arm::recorded(dir, &config)?;
-    let altered = TrialConfig { intent_process: None, ..config.with_values(values)? };
-    let mut own = trial::replayed(methods, &arm, config.clone(), read_classifier(&record, &config)?)?
+    let arm = Arm::from_record(dir, &config)?;
+    let mut renamed = Vec::new();
+    let overridden = config.with_overrides_noting(values, &mut renamed);
+    warn_of_renamed_keys(&renamed);
+    let altered = TrialConfig { intent_process: None, ..overridden? };
+    let mut own = trial::replay_testbed(methods, &arm, config.clone(), read_classifier(&record, &config)?)?
         .with_recorded_config(&record.header().config_toml);
     let (mut other, plans) =
-        trial::replanned(methods, &arm, altered.clone(), read_classifier(&record, &altered)?)?;
+        trial::replanning_testbed(methods, &arm, altered.clone(), read_classifier(&record, &altered)?)?;
 
     let mut found = Counterfactual {
         values: values.to_vec(),
-        seen_from_s: None,
-        seen_first: Vec::new(),
+        display_differs_from_secs: None,
+        first_display_differences: Vec::new(),
         seconds: record.end().as_secs(),
-        same_gesture: 1.0,
+        same_gesture_fraction: 1.0,
         gesture_changes: [0; 2],
         score: [0; 2],
         plans: [0; 2],
     };
     let (mut spans, mut same, mut parted) = (Vec::new(), 0, false);
-    let mut gestures = [Gesture::NoMotion; 2];
+    let mut gestures = [Command::NoMotion; 2];
     for tick in record.ticks()? {
         let (time, mut input) = tick?;
         let last = time == record.end();
         let output = own.tick(&input, last)?;
-        spans.extend(output.span.clone());
+        spans.extend(output.span_digest.clone());
         // Plans of requests that the record has not are the planner's.
         if parted {
             input.plan = None;
         }
         let answer = other.tick(&input, last)?;
-        let asked = [output.request.is_some(), answer.request.is_some()];
-        for (count, asked) in found.plans.iter_mut().zip(asked) {
-            *count += u64::from(asked);
+        let has_requests = [output.request.is_some(), answer.request.is_some()];
+        for (count, has_request) in found.plans.iter_mut().zip(has_requests) {
+            *count += u64::from(has_request);
         }
-        let now = [own.gesture(), other.gesture()];
+        let now = [own.command(), other.command()];
         same += u64::from(now[0] == now[1]);
         for (count, (then, now)) in found.gesture_changes.iter_mut().zip(gestures.iter_mut().zip(now)) {
             *count += u64::from(*then != now);
             *then = now;
         }
-        if !parted && (asked[0] != asked[1] || now[0] != now[1] || own.targets() != other.targets()) {
+        if !parted
+            && (has_requests[0] != has_requests[1] || now[0] != now[1] || own.targets() != other.targets())
+        {
             parted = true;
-            plans.serve();
+            plans.start_serving();
         }
-        if found.seen_from_s.is_none() && own.frame_is_due() {
-            found.seen_first = differences(&frame(&mut own)?, &frame(&mut other)?);
-            if !found.seen_first.is_empty() {
-                found.seen_from_s = Some(time.as_secs());
+        if found.display_differs_from_secs.is_none() && own.frame_is_due() {
+            found.first_display_differences =
+                display_differences(&display_frame(&mut own)?, &display_frame(&mut other)?);
+            if !found.first_display_differences.is_empty() {
+                found.display_differs_from_secs = Some(time.as_secs());
                 parted = true;
-                plans.serve();
+                plans.start_serving();
             }
         }
     }
@@ -138,27 +147,27 @@ pub fn counterfactual(
         )
         .into());
     }
-    found.same_gesture = same as f64 / record.end().0.max(1) as f64;
+    found.same_gesture_fraction = same as f64 / record.end().0.max(1) as f64;
     found.score = [own.task().state().score, other.task().state().score];
     Ok(found)
 }
 
 /// The instant as drawn, seen from anywhere: who looks does not change what there is to see.
-fn frame(testbed: &mut Testbed) -> Result<DisplayFrame, TestbedError> {
+fn display_frame(testbed: &mut Testbed) -> Result<DisplayFrame, TestbedError> {
     testbed.frame(Pose::identity())
 }
 
 /// What of two instants a person would see to be another. Numbers beside the scene, such as the confidence, do not count.
-fn differences(a: &DisplayFrame, b: &DisplayFrame) -> Vec<&'static str> {
+fn display_differences(a: &DisplayFrame, b: &DisplayFrame) -> Vec<&'static str> {
     let seen = [
         ("arm and hand", a.joints != b.joints || a.hand != b.hand),
         ("shoulder", a.world_from_base != b.world_from_base),
         ("objects", a.objects != b.objects),
-        ("gesture", a.gesture != b.gesture),
+        ("gesture", a.command != b.command),
         ("highlighted object", a.target.object != b.target.object),
         ("place marker", a.target.place != b.target.place),
         ("lock", a.target.locked != b.target.locked),
-        ("planner", a.planner != b.planner || a.goal != b.goal),
+        ("planner", a.planner != b.planner || a.plan_goal != b.plan_goal),
         ("mode", a.mode != b.mode),
         ("stop", a.stop != b.stop),
     ];

@@ -5,13 +5,13 @@ use proact_emg::welch;
 use std::collections::VecDeque;
 
 /// Seconds of signal that a spectrum is taken of.
-const SPAN_SECS: f64 = 1.0;
+const WINDOW_SECS: f64 = 1.0;
 /// Messages in which all channels come, where they are few enough: those of a second.
-const MESSAGES: usize = 10;
+const MESSAGES_PER_SEC: usize = 10;
 /// Most channels in a message, so that their transforms hold up no tick for long.
-const MOST_A_MESSAGE: usize = 8;
+const MAX_CHANNELS_PER_MESSAGE: usize = 8;
 /// Lines above this are not sent, hertz: muscle ends below 500.
-const HIGHEST_HZ: f64 = 1000.0;
+const MAX_FREQUENCY_HZ: f64 = 1000.0;
 
 /// Keeps the newest second of all channels, and gives the spectra of a few in turn.
 #[derive(Debug)]
@@ -25,7 +25,7 @@ pub(crate) struct DenseSpectra {
 impl DenseSpectra {
     /// For a stream of `channels` channels at `rate_hz`.
     pub(crate) fn new(rate_hz: f64, channels: usize) -> Self {
-        let samples = (SPAN_SECS * rate_hz).ceil() as usize;
+        let samples = (WINDOW_SECS * rate_hz).ceil() as usize;
         Self { rate_hz, samples, channels: vec![VecDeque::new(); channels], next: 0 }
     }
 
@@ -40,10 +40,10 @@ impl DenseSpectra {
     }
 
     /// The spectra of the channels whose turn it is; none before a second has come.
-    pub(crate) fn turn(&mut self) -> Vec<ChannelSpectrum> {
+    pub(crate) fn next_spectra(&mut self) -> Vec<ChannelSpectrum> {
         let count = self.channels.len();
         let mut spectra = Vec::new();
-        for _ in 0..count.div_ceil(MESSAGES).min(MOST_A_MESSAGE) {
+        for _ in 0..count.div_ceil(MESSAGES_PER_SEC).min(MAX_CHANNELS_PER_MESSAGE) {
             let channel = self.next % count;
             self.next = channel + 1;
             let kept = &mut self.channels[channel];
@@ -51,8 +51,8 @@ impl DenseSpectra {
                 continue;
             }
             if let Some(spectrum) = welch(kept.make_contiguous(), self.rate_hz) {
-                let (step_hz, mut density) = (spectrum.step_hz, spectrum.density);
-                density.truncate((HIGHEST_HZ / step_hz) as usize + 1);
+                let (step_hz, mut density) = (spectrum.bin_width_hz, spectrum.density);
+                density.truncate((MAX_FREQUENCY_HZ / step_hz) as usize + 1);
                 spectra.push(ChannelSpectrum { channel, step_hz, density });
             }
         }
@@ -72,17 +72,17 @@ mod tests {
             let value = |c: usize| (std::f64::consts::TAU * line_hz(c) * f64::from(k) / 4000.0).sin();
             spectra.push(&(0..64).map(value).collect::<Vec<_>>());
             if k == 3000 {
-                assert_eq!(spectra.turn(), [], "not yet a second");
+                assert_eq!(spectra.next_spectra(), [], "not yet a second");
             }
         }
         let mut seen: Vec<usize> = Vec::new();
-        for _ in 0..MESSAGES {
-            let turn = spectra.turn();
-            assert!(turn.len() <= MOST_A_MESSAGE);
+        for _ in 0..MESSAGES_PER_SEC {
+            let turn = spectra.next_spectra();
+            assert!(turn.len() <= MAX_CHANNELS_PER_MESSAGE);
             for ChannelSpectrum { channel, step_hz, density } in turn {
-                let most = (0..density.len()).max_by(|a, b| density[*a].total_cmp(&density[*b])).unwrap();
-                assert!((most as f64 * step_hz - line_hz(channel)).abs() < 1e-9, "channel {channel}");
-                assert!(density.len() as f64 * step_hz < HIGHEST_HZ + 2.0 * step_hz);
+                let peak = (0..density.len()).max_by(|a, b| density[*a].total_cmp(&density[*b])).unwrap();
+                assert!((peak as f64 * step_hz - line_hz(channel)).abs() < 1e-9, "channel {channel}");
+                assert!(density.len() as f64 * step_hz < MAX_FREQUENCY_HZ + 2.0 * step_hz);
                 seen.push(channel);
             }
         }

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use crate::{
     CALIBRATIONS_DIR, Calibrations, MocapAxes, Registry, TrackedBody,
-    libraries::{LIBRARIES, loaded_libraries, output_of},
+    libraries::{LIBRARIES, command_output, loaded_libraries},
 };
 use proact_devices::{SourceName, SourceScheme, motion_capture::OpenedCapture};
 use proact_files::check_folder;
@@ -40,7 +40,7 @@ const BROWSERS: [&str; 6] =
 /// How one line of the report came out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Status {
+pub enum CheckStatus {
     /// Works.
     Ok,
     /// Something optional is missing, or the program will do it in another way.
@@ -51,33 +51,33 @@ pub enum Status {
 
 /// One line of the report.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Check {
+pub struct DoctorCheck {
     /// What was looked at.
     pub name: String,
     /// How it came out.
-    pub status: Status,
+    pub status: CheckStatus,
     /// What was found.
     pub found: String,
     /// What to do about it; empty when there is nothing to do.
     pub advice: String,
 }
 
-impl Check {
+impl DoctorCheck {
     pub(crate) fn ok(name: impl Into<String>, found: impl Into<String>) -> Self {
-        Self { name: name.into(), status: Status::Ok, found: found.into(), advice: String::new() }
+        Self { name: name.into(), status: CheckStatus::Ok, found: found.into(), advice: String::new() }
     }
 
     pub(crate) fn warn(name: impl Into<String>, found: impl Into<String>, advice: impl Into<String>) -> Self {
-        Self { name: name.into(), status: Status::Warn, found: found.into(), advice: advice.into() }
+        Self { name: name.into(), status: CheckStatus::Warn, found: found.into(), advice: advice.into() }
     }
 
     pub(crate) fn fail(name: impl Into<String>, found: impl Into<String>, advice: impl Into<String>) -> Self {
-        Self { name: name.into(), status: Status::Fail, found: found.into(), advice: advice.into() }
+        Self { name: name.into(), status: CheckStatus::Fail, found: found.into(), advice: advice.into() }
     }
 }
 
 /// Makes every check, in the order of the report, with what `registry` offers.
-pub fn examine(registry: &Registry) -> Vec<Check> {
+pub fn run_checks(registry: &Registry) -> Vec<DoctorCheck> {
     let mut checks = vec![machine()];
     checks.extend(libraries());
     checks.extend(build_tools());
@@ -85,29 +85,29 @@ pub fn examine(registry: &Registry) -> Vec<Check> {
     checks.push(display());
     checks.push(port("page port", PAGE_PORT, "the page takes the next free port and prints it"));
     checks.push(port("rosbridge port", ROSBRIDGE_PORT, "end that program before asking for rosbridge"));
-    checks.push(writable(Path::new(".")));
-    checks.push(Check::ok("methods", registry.methods.names().join(", ")));
-    checks.extend(offered(registry));
+    checks.push(check_writable(Path::new(".")));
+    checks.push(DoctorCheck::ok("methods", registry.methods.names().join(", ")));
+    checks.extend(check_features(registry));
     checks.extend(calibrations(Path::new(CALIBRATIONS_DIR)));
-    checks.push(Check::ok("feedback", sinks(registry)));
+    checks.push(DoctorCheck::ok("feedback", sinks(registry)));
     checks.push(ros_master(env::var("ROS_MASTER_URI").ok().as_deref()));
     checks
 }
 
 /// The optional features, and the sources that this program can open.
-fn offered(registry: &Registry) -> Vec<Check> {
-    let mut checks: Vec<Check> = FEATURES.iter().map(Feature::check).collect();
+fn check_features(registry: &Registry) -> Vec<DoctorCheck> {
+    let mut checks: Vec<DoctorCheck> = FEATURES.iter().map(CargoFeature::check).collect();
     let sources = registry.sources.schemes().iter().filter(|scheme| is_built_in(scheme.scheme));
-    let sources: Vec<String> = sources.map(SourceScheme::form).collect();
-    checks.push(Check::ok("EMG", sources.join(", ")));
+    let sources: Vec<String> = sources.map(SourceScheme::syntax).collect();
+    checks.push(DoctorCheck::ok("EMG", sources.join(", ")));
     let captures = registry.captures.iter().filter(|scheme| is_built_in(scheme.scheme));
     let captures: Vec<&str> = captures.map(|scheme| scheme.form).collect();
-    checks.push(Check::ok("motion capture", captures.join(", ")));
+    checks.push(DoctorCheck::ok("motion capture", captures.join(", ")));
     checks
 }
 
 /// A part of the program that is compiled only when its feature is asked for.
-struct Feature {
+struct CargoFeature {
     name: &'static str,
     built_in: bool,
     what: &'static str,
@@ -117,39 +117,39 @@ struct Feature {
     needs: &'static str,
 }
 
-const FEATURES: [Feature; 3] = [
-    Feature {
+const FEATURES: [CargoFeature; 3] = [
+    CargoFeature {
         name: "ble",
         built_in: cfg!(feature = "ble"),
         what: "armbands over Bluetooth",
         schemes: &["ble", "myo"],
         needs: "libdbus-1-dev",
     },
-    Feature {
+    CargoFeature {
         name: "lsl",
         built_in: cfg!(feature = "lsl"),
         what: "streams of the lab streaming layer",
         schemes: &["lsl"],
         needs: "cmake",
     },
-    Feature {
+    CargoFeature {
         name: "ros",
         built_in: cfg!(feature = "ros"),
         what: "nodes and poses of a ROS 1 graph",
         schemes: &["ros", "tf"],
-        needs: "the message packages of docs/ros1.md",
+        needs: "ros-std-msgs and the other message packages of docs/ros1.md",
     },
 ];
 
-impl Feature {
-    fn check(&self) -> Check {
+impl CargoFeature {
+    fn check(&self) -> DoctorCheck {
         let Self { name, built_in, what, schemes, needs } = self;
         let (label, sources) = (format!("feature {name}"), schemes.join(", "));
         if *built_in {
-            return Check::ok(label, format!("built in: {what} ({sources})"));
+            return DoctorCheck::ok(label, format!("built in: {what} ({sources})"));
         }
         let advice = format!("PROACT_FEATURES={name} ./proact builds it in; on Debian it needs {needs}");
-        Check::warn(label, format!("not built in: {what} ({sources})"), advice)
+        DoctorCheck::warn(label, format!("not built in: {what} ({sources})"), advice)
     }
 }
 
@@ -159,35 +159,35 @@ fn is_built_in(scheme: &str) -> bool {
 }
 
 /// How long a tracking source is listened to: connecting, names of bodies, and some seconds of poses.
-const LISTENING: Duration = Duration::from_secs(4);
+const LISTEN_TIME: Duration = Duration::from_secs(4);
 /// From look to look.
-const GLANCE: Duration = Duration::from_millis(10);
+const POLL_PERIOD: Duration = Duration::from_millis(10);
 /// Slower than this a shoulder is followed in steps, Hz.
-const SLOW_HZ: f64 = 30.0;
+const MIN_RATE_HZ: f64 = 30.0;
 /// More than this share of the time in drop-outs is too much.
-const MUCH_MISSING: f64 = 0.1;
+const MAX_DROPOUT_FRACTION: f64 = 0.1;
 
 /// Listens to a tracking source for some seconds: its rate, the age of its newest pose, and whether an arm could follow it.
-pub fn tracking(registry: &Registry, name: &SourceName, axes: MocapAxes) -> Check {
+pub fn tracking(registry: &Registry, name: &SourceName, axes: MocapAxes) -> DoctorCheck {
     let label = format!("tracking {name}");
     let mut body = match OpenedCapture::open(&registry.captures, name) {
         Ok(opened) => TrackedBody::new(opened, axes),
-        Err(error) => return Check::fail(label, "cannot be opened", error.to_string()),
+        Err(error) => return DoctorCheck::fail(label, "cannot be opened", error.to_string()),
     };
     let began = Instant::now();
-    while began.elapsed() < LISTENING {
+    while began.elapsed() < LISTEN_TIME {
         if let Err(error) = body.poll() {
-            return Check::fail(label, "cannot be used", error.to_string());
+            return DoctorCheck::fail(label, "cannot be used", error.to_string());
         }
-        std::thread::sleep(GLANCE);
+        std::thread::sleep(POLL_PERIOD);
     }
     let report = body.report();
     let age = report
         .age_secs
         .map_or("no pose yet".to_owned(), |age| format!("newest pose {:.0} ms old", age * 1e3));
     let noise = report.noise_m.zip(report.noise_rad);
-    let noise = noise.map_or(String::new(), |(place, turn)| {
-        format!(", noise {:.2} mm and {:.2} deg", place * 1e3, turn.to_degrees())
+    let noise = noise.map_or(String::new(), |(position_noise, turn)| {
+        format!(", noise {:.2} mm and {:.2} deg", position_noise * 1e3, turn.to_degrees())
     });
     let stream = report.stream.map_or(String::new(), |stream| {
         format!(
@@ -195,40 +195,42 @@ pub fn tracking(registry: &Registry, name: &SourceName, axes: MocapAxes) -> Chec
             stream.lag_secs * 1e3,
             stream.jitter_secs * 1e3,
             stream.dropouts,
-            stream.missing * 1e2,
-            stream.longest_secs * 1e3
+            stream.missing_fraction * 1e2,
+            stream.longest_gap_secs * 1e3
         )
     });
     let found = format!("body {:?}: {:.0} Hz, {age}{stream}{noise}", report.body, report.rate_hz);
     match report.fault {
-        Some(fault) => Check::fail(label, found, fault),
-        None if report.rate_hz < SLOW_HZ => {
-            Check::warn(label, found, format!("slower than {SLOW_HZ} Hz: raise the rate of the stream"))
-        }
-        None if report.stream.is_some_and(|stream| stream.missing > MUCH_MISSING) => {
+        Some(fault) => DoctorCheck::fail(label, found, fault),
+        None if report.rate_hz < MIN_RATE_HZ => DoctorCheck::warn(
+            label,
+            found,
+            format!("slower than {MIN_RATE_HZ} Hz: raise the rate of the stream"),
+        ),
+        None if report.stream.is_some_and(|stream| stream.missing_fraction > MAX_DROPOUT_FRACTION) => {
             let advice = "the body is often not seen: clear the view of the cameras, check its markers";
-            Check::warn(label, found, advice)
+            DoctorCheck::warn(label, found, advice)
         }
-        None => Check::ok(label, found),
+        None => DoctorCheck::ok(label, found),
     }
 }
 
 /// What `proact localize` found, a line each; one without any.
-fn calibrations(dir: &Path) -> Vec<Check> {
+fn calibrations(dir: &Path) -> Vec<DoctorCheck> {
     let found = match Calibrations::load(dir) {
-        Ok(found) => found.lines(),
-        Err(error) => return vec![Check::fail("calibrations", "cannot be read", error.to_string())],
+        Ok(found) => found.summaries(),
+        Err(error) => return vec![DoctorCheck::fail("calibrations", "cannot be read", error.to_string())],
     };
     if found.is_empty() {
         let found = format!("none in {}", dir.display());
-        return vec![Check::ok("calibrations", found)];
+        return vec![DoctorCheck::ok("calibrations", found)];
     }
     let check = |(kind, line, good): (&str, String, bool)| {
         let label = format!("calibration {kind}");
         if good {
-            Check::ok(label, line)
+            DoctorCheck::ok(label, line)
         } else {
-            Check::warn(label, line, format!("repeat it: proact localize {kind} --help"))
+            DoctorCheck::warn(label, line, format!("repeat it: proact localize {kind} --help"))
         }
     };
     found.into_iter().map(check).collect()
@@ -240,31 +242,33 @@ fn sinks(registry: &Registry) -> String {
 }
 
 /// Cores of the machine; one physics loop, one planner and one page want two of them.
-fn machine() -> Check {
+fn machine() -> DoctorCheck {
     let program = format!("proact {} on {}", env!("CARGO_PKG_VERSION"), env::consts::ARCH);
     match std::thread::available_parallelism().map(usize::from) {
-        Ok(1) => {
-            Check::warn("program", format!("{program}, 1 core"), "a live trial may fall behind on one core")
-        }
-        Ok(cores) => Check::ok("program", format!("{program}, {cores} cores")),
-        Err(_) => Check::ok("program", program),
+        Ok(1) => DoctorCheck::warn(
+            "program",
+            format!("{program}, 1 core"),
+            "a live trial may fall behind on one core",
+        ),
+        Ok(cores) => DoctorCheck::ok("program", format!("{program}, {cores} cores")),
+        Err(_) => DoctorCheck::ok("program", program),
     }
 }
 
 // --- Libraries ----------------------------------------------------------------------------------------------
 
-fn libraries() -> Vec<Check> {
+fn libraries() -> Vec<DoctorCheck> {
     let (loaded, versions) = loaded_libraries();
-    let mut checks: Vec<Check> = LIBRARIES
+    let mut checks: Vec<DoctorCheck> = LIBRARIES
         .iter()
         .zip(&loaded)
         .map(|((name, file, package), path)| match path {
             Some(path) => {
                 let file_name = path.file_name().unwrap_or_default().to_string_lossy();
                 let version = versions.get(path).map_or("not from a Debian package", String::as_str);
-                Check::ok(*name, format!("{version} ({file_name})"))
+                DoctorCheck::ok(*name, format!("{version} ({file_name})"))
             }
-            None => Check::warn(
+            None => DoctorCheck::warn(
                 *name,
                 format!("no {file} in this program"),
                 format!("build with the feature \"native\"; on Debian it needs {package}"),
@@ -272,9 +276,9 @@ fn libraries() -> Vec<Check> {
         })
         .collect();
     // Eigen is headers only: what counts is what is there for the next build.
-    checks.push(match output_of("pkg-config", &["--modversion", "eigen3"]) {
-        Some(version) => Check::ok("Eigen", format!("{version} (headers)")),
-        None => Check::warn(
+    checks.push(match command_output("pkg-config", &["--modversion", "eigen3"]) {
+        Some(version) => DoctorCheck::ok("Eigen", format!("{version} (headers)")),
+        None => DoctorCheck::warn(
             "Eigen",
             "no headers",
             "needed only for building; on Debian: apt-get install libeigen3-dev",
@@ -285,12 +289,12 @@ fn libraries() -> Vec<Check> {
 
 // --- Programs -----------------------------------------------------------------------------------------------
 
-fn build_tools() -> Vec<Check> {
+fn build_tools() -> Vec<DoctorCheck> {
     BUILD_TOOLS
         .iter()
-        .map(|(tool, purpose)| match output_of(tool, &["--version"]) {
-            Some(version) => Check::ok(*tool, version),
-            None => Check::warn(
+        .map(|(tool, purpose)| match command_output(tool, &["--version"]) {
+            Some(version) => DoctorCheck::ok(*tool, version),
+            None => DoctorCheck::warn(
                 *tool,
                 "not found",
                 format!("needed only for building ({purpose}); ./proact installs it on Debian"),
@@ -299,10 +303,10 @@ fn build_tools() -> Vec<Check> {
         .collect()
 }
 
-fn browser() -> Check {
-    match BROWSERS.iter().find(|name| on_path(name)) {
-        Some(name) => Check::ok("browser", *name),
-        None => Check::warn(
+fn browser() -> DoctorCheck {
+    match BROWSERS.iter().find(|name| is_on_path(name)) {
+        Some(name) => DoctorCheck::ok("browser", *name),
+        None => DoctorCheck::warn(
             "browser",
             "none found",
             "open the printed address in a browser, on this machine or through a tunnel",
@@ -310,17 +314,17 @@ fn browser() -> Check {
     }
 }
 
-fn on_path(program: &str) -> bool {
+fn is_on_path(program: &str) -> bool {
     env::var_os("PATH")
         .is_some_and(|path| env::split_paths(&path).any(|folder| folder.join(program).is_file()))
 }
 
-fn display() -> Check {
+fn display() -> DoctorCheck {
     let set = |name: &str| env::var(name).ok().filter(|value| !value.is_empty());
     match (set("WAYLAND_DISPLAY"), set("DISPLAY")) {
-        (Some(wayland), _) => Check::ok("display", wayland),
-        (None, Some(x11)) => Check::ok("display", x11),
-        (None, None) => Check::warn(
+        (Some(wayland), _) => DoctorCheck::ok("display", wayland),
+        (None, Some(x11)) => DoctorCheck::ok("display", x11),
+        (None, None) => DoctorCheck::warn(
             "display",
             "none",
             "no browser can be opened here; --headless needs none, and the page works remotely",
@@ -331,19 +335,19 @@ fn display() -> Check {
 // --- Network and files --------------------------------------------------------------------------------------
 
 /// Whether a port of this machine can be bound. The listener is dropped at once, which frees it again.
-fn port(name: &str, number: u16, when_taken: &str) -> Check {
+fn port(name: &str, number: u16, when_taken: &str) -> DoctorCheck {
     match TcpListener::bind(("127.0.0.1", number)) {
-        Ok(_) => Check::ok(name, format!("{number} is free")),
-        Err(error) => Check::warn(name, format!("{number} cannot be used: {error}"), when_taken),
+        Ok(_) => DoctorCheck::ok(name, format!("{number} is free")),
+        Err(error) => DoctorCheck::warn(name, format!("{number} cannot be used: {error}"), when_taken),
     }
 }
 
 /// Whether a file can be made in the folder, where trials are written unless `--out` says otherwise.
-fn writable(folder: &Path) -> Check {
+fn check_writable(folder: &Path) -> DoctorCheck {
     let shown = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf()).display().to_string();
     match check_folder(folder) {
-        Ok(()) => Check::ok("working directory", format!("{shown} can be written to")),
-        Err(error) => Check::fail(
+        Ok(()) => DoctorCheck::ok("working directory", format!("{shown} can be written to")),
+        Err(error) => DoctorCheck::fail(
             "working directory",
             error.to_string(),
             "trials cannot be written here: change to another folder, or give --out DIR",
@@ -352,16 +356,16 @@ fn writable(folder: &Path) -> Check {
 }
 
 /// Whether the ROS master that the environment names answers. ROS is optional, so this never fails.
-fn ros_master(uri: Option<&str>) -> Check {
+fn ros_master(uri: Option<&str>) -> DoctorCheck {
     let Some(uri) = uri.filter(|uri| !uri.is_empty()) else {
-        return Check::ok("ROS master", "none named by ROS_MASTER_URI; none is needed");
+        return DoctorCheck::ok("ROS master", "none named by ROS_MASTER_URI; none is needed");
     };
     // The form is http://host:port/ with an optional slash.
     let address = uri.trim_start_matches("http://").trim_end_matches('/');
     let sockets = match address.to_socket_addrs() {
         Ok(sockets) => sockets,
         Err(error) => {
-            return Check::warn(
+            return DoctorCheck::warn(
                 "ROS master",
                 format!("ROS_MASTER_URI=\"{uri}\": {error}"),
                 "expected the form http://HOST:PORT; unset it if ROS is not used",
@@ -370,10 +374,10 @@ fn ros_master(uri: Option<&str>) -> Check {
     };
     for socket in sockets {
         if TcpStream::connect_timeout(&socket, MASTER_TIMEOUT).is_ok() {
-            return Check::ok("ROS master", format!("{uri} answers"));
+            return DoctorCheck::ok("ROS master", format!("{uri} answers"));
         }
     }
-    Check::warn(
+    DoctorCheck::warn(
         "ROS master",
         format!("{uri} does not answer"),
         "start roscore if ROS is used; nothing else needs it",
@@ -390,13 +394,13 @@ mod tests {
     /// It listed Bluetooth, LSL and ROS sources that the program could not open.
     #[test]
     fn only_sources_that_are_built_in_are_listed_and_each_feature_says_whether_it_is() {
-        let checks = offered(&Registry::standard());
+        let checks = check_features(&Registry::standard());
         let found = |name: &str| checks.iter().find(|check| check.name == name).expect("it is checked");
         let mut forms = found("EMG").found.split(", ").chain(found("motion capture").found.split(", "));
         assert!(forms.clone().any(|form| form.starts_with("file:")), "what is always there is listed");
         for feature in &FEATURES {
             let check = found(&format!("feature {}", feature.name));
-            assert_eq!(check.status == Status::Ok, feature.built_in, "{check:?}");
+            assert_eq!(check.status == CheckStatus::Ok, feature.built_in, "{check:?}");
             let lists =
                 |scheme: &&str| forms.clone().any(|form| form.split([':', '[']).next() == Some(scheme));
             assert_eq!(feature.schemes.iter().all(lists), feature.built_in, "{:?}", feature.schemes);
@@ -409,34 +413,34 @@ mod tests {
     fn a_taken_port_is_a_warning_and_a_free_one_is_not() {
         let holder = TcpListener::bind(("127.0.0.1", 0)).expect("some port is free");
         let number = holder.local_addr().expect("it is bound").port();
-        assert_eq!(port("p", number, "do this").status, Status::Warn);
+        assert_eq!(port("p", number, "do this").status, CheckStatus::Warn);
         drop(holder);
         // Another test may take a port in the moment after it is free; it does not take five in turn.
         let freed = || {
             let holder = TcpListener::bind(("127.0.0.1", 0)).expect("some port is free");
             holder.local_addr().expect("it is bound").port()
         };
-        assert!((0..5).any(|_| port("p", freed(), "do this").status == Status::Ok));
+        assert!((0..5).any(|_| port("p", freed(), "do this").status == CheckStatus::Ok));
     }
 
     #[test]
     fn a_folder_that_cannot_be_written_to_fails_with_advice() {
         let folder = tempfile::tempdir().expect("a folder can be made");
-        assert_eq!(writable(folder.path()).status, Status::Ok);
+        assert_eq!(check_writable(folder.path()).status, CheckStatus::Ok);
         let left = fs::read_dir(folder.path()).expect("it can be read").count();
         assert_eq!(left, 0, "the probe must be removed");
 
         let file = folder.path().join("file");
         fs::write(&file, "").expect("it can be written");
-        let check = writable(&file);
-        assert_eq!(check.status, Status::Fail);
+        let check = check_writable(&file);
+        assert_eq!(check.status, CheckStatus::Fail);
         assert!(check.advice.contains("--out"), "{}", check.advice);
     }
 
     #[test]
     fn a_master_that_is_not_named_is_not_needed() {
-        assert_eq!(ros_master(None).status, Status::Ok);
-        assert_eq!(ros_master(Some("")).status, Status::Ok);
+        assert_eq!(ros_master(None).status, CheckStatus::Ok);
+        assert_eq!(ros_master(Some("")).status, CheckStatus::Ok);
     }
 
     #[test]
@@ -444,11 +448,11 @@ mod tests {
         // An address of its own: another test's listener on 127.0.0.1 could take the port over once it is free.
         let master = TcpListener::bind(("127.83.17.5", 0)).expect("all of 127/8 is this machine");
         let uri = format!("http://{}/", master.local_addr().expect("it is bound"));
-        assert_eq!(ros_master(Some(&uri)).status, Status::Ok);
+        assert_eq!(ros_master(Some(&uri)).status, CheckStatus::Ok);
         drop(master);
-        assert_eq!(ros_master(Some(&uri)).status, Status::Warn);
+        assert_eq!(ros_master(Some(&uri)).status, CheckStatus::Warn);
         let malformed = ros_master(Some("nonsense"));
-        assert_eq!(malformed.status, Status::Warn);
+        assert_eq!(malformed.status, CheckStatus::Warn);
         assert!(malformed.advice.contains("http://HOST:PORT"), "{}", malformed.advice);
     }
 }

@@ -1,6 +1,6 @@
 //! An intent model in another process: started here, asked gaze by gaze, ended with the trial.
 
-use crate::method_process::{MethodProcessError, Running};
+use crate::method_process::{ExternalProcess, MethodProcessError};
 use proact_intent::IntentProcess;
 use proact_testbed::TrialConfig;
 use proact_types::{IntentAnswer, SimTime};
@@ -12,12 +12,12 @@ use proact_types::{IntentAnswer, SimTime};
 pub fn start(config: &TrialConfig) -> Result<Option<Box<dyn IntentProcess>>, MethodProcessError> {
     let Some(program) = &config.intent_process else { return Ok(None) };
     let running =
-        Running::start("intent model", &program.command, config.wait_for_plans, program.deadline_ms)?;
+        ExternalProcess::start("intent model", &program.command, config.wait_for_plans, program.deadline_ms)?;
     Ok(Some(Box::new(running)))
 }
 
-impl IntentProcess for Running {
+impl IntentProcess for ExternalProcess {
     fn ask(&mut self, now: SimTime, line: &str) -> IntentAnswer {
-        self.answer(now, line)
+        self.request(now, line)
     }
 }

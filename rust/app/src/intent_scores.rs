@@ -5,16 +5,16 @@
 
 use crate::{
     Arm,
-    replay::{Checked, check_record, never_begun, read_classifier},
-    trial,
+    replay::{CheckedRecord, check_record, is_unstarted, read_classifier},
+    trial, with_path,
 };
-use proact_analysis::{Episode, Forecast, Score, score};
+use proact_analysis::{Episode, Forecast, ForecastScore, score_forecasts};
 use proact_control::MethodRegistry;
 use proact_control::ports::ArmKinematics;
 use proact_intent::{Candidates, IntentModelName, IntentOptions, Posterior};
 use proact_kinematics::Kinematics;
-use proact_recording::{INPUTS_FILE, Trial};
-use proact_testbed::{GraspChoice, Testbed, TrialConfig, first_divergence};
+use proact_recording::{INPUTS_FILE, TrialRecord};
+use proact_testbed::{GraspSelector, Testbed, TrialConfig, first_divergence};
 use proact_types::{EventKind, GazeSample, ObjectId, Point, Scene, SimTime};
 use serde::Serialize;
 use std::{
@@ -24,17 +24,18 @@ use std::{
 };
 
 /// A model that has nothing to say keeps its last word for this long, ms, as the highlight on the page does.
-const KEPT_MILLIS: u64 = 500;
+const ESTIMATE_HOLD_MS: u64 = 500;
 
 /// What the models of intent are worth on some trials.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct IntentReport {
     /// Trials that were used.
-    pub trials: Vec<TrialUsed>,
+    pub trials: Vec<IntentScoredTrial>,
     /// Trials that were interrupted before their first digest.
-    pub not_begun: Vec<PathBuf>,
+    #[serde(rename = "not_begun")]
+    pub never_started: Vec<PathBuf>,
     /// Trials that could not be used.
-    pub skipped: Vec<TrialSkipped>,
+    pub skipped: Vec<SkippedTrial>,
     /// Picks in them.
     pub picks: usize,
     /// One entry a model; one in another program comes last, where it was that of every trial.
@@ -43,7 +44,7 @@ pub struct IntentReport {
 
 /// A trial that was used.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct TrialUsed {
+pub struct IntentScoredTrial {
     /// Where it is.
     pub dir: PathBuf,
     /// Control method.
@@ -57,12 +58,13 @@ pub struct TrialUsed {
     /// Options of the models for this trial.
     pub options: IntentOptions,
     /// Up to where the record goes, seconds, if the trial was interrupted; none if it was brought to its end.
-    pub interrupted: Option<f64>,
+    #[serde(rename = "interrupted")]
+    pub interrupted_at_secs: Option<f64>,
 }
 
 /// A trial that could not be used.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct TrialSkipped {
+pub struct SkippedTrial {
     /// Where it is.
     pub dir: PathBuf,
     /// Why.
@@ -70,16 +72,16 @@ pub struct TrialSkipped {
 }
 
 /// What a model in another program is called here.
-pub const OUTSIDE_MODEL: &str = "outside";
+pub const EXTERNAL_MODEL: &str = "outside";
 
 /// Score of one model.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ModelScore {
-    /// Which model: the name of one of the program's own, or [`OUTSIDE_MODEL`].
+    /// Which model: the name of one of the program's own, or [`EXTERNAL_MODEL`].
     pub model: String,
     /// Its score.
     #[serde(flatten)]
-    pub score: Score,
+    pub score: ForecastScore,
 }
 
 impl fmt::Display for IntentReport {
@@ -89,15 +91,15 @@ impl fmt::Display for IntentReport {
             self.write_scores(f)?;
         }
         for trial in &self.trials {
-            if let Some(seconds) = trial.interrupted {
+            if let Some(seconds) = trial.interrupted_at_secs {
                 writeln!(f, "interrupted {}: used up to {seconds:.3} s", trial.dir.display())?;
             }
         }
-        for dir in &self.not_begun {
+        for dir in &self.never_started {
             writeln!(f, "interrupted {}: before its first digest", dir.display())?;
         }
-        for TrialSkipped { dir, reason } in &self.skipped {
-            writeln!(f, "skipped {}: {reason}", dir.display())?;
+        for SkippedTrial { dir, reason } in &self.skipped {
+            writeln!(f, "skipped {}", with_path(dir, reason))?;
         }
         Ok(())
     }
@@ -142,27 +144,27 @@ impl IntentReport {
 }
 
 /// One gaze sample with what was known when it came.
-struct Sample {
+struct GazeObservation {
     time: SimTime,
     gaze: GazeSample,
     scene: Candidates,
     /// What the trial's own model made of it; none if it told nothing.
-    used: Option<Posterior>,
+    trial_posterior: Option<Posterior>,
 }
 
 /// From the start of the trial, or a release, until a block is attached.
 struct Pick {
     start: SimTime,
-    truth: ObjectId,
-    samples: Vec<Sample>,
+    picked_object: ObjectId,
+    samples: Vec<GazeObservation>,
 }
 
 /// The picks of a trial.
-struct Picked {
+struct TrialPicks {
     config: TrialConfig,
     scene: Scene,
     /// Up to where the record of an interrupted trial goes, seconds.
-    interrupted: Option<f64>,
+    interrupted_at_secs: Option<f64>,
     picks: Vec<Pick>,
 }
 
@@ -174,7 +176,7 @@ struct Picked {
 ///
 /// # Errors
 /// No trial in `dir`, or none with a pick that could be used.
-pub fn intent(
+pub fn score_intent_models(
     methods: &MethodRegistry,
     dir: &Path,
     options: Option<&IntentOptions>,
@@ -182,66 +184,68 @@ pub fn intent(
 ) -> Result<IntentReport, Box<dyn Error>> {
     let dirs = trial_dirs(dir)?;
     let count = dirs.len();
-    let (mut trials, mut skipped, mut not_begun) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut trials, mut skipped, mut not_started) = (Vec::new(), Vec::new(), Vec::new());
     let mut episodes = IntentModelName::ALL.map(|_| Vec::new());
     let (mut outside, mut always_outside) = (Vec::new(), true);
     for (number, dir) in dirs.into_iter().enumerate() {
         progress(number, count, &dir);
-        match picks(methods, &dir) {
-            Ok(None) => not_begun.push(dir),
-            Ok(Some(Picked { config, scene, interrupted, picks })) => {
+        match recompute_picks(methods, &dir) {
+            Ok(None) => not_started.push(dir),
+            Ok(Some(TrialPicks { config, scene, interrupted_at_secs: interrupted, picks })) => {
                 let options = options.copied().unwrap_or(config.intent);
                 for (name, episodes) in IntentModelName::ALL.into_iter().zip(&mut episodes) {
                     let mut model = name.build(&options)?;
-                    episodes.extend(forecast(&picks, |at| model.observe(at.time, &at.gaze, &at.scene)));
+                    episodes.extend(predict_picks(&picks, |at| model.observe(at.time, &at.gaze, &at.scene)));
                 }
                 always_outside &= config.intent_process.is_some();
-                outside.extend(forecast(&picks, |at| at.used.clone()));
-                trials.push(TrialUsed {
+                outside.extend(predict_picks(&picks, |at| at.trial_posterior.clone()));
+                trials.push(IntentScoredTrial {
                     dir,
                     method: config.method_label(),
                     setup: config.setup.name,
                     seed: config.seed,
-                    picked: picks.iter().map(|pick| scene.name(pick.truth)).collect(),
+                    picked: picks.iter().map(|pick| scene.name(pick.picked_object)).collect(),
                     options,
-                    interrupted,
+                    interrupted_at_secs: interrupted,
                 });
             }
-            Err(error) => skipped.push(TrialSkipped { dir, reason: error.to_string() }),
+            Err(error) => skipped.push(SkippedTrial { dir, reason: error.to_string() }),
         }
     }
 
     let picks = episodes[0].len();
     // That nothing was picked in a trial that was interrupted early is no fault of the record.
-    let early = !not_begun.is_empty() || trials.iter().any(|trial| trial.interrupted.is_some());
+    let early = !not_started.is_empty() || trials.iter().any(|trial| trial.interrupted_at_secs.is_some());
     if picks == 0 && early && skipped.is_empty() {
-        return Ok(IntentReport { trials, not_begun, skipped, picks, models: Vec::new() });
+        return Ok(IntentReport { trials, never_started: not_started, skipped, picks, models: Vec::new() });
     }
     if picks == 0 {
         let reasons: String =
-            skipped.iter().map(|s| format!("\n  {}: {}", s.dir.display(), s.reason)).collect();
+            skipped.iter().map(|s| format!("\n  {}", with_path(&s.dir, &s.reason))).collect();
         return Err(
             format!("no pick to score: no block was picked in {} trials{reasons}", trials.len()).into()
         );
     }
     let own = IntentModelName::ALL.iter().map(|name| name.as_str()).zip(&episodes);
     let models = own
-        .chain(always_outside.then_some((OUTSIDE_MODEL, &outside)))
-        .map(|(model, episodes)| Ok(ModelScore { model: model.to_owned(), score: score(episodes)? }))
+        .chain(always_outside.then_some((EXTERNAL_MODEL, &outside)))
+        .map(|(model, episodes)| {
+            Ok(ModelScore { model: model.to_owned(), score: score_forecasts(episodes)? })
+        })
         .collect::<Result<_, proact_analysis::AnalysisError>>()?;
-    Ok(IntentReport { trials, not_begun, skipped, picks, models })
+    Ok(IntentReport { trials, never_started: not_started, skipped, picks, models })
 }
 
 /// `dir` if it is a trial, or else the trials in it, by name.
 fn trial_dirs(dir: &Path) -> Result<Vec<PathBuf>, Box<dyn Error>> {
-    if Trial::is_in(dir) {
+    if TrialRecord::exists_in(dir) {
         return Ok(vec![dir.to_owned()]);
     }
     let entries = fs::read_dir(dir).map_err(|e| format!("{}: {e}", dir.display()))?;
     let mut found = Vec::new();
     for entry in entries {
         let path = entry?.path();
-        if Trial::is_in(&path) {
+        if TrialRecord::exists_in(&path) {
             found.push(path);
         }
     }
@@ -258,25 +262,26 @@ fn trial_dirs(dir: &Path) -> Result<Vec<PathBuf>, Box<dyn Error>> {
 
 /// Recomputes the trial in `dir` up to its last grasp: what was seen during each pick. None if it was interrupted before
 /// its first digest.
-fn picks(methods: &MethodRegistry, dir: &Path) -> Result<Option<Picked>, Box<dyn Error>> {
-    if never_begun(&Trial::open(dir)?) {
+fn recompute_picks(methods: &MethodRegistry, dir: &Path) -> Result<Option<TrialPicks>, Box<dyn Error>> {
+    if is_unstarted(&TrialRecord::open(dir)?) {
         return Ok(None);
     }
-    let Checked { record, config, recorded, .. } = check_record(dir, false)?;
-    let interrupted = (!record.finished()).then(|| record.end().as_secs());
+    let CheckedRecord { record, config, recorded_spans: recorded, .. } = check_record(dir, false)?;
+    let interrupted = (!record.is_finished()).then(|| record.end().as_secs());
     let attached = |kind: &EventKind| matches!(kind, EventKind::ObjectAttached { .. });
     let Some(last_grasp) = record.events()?.iter().filter(|e| attached(&e.kind)).map(|e| e.time).next_back()
     else {
-        let scene = Arm::recorded(dir, &config).map(|arm| config.build_task(arm.model()))??.scene().clone();
-        return Ok(Some(Picked { config, scene, interrupted, picks: Vec::new() }));
+        let scene =
+            Arm::from_record(dir, &config).map(|arm| config.build_task(arm.model()))??.scene().clone();
+        return Ok(Some(TrialPicks { config, scene, interrupted_at_secs: interrupted, picks: Vec::new() }));
     };
     // Whole spans only: what lies behind the last one cannot be checked.
     let count = recorded.iter().take_while(|span| span.tick < last_grasp).count() + 1;
     let recorded = &recorded[..count.min(recorded.len())];
     let end = recorded.last().ok_or("the record holds no complete span: its replay cannot be checked")?.tick;
 
-    let (arm, classifier) = (Arm::recorded(dir, &config)?, read_classifier(&record, &config)?);
-    let testbed = trial::replayed(methods, &arm, config.clone(), classifier)?;
+    let (arm, classifier) = (Arm::from_record(dir, &config)?, read_classifier(&record, &config)?);
+    let testbed = trial::replay_testbed(methods, &arm, config.clone(), classifier)?;
     let mut testbed = testbed.with_recorded_config(&record.header().config_toml);
     let mut kinematics = Kinematics::new(testbed.model())?;
     let mut spans = Vec::new();
@@ -288,22 +293,22 @@ fn picks(methods: &MethodRegistry, dir: &Path) -> Result<Option<Picked>, Box<dyn
             break;
         }
         // Before the tick: what its own inference will work on.
-        let looked = input.gaze.filter(|_| testbed.plant().state().attached.is_none());
-        let scene = looked.map(|_| candidates(&testbed, &mut kinematics)).transpose()?;
+        let gaze_sample = input.gaze.filter(|_| testbed.plant().state().attached.is_none());
+        let scene = gaze_sample.map(|_| current_candidates(&testbed, &mut kinematics)).transpose()?;
         let output = testbed.tick(&input, now == end)?;
-        if let (Some(gaze), Some(scene)) = (looked, scene) {
-            let told = gaze.valid && testbed.posterior().iter().any(|p| *p > 0.0);
-            let used = told.then(|| testbed.posterior().to_vec());
-            samples.push(Sample { time: now, gaze, scene, used });
+        if let (Some(gaze), Some(scene)) = (gaze_sample, scene) {
+            let has_posterior = gaze.valid && testbed.posterior().iter().any(|p| *p > 0.0);
+            let used = has_posterior.then(|| testbed.posterior().to_vec());
+            samples.push(GazeObservation { time: now, gaze, scene, trial_posterior: used });
         }
-        spans.extend(output.span);
+        spans.extend(output.span_digest);
         for event in output.events {
             match event.kind {
                 EventKind::ObjectAttached { object: block } => {
                     let samples = std::mem::take(&mut samples);
                     // Without a single gaze sample there is nothing to judge a model by.
                     if !samples.is_empty() {
-                        picks.push(Pick { start, truth: block, samples });
+                        picks.push(Pick { start, picked_object: block, samples });
                     }
                 }
                 EventKind::ObjectReleased { .. } => {
@@ -325,48 +330,53 @@ fn picks(methods: &MethodRegistry, dir: &Path) -> Result<Option<Picked>, Box<dyn
         .into());
     }
     let scene = testbed.task().scene().clone();
-    Ok(Some(Picked { config, scene, interrupted, picks }))
+    Ok(Some(TrialPicks { config, scene, interrupted_at_secs: interrupted, picks }))
 }
 
 /// The scene as the models see it now.
-fn candidates(testbed: &Testbed, kinematics: &mut Kinematics) -> Result<Candidates, Box<dyn Error>> {
+fn current_candidates(testbed: &Testbed, kinematics: &mut Kinematics) -> Result<Candidates, Box<dyn Error>> {
     let state = testbed.plant().state();
     let model = testbed.model();
     let base_from_tip = kinematics.forward(&state.position[..model.arm_count()])?;
     let task = testbed.task().state();
-    let grasps = GraspChoice::new(model, testbed.task().scene())?;
-    let held = state.attached.and_then(|(object, _)| grasps.centre_of(object));
-    let centre = held.or_else(|| grasps.centre(state)).ok_or("the scene has no objects")?;
+    let grasps = GraspSelector::new(model, testbed.task().scene())?;
+    let held = state.attached.and_then(|(object, _)| grasps.grasp_center_of(object));
+    let center = held.or_else(|| grasps.grasp_center(state)).ok_or("the scene has no objects")?;
     Ok(Candidates {
-        centres: state.objects.iter().map(|object| Point::from(object.pose.translation.vector)).collect(),
+        centers: state.objects.iter().map(|object| Point::from(object.pose.translation.vector)).collect(),
         pickable: (0..state.objects.len()).map(|k| task.candidates.contains(ObjectId::new(k))).collect(),
         context: Some(task.context),
-        tip: Some(state.world_from_base * base_from_tip * centre),
+        tip: Some(state.world_from_base * base_from_tip * center),
     })
 }
 
 /// What a model says during the picks of one trial; `observe` takes each sample in, in the order of time.
-fn forecast(picks: &[Pick], mut observe: impl FnMut(&Sample) -> Option<Posterior>) -> Vec<Episode> {
+fn predict_picks(
+    picks: &[Pick],
+    mut observe: impl FnMut(&GazeObservation) -> Option<Posterior>,
+) -> Vec<Episode> {
     let episode = |pick: &Pick| {
         let mut last: Option<(SimTime, Posterior)> = None;
-        let mut told = |sample: &Sample| {
+        let mut forecast = |sample: &GazeObservation| {
             let time = sample.time;
             if let Some(posterior) = observe(sample) {
                 last = Some((time, posterior));
             }
-            let kept = last.as_ref().filter(|(said, _)| time.millis_since(*said) <= KEPT_MILLIS);
+            let kept = last
+                .as_ref()
+                .filter(|(estimated_at, _)| time.millis_since(*estimated_at) <= ESTIMATE_HOLD_MS);
             let probabilities =
-                kept.map_or_else(|| no_opinion(&sample.scene), |(_, posterior)| posterior.clone());
+                kept.map_or_else(|| uniform_posterior(&sample.scene), |(_, posterior)| posterior.clone());
             Forecast { time, probabilities }
         };
-        let forecasts = pick.samples.iter().map(&mut told).collect();
-        Episode { start: pick.start, truth: pick.truth.index(), forecasts }
+        let forecasts = pick.samples.iter().map(&mut forecast).collect();
+        Episode { start: pick.start, truth: pick.picked_object.index(), forecasts }
     };
     picks.iter().map(episode).collect()
 }
 
 /// The same for every object that can be picked; for all of them if none can.
-fn no_opinion(scene: &Candidates) -> Posterior {
+fn uniform_posterior(scene: &Candidates) -> Posterior {
     let (all, count) = (scene.pickable.len(), scene.pickable.iter().filter(|p| **p).count());
     if count == 0 {
         return vec![1.0 / all as f64; all];

@@ -1,12 +1,12 @@
 //! What gaze and task say of what is meant, each for itself: for whoever watches. No stage reads it.
 
-use proact_bridge::{Intent, IntentOver};
+use proact_bridge::{IntentDomain, IntentEstimate};
 use proact_intent::{Candidates, IntentModel, IntentModelName, Posterior};
 use proact_testbed::Testbed;
 use proact_types::{GazeSample, MethodStyle, ObjectId, ObjectSet, Point, SimTime, TaskContext};
 
 /// Probabilities are told to a ten-thousandth.
-const STEPS: f64 = 1e4;
+const PROBABILITY_STEPS: f64 = 1e4;
 
 /// The three parts of Bayes' rule, from the gaze of the moment.
 pub(crate) struct IntentView {
@@ -20,7 +20,7 @@ pub(crate) struct IntentView {
 impl IntentView {
     /// Of the trial of `testbed`; none where the method does not select by gaze, or where a model in another process says what is
     /// meant, of which these numbers are not.
-    pub(crate) fn of(testbed: &Testbed) -> Option<Self> {
+    pub(crate) fn for_testbed(testbed: &Testbed) -> Option<Self> {
         let method = testbed.method();
         let own = testbed.config().intent_process.is_none();
         let selects = own && method.needs.gaze && method.style == MethodStyle::Selecting;
@@ -36,27 +36,30 @@ impl IntentView {
     }
 
     /// A new gaze; a blink changes nothing.
-    pub(crate) fn look(&mut self, gaze: GazeSample) {
+    pub(crate) fn update_gaze(&mut self, gaze: GazeSample) {
         if gaze.valid {
             self.gaze = Some(gaze);
         }
     }
 
     /// What is said at `now`: of objects while the hand is empty, else of the places where they go.
-    pub(crate) fn told(&mut self, now: SimTime, testbed: &Testbed) -> Option<Intent> {
+    pub(crate) fn current_intent(&mut self, now: SimTime, testbed: &Testbed) -> Option<IntentEstimate> {
         let gaze = self.gaze?;
         let held = testbed.plant().state().attached;
         let (over, candidates) = match held {
-            None => (IntentOver::Objects, objects(testbed)),
-            Some((object, _)) => (IntentOver::Places, places(testbed, ObjectId::new(object))?),
+            None => (IntentDomain::Objects, object_candidates(testbed)),
+            Some((object, _)) => (IntentDomain::Targets, target_candidates(testbed, ObjectId::new(object))?),
         };
         let ask = |model: &mut Box<dyn IntentModel>| {
             model.observe(now, &gaze, &candidates).map(|found: Posterior| {
-                found.into_iter().map(|p| (p * STEPS).round() / STEPS).collect::<Vec<f64>>()
+                found
+                    .into_iter()
+                    .map(|p| (p * PROBABILITY_STEPS).round() / PROBABILITY_STEPS)
+                    .collect::<Vec<f64>>()
             })
         };
-        Some(Intent {
-            over,
+        Some(IntentEstimate {
+            domain: over,
             likelihood: ask(&mut self.likelihood)?,
             prior: ask(&mut self.prior)?,
             posterior: ask(&mut self.posterior)?,
@@ -65,15 +68,15 @@ impl IntentView {
 }
 
 /// The objects that may be taken, and which of them the task asks for, whatever the method takes of that.
-fn objects(testbed: &Testbed) -> Candidates {
+fn object_candidates(testbed: &Testbed) -> Candidates {
     let (state, scene) = (testbed.task().state(), testbed.task().scene());
     let objects = &testbed.plant().state().objects;
-    let centre = |id: ObjectId| objects[id.index()].pose.translation.vector;
-    let buried = |id: ObjectId| scene.objects[id.index()].loose && scene.is_covered(id, centre);
+    let center = |id: ObjectId| objects[id.index()].pose.translation.vector;
+    let buried = |id: ObjectId| scene.objects[id.index()].loose && scene.is_covered(id, center);
     Candidates {
-        centres: objects.iter().map(|object| Point::from(object.pose.translation.vector)).collect(),
+        centers: objects.iter().map(|object| Point::from(object.pose.translation.vector)).collect(),
         pickable: scene.ids().map(|id| state.candidates.contains(id) && !buried(id)).collect(),
-        context: Some(match testbed.config().intent.changes_at_grasp {
+        context: Some(match testbed.config().intent.context_changes_at_grasp {
             true => state.context_at_grasp,
             false => state.context,
         }),
@@ -82,16 +85,16 @@ fn objects(testbed: &Testbed) -> Candidates {
 }
 
 /// The targets of the scene; the task asks for those of what is held. None where objects have no targets.
-fn places(testbed: &Testbed, held: ObjectId) -> Option<Candidates> {
+fn target_candidates(testbed: &Testbed, held: ObjectId) -> Option<Candidates> {
     let targets = &testbed.task().scene().targets;
     let mut due = ObjectSet::default();
-    for (place, _) in targets.iter().enumerate().filter(|(_, target)| target.object == held) {
-        due.insert(ObjectId::new(place));
+    for (index, _) in targets.iter().enumerate().filter(|(_, target)| target.object == held) {
+        due.insert(ObjectId::new(index));
     }
     (!targets.is_empty()).then(|| Candidates {
-        centres: targets.iter().map(|target| target.centre).collect(),
+        centers: targets.iter().map(|target| target.center).collect(),
         pickable: vec![true; targets.len()],
-        context: Some(TaskContext { due, number: 0 }),
+        context: Some(TaskContext { expected_objects: due, selection_number: 0 }),
         tip: None,
     })
 }
@@ -105,38 +108,38 @@ mod tests {
 
     fn trial(method: &str) -> Assembly {
         let config = TrialConfig::new(method, 1, Setup::named("still").unwrap());
-        trial::simulated(config, &EmgOrigin::Synthetic).unwrap()
+        trial::simulated_trial(config, &EmgOrigin::Synthetic).unwrap()
     }
 
     #[test]
     fn who_selects_by_gaze_is_told_what_gaze_and_task_say_and_both_over_blocks_and_places() {
-        let Assembly { mut session, .. } = trial("D");
-        let mut view = IntentView::of(session.testbed()).unwrap();
+        let Assembly { mut trial, .. } = trial("D");
+        let mut view = IntentView::for_testbed(trial.testbed()).unwrap();
         let mut seen = [false; 2];
-        while session.testbed().now().0 < 60_000 && seen != [true; 2] {
-            let step = session.step(false).unwrap();
+        while trial.testbed().now().0 < 60_000 && seen != [true; 2] {
+            let step = trial.step(false).unwrap();
             if let Some(gaze) = step.input.gaze {
-                view.look(gaze);
+                view.update_gaze(gaze);
             }
-            let Some(told) = view.told(step.time, session.testbed()) else { continue };
-            for list in [&told.likelihood, &told.prior, &told.posterior] {
+            let Some(intent) = view.current_intent(step.time, trial.testbed()) else { continue };
+            for list in [&intent.likelihood, &intent.prior, &intent.posterior] {
                 assert_eq!(list.len(), 4);
-                assert!((list.iter().sum::<f64>() - 1.0).abs() < 1e-3, "{told:?}");
+                assert!((list.iter().sum::<f64>() - 1.0).abs() < 1e-3, "{intent:?}");
             }
-            assert!(told.prior.iter().any(|p| *p > 0.3), "the task asks for something: {told:?}");
+            assert!(intent.prior.iter().any(|p| *p > 0.3), "the task asks for something: {intent:?}");
             // Bayes' rule, where the numbers are large enough to have survived the rounding.
-            for k in (0..4).filter(|k| told.likelihood[*k] > 0.05) {
-                let unscaled = |j: usize| told.likelihood[j] * told.prior[j];
+            for k in (0..4).filter(|k| intent.likelihood[*k] > 0.05) {
+                let unscaled = |j: usize| intent.likelihood[j] * intent.prior[j];
                 let whole: f64 = (0..4).map(unscaled).sum();
-                assert!((told.posterior[k] - unscaled(k) / whole).abs() < 0.01, "{told:?}");
+                assert!((intent.posterior[k] - unscaled(k) / whole).abs() < 0.01, "{intent:?}");
             }
-            seen[usize::from(told.over == IntentOver::Places)] = true;
+            seen[usize::from(intent.domain == IntentDomain::Targets)] = true;
         }
         assert_eq!(seen, [true; 2], "blocks, then places");
     }
 
     #[test]
     fn who_drives_joints_means_nothing_by_gaze() {
-        assert!(IntentView::of(trial("A").session.testbed()).is_none());
+        assert!(IntentView::for_testbed(trial("A").trial.testbed()).is_none());
     }
 }

@@ -2,10 +2,10 @@
 
 #[cfg(not(feature = "lsl"))]
 use proact_devices::{AmplifierLayout, DeviceError, SourceInfo};
-use proact_devices::{EmgPacket, gforce::CodeSource, stream};
+use proact_devices::{EmgPacket, gforce::CodeSource, random_stream};
 use proact_types::EmgSample;
 #[cfg(not(feature = "lsl"))]
-use proact_types::GestureName;
+use proact_types::Gesture;
 use rand::RngExt;
 use std::{
     error::Error,
@@ -15,14 +15,14 @@ use std::{
 
 /// What `--lsl NAME` publishes.
 #[cfg(feature = "lsl")]
-pub use proact_devices::LslOutlet as Published;
+pub use proact_devices::LslOutlet as LslStreamOutlet;
 
 /// Without the feature there is never one.
 #[cfg(not(feature = "lsl"))]
-pub enum Published {}
+pub enum LslStreamOutlet {}
 
 #[cfg(not(feature = "lsl"))]
-impl Published {
+impl LslStreamOutlet {
     /// Never opens anything.
     ///
     /// # Errors
@@ -31,7 +31,7 @@ impl Published {
         _name: &str,
         _info: &SourceInfo,
         _layout: Option<&AmplifierLayout>,
-    ) -> Result<Published, Box<dyn Error>> {
+    ) -> Result<LslStreamOutlet, Box<dyn Error>> {
         Err(proact_devices::NO_LSL.into())
     }
 
@@ -47,7 +47,7 @@ impl Published {
     ///
     /// # Errors
     /// Never.
-    pub fn decision(&mut self, _gesture: GestureName, _counter: Option<u64>) -> Result<(), DeviceError> {
+    pub fn decision(&mut self, _gesture: Gesture, _counter: Option<u64>) -> Result<(), DeviceError> {
         match *self {}
     }
 }
@@ -56,27 +56,27 @@ impl Published {
 ///
 /// # Errors
 /// A share that is none, or liblsl refuses a packet.
-pub fn serve(
-    published: &mut Published,
+pub fn serve_simulated(
+    published: &mut LslStreamOutlet,
     codes: &mut CodeSource,
     rate_hz: f64,
     (loss, seed): (f64, u64),
     stop: &AtomicBool,
 ) -> Result<(), Box<dyn Error>> {
-    const PACKET: u64 = 16;
+    const PACKET_SAMPLES: u64 = 16;
     if !(0.0..=1.0).contains(&loss) {
-        return Err(format!("--loss is {loss}, expected a share from 0 to 1").into());
+        return Err(format!("--loss-rate is {loss}, expected a share from 0 to 1").into());
     }
-    let mut faults = stream(seed, "emg/simulate/lsl");
+    let mut faults = random_stream(seed, "emg/simulate/lsl");
     let mut packet = EmgPacket::default();
     let begin = Instant::now();
     let mut counter = 0;
     while !stop.load(Ordering::Relaxed) {
         packet.samples.clear();
-        packet
-            .samples
-            .extend((counter..counter + PACKET).map(|counter| EmgSample { counter, channels: codes() }));
-        counter += PACKET;
+        packet.samples.extend(
+            (counter..counter + PACKET_SAMPLES).map(|counter| EmgSample { counter, channels: codes() }),
+        );
+        counter += PACKET_SAMPLES;
         let due = Duration::from_secs_f64(counter as f64 / rate_hz);
         std::thread::sleep(due.saturating_sub(begin.elapsed()));
         if faults.random::<f64>() >= loss {

@@ -10,23 +10,23 @@
 pub mod agent;
 pub mod analysis;
 mod arm;
+pub mod arm_comparison;
 mod armband;
+pub mod bag_playback;
 pub mod batch;
 mod calibrations;
-mod centred;
-pub mod compare;
 mod console;
 mod counterfactual;
+mod dc_offset;
 mod dense_spectra;
 pub mod digests;
-mod disk;
+mod disk_sync;
 pub mod doctor;
-mod experimenter;
-pub mod film;
-pub mod film_of_bag;
-mod film_of_emg;
+pub mod emg_model_file;
+mod emg_playback;
 pub mod fit;
-mod head_shoulder;
+mod head_tracked_shoulder;
+mod headset_alignment;
 mod heap;
 pub mod intent_process;
 pub mod intent_scores;
@@ -39,25 +39,28 @@ mod live;
 pub mod method_process;
 #[cfg(feature = "ros")]
 pub mod nodes;
-mod pace;
 mod page_content;
 pub mod paper;
-mod person;
 mod pose_log;
 pub mod query;
 mod reach_map;
-mod record;
+mod real_time_pacer;
+mod recompute;
+mod record_keys;
+pub mod record_playback;
 mod recorded_bodies;
+mod recorder;
 mod registry;
+mod renamed_key_warnings;
 mod replay;
 mod result_card;
-mod retrace;
 #[cfg(feature = "ros")]
 mod ros_bus;
 mod ros_capture;
 mod rosbridge;
 mod run;
-pub mod source;
+mod simulated_wearer;
+mod status_publisher;
 pub mod stream_view;
 pub mod study;
 mod threads;
@@ -69,53 +72,56 @@ pub mod trial;
 mod trial_choice;
 mod trial_markers;
 mod trunk_log;
-pub mod use_log;
+pub mod usage_log;
+mod user_devices;
 pub mod vmpl;
 pub mod vmpl_ghost;
-mod wearer;
-mod worn_headset;
-mod xdf;
+mod xdf_export;
 
 pub use arm::{Arm, ArmError};
 pub use armband::LiveArmband;
 pub use calibrations::{
-    CALIBRATIONS_DIR, Calibrated, CalibrationFileError, CalibrationSource, Calibrations, SavedCalibration,
+    CALIBRATIONS_DIR, CalibrationFile, CalibrationFileError, CalibrationSource, Calibrations,
+    SavedCalibration,
 };
-pub use centred::CentredStream;
-pub use console::{answer, answer_json, lines_of, tell};
+pub use console::{print_result, print_result_json, print_status, read_lines};
 pub use counterfactual::{Counterfactual, counterfactual};
-pub use experimenter::Experimenter;
-pub use head_shoulder::HeadShoulder;
+pub use dc_offset::OffsetCorrectedStream;
+pub use head_tracked_shoulder::HeadTrackedShoulder;
+pub use headset_alignment::{HeadsetAlignment, HeadsetMarkerCalibration};
 pub use heap::settle_heap;
 pub use limb::{LimbError, LimbReceiver};
-pub use live::{Ended, LiveTrial, TrialInputs};
-pub use pace::Pace;
-pub use page_content::{driven_content, page_content};
-pub use person::{EyeTracker, LivePerson, drive_by_page};
+pub use live::{LiveTrial, LiveTrialEnd, TrialInputs};
+pub use page_content::{driven_page_content, page_content};
 pub use pose_log::{HEAD_BODY, PoseLog};
 pub use reach_map::ReachMap;
-pub use record::{Recorder, RecorderError, default_dir};
-pub use recorded_bodies::{RecordedBodies, RecordedBodyError, timed as recorded_poses};
+pub use real_time_pacer::RealTimePacer;
+pub use recompute::{RecomputedRecord, recompute_record};
+pub use record_keys::with_path;
+pub use recorded_bodies::{RecordedBodies, RecordedBodyError, recorded_poses};
+pub use recorder::{Recorder, RecorderError, default_dir};
 pub use registry::Registry;
-pub use replay::{OtherVersions, Replanned, ReplayOptions, Replayed, replay_trial};
-pub use result_card::{CardTally, ResultCards};
-pub use retrace::{Retraced, retrace};
+pub use renamed_key_warnings::warn_of_renamed_keys;
+pub use replay::{ReplanResult, ReplayOptions, ReplayResult, VersionMismatch, replay_trial};
+pub use result_card::{ResultCardCounter, ResultCards};
 pub use ros_capture::ROS_SCHEMES;
 #[cfg(feature = "ros")]
-pub use rosbridge::relay;
-pub use rosbridge::{Rosbridge, RosbridgePlace, drive_by_topics};
-pub use run::{Audience, run_to_end, tell_faults};
-pub use tracked_body::{Followable, MocapAxes, MocapAxesError, TrackedBody};
+pub use rosbridge::serve_ros_graph;
+pub use rosbridge::{Rosbridge, RosbridgeEndpoint, apply_topic_inputs};
+pub use run::{RunOutputs, print_faults, run_to_end};
+pub use simulated_wearer::{TimedGesture, wearer_code_source};
+pub use status_publisher::StatusPublisher;
+pub use tracked_body::{MocapAxes, MocapAxesError, TrackedBody, UsablePose};
 pub use tracked_limb::{LimbBodies, LimbBodiesError, TrackedLimb, TrackedLimbError};
 pub use tracked_shoulder::{TrackedShoulder, TrackedShoulderError};
 pub use trial_choice::{DEFAULT_METHOD, TrialContext, sets_emg, trial_config};
 pub use trial_markers::TrialMarkers;
 pub use trunk_log::{TRUNK_FILE, read_trunk, trunk_text};
-pub use wearer::{Held, wearer_codes};
-pub use worn_headset::{MarkedHeadset, WornHeadset};
-pub use xdf::{ExportedStream, ExportedXdf, export_xdf};
+pub use user_devices::{EyeTracker, UserDevices, apply_page_inputs};
+pub use xdf_export::{ExportedStream, XdfExportSummary, export_xdf};
 
 /// What a build without the feature `ros` says.
 #[cfg(not(feature = "ros"))]
-pub const NO_ROS: &str = "this build knows no ROS; build it with: cargo build --release -p proact-cli --features ros \
-                          (docs/ros1.md names the packages that this needs)";
+pub const NO_ROS: &str = "this proact was built without ROS 1. Install the Debian package of a release that has it, or build \
+                          it in: PROACT_FEATURES=ros ./proact in the sources installs ros-std-msgs and the other \
+                          message packages first (docs/ros1.md)";

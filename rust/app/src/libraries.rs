@@ -10,7 +10,7 @@ use std::{
 };
 
 /// What this program is called among the versions of a record.
-pub const PROGRAM: &str = "proact";
+pub const PROGRAM_NAME: &str = "proact";
 
 /// The commit that the program was built from; only its `main` knows.
 static COMMIT: OnceLock<String> = OnceLock::new();
@@ -66,7 +66,7 @@ pub fn versions() -> BTreeMap<String, String> {
         loaded_library(&map, prefix).map(|path| ((*name).to_owned(), file(path)))
     };
     let libraries = LIBRARIES.iter().filter_map(of);
-    libraries.chain([(PROGRAM.to_owned(), env!("CARGO_PKG_VERSION").to_owned())]).collect()
+    libraries.chain([(PROGRAM_NAME.to_owned(), env!("CARGO_PKG_VERSION").to_owned())]).collect()
 }
 
 /// The file of a library whose name begins with `file`, as mapped into this process.
@@ -95,13 +95,13 @@ fn debian_versions(paths: &[PathBuf]) -> BTreeMap<PathBuf, String> {
     owners
         .into_iter()
         .filter_map(|(package, path)| {
-            output_of("dpkg-query", &["-W", "-f", "${Version}", &package]).map(|version| (path, version))
+            command_output("dpkg-query", &["-W", "-f", "${Version}", &package]).map(|version| (path, version))
         })
         .collect()
 }
 
 /// First line of what a program prints, or nothing when it cannot be run or fails.
-pub fn output_of(program: &str, arguments: &[&str]) -> Option<String> {
+pub fn command_output(program: &str, arguments: &[&str]) -> Option<String> {
     let output = Command::new(program).args(arguments).output().ok()?;
     let text = String::from_utf8_lossy(&output.stdout);
     let line = text.lines().next().unwrap_or_default().trim();

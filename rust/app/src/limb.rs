@@ -1,7 +1,7 @@
 //! A person's own limb, tracked by another program and sent over UDP.
 
 use proact_devices::RefusedDatagrams;
-use proact_testbed::Session;
+use proact_testbed::RunningTrial;
 use serde::Deserialize;
 use std::{
     io,
@@ -10,7 +10,7 @@ use std::{
 };
 
 /// Datagrams taken in one go: a flood must not hold up the trial.
-const MOST_AT_ONCE: usize = 256;
+const MAX_DATAGRAMS_PER_POLL: usize = 256;
 
 /// Why the limb cannot be followed.
 #[derive(Debug, thiserror::Error)]
@@ -29,7 +29,7 @@ pub enum LimbError {
     Socket(#[from] io::Error),
     /// A datagram that is none.
     #[error("limb: {0}; expected {{\"angles\": [..]}} with an angle for each joint of the arm, rad")]
-    Message(String),
+    InvalidDatagram(String),
 }
 
 /// Listens on this machine for `{"angles": [..]}`, one datagram for each measurement.
@@ -40,7 +40,7 @@ pub struct LimbReceiver {
 
 /// Other keys are ignored.
 #[derive(Deserialize)]
-struct Measured {
+struct LimbMessage {
     angles: Vec<f64>,
 }
 
@@ -67,30 +67,30 @@ impl LimbReceiver {
     }
 
     /// Throws away what came since the last call. False if nothing did.
-    pub fn listen(&mut self) -> bool {
+    pub fn discard_received(&mut self) -> bool {
         let mut buffer = [0; 4096];
-        (0..MOST_AT_ONCE).take_while(|_| self.socket.recv(&mut buffer).is_ok()).count() > 0
+        (0..MAX_DATAGRAMS_PER_POLL).take_while(|_| self.socket.recv(&mut buffer).is_ok()).count() > 0
     }
 
     /// Hands the newest measurement to the trial. False if none came. Datagrams that are no measurement of this arm are counted.
-    pub fn drive(&mut self, session: &mut Session) -> bool {
+    pub fn apply_to(&mut self, trial: &mut RunningTrial) -> bool {
         let mut newest = None;
         let mut buffer = [0; 4096];
-        for _ in 0..MOST_AT_ONCE {
+        for _ in 0..MAX_DATAGRAMS_PER_POLL {
             let length = match self.socket.recv(&mut buffer) {
                 Ok(length) => length,
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
                 Err(error) => {
-                    self.refused.note(LimbError::Socket(error));
+                    self.refused.record_refusal(LimbError::Socket(error));
                     break;
                 }
             };
-            match measured(&buffer[..length], session.testbed().model().arm_count()) {
+            match parse_angles(&buffer[..length], trial.testbed().model().arm_count()) {
                 Ok(angles) => newest = Some(angles),
-                Err(reason) => self.refused.note(LimbError::Message(reason)),
+                Err(reason) => self.refused.record_refusal(LimbError::InvalidDatagram(reason)),
             }
         }
-        newest.is_some_and(|angles| session.person().track_limb(&angles).is_ok())
+        newest.is_some_and(|angles| trial.person_stage_mut().track_limb(&angles).is_ok())
     }
 
     /// The report that is due at `now` of datagrams that were refused, once a second at most.
@@ -100,8 +100,8 @@ impl LimbReceiver {
 }
 
 /// The angles that a datagram has, one for each of `joints`.
-fn measured(message: &[u8], joints: usize) -> Result<Vec<f64>, String> {
-    let Measured { angles } = serde_json::from_slice(message).map_err(|error| error.to_string())?;
+fn parse_angles(message: &[u8], joints: usize) -> Result<Vec<f64>, String> {
+    let LimbMessage { angles } = serde_json::from_slice(message).map_err(|error| error.to_string())?;
     match angles.iter().position(|angle| !angle.is_finite()) {
         Some(index) => Err(format!("angle {index} is {}, expected a finite number", angles[index])),
         None if angles.len() != joints => {
@@ -119,16 +119,16 @@ mod tests {
     #[test]
     fn a_limb_that_is_sent_is_followed_and_what_is_no_limb_is_refused() {
         let config = TrialConfig::new("A", 1, Setup::named("still").unwrap());
-        let config = config.with_values(&["profile.level=below_elbow"]).unwrap();
-        let mut session = crate::trial::live(config).unwrap().session;
+        let config = config.with_overrides(&["profile.level=below_elbow"]).unwrap();
+        let mut trial = crate::trial::live_trial(config).unwrap().trial;
         let mut receiver = LimbReceiver::bind(0).unwrap();
         let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
-        let start = session.testbed().plant().state().position[3];
+        let start = trial.testbed().plant().state().position[3];
         let address = receiver.address().unwrap();
         let send = |text: &str| sender.send_to(text.as_bytes(), address).unwrap();
         send("rubbish");
         send("{\"angles\": [1.0]}");
-        assert!(!receiver.drive(&mut session));
+        assert!(!receiver.apply_to(&mut trial));
         let report = receiver.report_refused(Instant::now()).unwrap();
         assert!(
             report.starts_with("2 datagrams refused") && report.contains("an angle for each joint"),
@@ -137,11 +137,11 @@ mod tests {
         // A key that the program does not know does not matter, nor does what comes after.
         send(&format!("{{\"angles\": [1.0, -0.2, 0.1, {}, 0, 0, 0], \"quality\": 1}}", start - 0.2));
         send("rubbish");
-        assert!(receiver.drive(&mut session));
+        assert!(receiver.apply_to(&mut trial));
         for _ in 0..1000 {
-            session.step(false).unwrap();
+            trial.step(false).unwrap();
         }
-        let elbow = session.testbed().plant().state().position[3];
+        let elbow = trial.testbed().plant().state().position[3];
         assert!((elbow - start + 0.2).abs() < 0.02, "{start} to {elbow} rad");
         let taken = receiver.address().unwrap().port();
         let error = LimbReceiver::bind(taken).err().unwrap().to_string();

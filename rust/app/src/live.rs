@@ -1,17 +1,17 @@
 //! A trial that a person drives in real time.
 
 use crate::{
-    CardTally, Experimenter, LivePerson, Pace, Recorder, ResultCards,
-    experimenter::store_gaze_check,
-    person::drive_by_page,
-    run::{finish, tell_faults},
+    RealTimePacer, Recorder, ResultCardCounter, ResultCards, StatusPublisher, UserDevices,
+    run::{finish_trial, print_faults},
+    status_publisher::store_gaze_check,
+    user_devices::apply_page_inputs,
 };
-use crate::{experimenter::begins_or_ends, latency::StageClock};
-use crate::{vmpl::is_by_decoder, vmpl_ghost::GhostReceiver};
+use crate::{latency::StageTimer, status_publisher::starts_or_ends_trial};
+use crate::{vmpl::is_vmpl_trial, vmpl_ghost::GhostReceiver};
 use proact_bridge::{ClientInput, GazeCheck, PageServer};
 use proact_intent::GazeOffset;
-use proact_recording::seal;
-use proact_testbed::{Session, TrialEnd, TrialResult};
+use proact_recording::write_manifest;
+use proact_testbed::{RunningTrial, TrialEnd, TrialResult};
 use proact_types::DisplayFrame;
 use std::{
     error::Error,
@@ -21,11 +21,11 @@ use std::{
 };
 
 /// From report to report of the tracking sources.
-pub(crate) const TRACKING_EVERY: Duration = Duration::from_millis(50);
+pub(crate) const TRACKING_REPORT_PERIOD: Duration = Duration::from_millis(50);
 
 /// Why a live trial ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Ended {
+pub enum LiveTrialEnd {
     /// By the task: all blocks are settled, or time is up.
     Finished,
     /// By the experimenter.
@@ -35,7 +35,7 @@ pub enum Ended {
         /// By this method, if the page chose one.
         method: Option<String>,
         /// With the same blocks.
-        again: bool,
+        same_arrangement: bool,
     },
     /// By Ctrl-C or a request to end.
     Interrupted,
@@ -46,9 +46,9 @@ pub trait TrialInputs {
     /// Everything since the last call, oldest first.
     fn drain(&mut self) -> Vec<ClientInput>;
     /// This instant is on the page.
-    fn shown(&mut self, _frame: &DisplayFrame) {}
+    fn frame_shown(&mut self, _frame: &DisplayFrame) {}
     /// The trial is over.
-    fn ended(&mut self, _result: &TrialResult) {}
+    fn trial_ended(&mut self, _result: &TrialResult) {}
 }
 
 impl TrialInputs for &PageServer {
@@ -60,7 +60,7 @@ impl TrialInputs for &PageServer {
 /// A trial before a person, its page and its record.
 pub struct LiveTrial<'a> {
     /// The trial.
-    pub session: Session,
+    pub trial: RunningTrial,
     /// What writes it down, if it is recorded.
     pub recorder: Option<Recorder>,
     /// Where it is recorded.
@@ -70,7 +70,7 @@ pub struct LiveTrial<'a> {
     /// What the person and others do.
     pub inputs: &'a mut dyn TrialInputs,
     /// What the person has connected.
-    pub person: &'a mut LivePerson,
+    pub devices: &'a mut UserDevices,
     /// Taken off every gaze; what a calibration finds comes on top.
     pub gaze_offset: &'a mut GazeOffset,
     /// Results of the trials of this page; none where the page is not to show any.
@@ -84,152 +84,159 @@ impl LiveTrial<'_> {
     ///
     /// # Errors
     /// A native library, a device or the disk refuses.
-    pub fn run(&mut self) -> Result<(Ended, TrialResult), Box<dyn Error>> {
+    pub fn run(&mut self) -> Result<(LiveTrialEnd, TrialResult), Box<dyn Error>> {
         let start = Instant::now();
-        self.session.person().set_gaze_offset(*self.gaze_offset);
-        if let (Some(dir), Some(calibrations)) = (&self.dir, self.person.calibrations()) {
-            calibrations.keep(dir)?;
+        self.trial.person_stage_mut().set_gaze_offset(*self.gaze_offset);
+        if let (Some(dir), Some(calibrations)) = (&self.dir, self.devices.calibrations()) {
+            calibrations.save_to_record(dir)?;
         }
-        let mut tally = CardTally::default();
-        let ended = self.drive(&mut tally)?;
-        self.person.end_trial();
+        let mut card_counter = ResultCardCounter::default();
+        let ended = self.run_loop(&mut card_counter)?;
+        self.devices.end_trial();
         let end = match &ended {
-            Ended::Finished => self.session.result().ended,
-            Ended::Aborted => TrialEnd::Abort,
-            Ended::Restart { .. } => TrialEnd::Restart,
-            Ended::Interrupted => TrialEnd::Interrupt,
+            LiveTrialEnd::Finished => self.trial.result().ended,
+            LiveTrialEnd::Aborted => TrialEnd::Abort,
+            LiveTrialEnd::Restart { .. } => TrialEnd::Restart,
+            LiveTrialEnd::Interrupted => TrialEnd::Interrupt,
         };
         if let Some(dir) = &self.dir {
-            self.person.keep_trunk(dir)?;
+            self.devices.save_trunk(dir)?;
         }
-        let result = finish(&self.session, self.recorder.take(), self.dir.as_deref(), start, end)?;
-        tell_faults(&result);
-        self.inputs.ended(&result);
-        let most = self.session.testbed().task().briefing().most;
+        let result = finish_trial(&self.trial, self.recorder.take(), self.dir.as_deref(), start, end)?;
+        print_faults(&result);
+        self.inputs.trial_ended(&result);
+        let max_score = self.trial.testbed().task().briefing().max_score;
         if let Some(results) = &mut self.results {
-            results.show(self.page, most, &result, "You", tally, &[]);
+            results.show(self.page, max_score, &result, "You", card_counter, &[]);
         }
         Ok((ended, result))
     }
 
     /// Ticks in real time on what the page and the person's devices send. Where the page alone drives, time waits at the first
     /// instant that is displayed until the person acts.
-    fn drive(&mut self, tally: &mut CardTally) -> Result<Ended, Box<dyn Error>> {
-        let mut pace = Pace::new();
-        let mut experimenter = Experimenter::new(
+    fn run_loop(&mut self, card_counter: &mut ResultCardCounter) -> Result<LiveTrialEnd, Box<dyn Error>> {
+        let mut pace = RealTimePacer::new();
+        let mut experimenter = StatusPublisher::new(
             self.page,
-            self.session.testbed(),
+            self.trial.testbed(),
             self.dir.as_deref(),
-            self.person.gaze_source(),
+            self.devices.gaze_source(),
         );
-        let mut ghost = GhostReceiver::of(self.session.testbed());
+        let mut ghost = GhostReceiver::for_testbed(self.trial.testbed());
         let mut shown_tracking = Instant::now();
-        let (mut ending, mut shown, mut began_at_page) = (None, None, !self.waits());
+        let (mut ending, mut shown, mut began_at_page) = (None, None, !self.waits_for_first_action());
         loop {
-            if self.session.testbed().frame_is_due() || self.session.testbed().now().0 == 0 {
+            if self.trial.testbed().frame_is_due() || self.trial.testbed().now().0 == 0 {
                 let mut inputs = self.inputs.drain();
                 // What comes in the first instants is not to wait for itself.
-                let begun = inputs.iter().any(begins_or_ends);
-                if shown.is_some() && !std::mem::replace(&mut began_at_page, true) && !begun {
+                let starts_trial = inputs.iter().any(starts_or_ends_trial);
+                if shown.is_some() && !std::mem::replace(&mut began_at_page, true) && !starts_trial {
                     experimenter.wait_for_first_action();
                 }
                 let still =
-                    experimenter.wait_while_still(&mut pace, shown.as_ref(), self.inputs, self.interrupted);
+                    experimenter.wait_while_paused(&mut pace, shown.as_ref(), self.inputs, self.interrupted);
                 inputs.extend(still);
                 if shown.is_some() {
-                    self.person.begin_trial(self.session.testbed().now().as_secs());
+                    self.devices.begin_trial(self.trial.testbed().now().as_secs());
                 }
-                for input in drive_by_page(self.page, inputs, &mut self.session) {
+                for input in apply_page_inputs(self.page, inputs, &mut self.trial) {
                     match input {
-                        ClientInput::Restart { method, again } => {
-                            ending = Some(Ended::Restart { method, again })
+                        ClientInput::Restart { method, same_seed: again } => {
+                            ending = Some(LiveTrialEnd::Restart { method, same_arrangement: again })
                         }
-                        ClientInput::Study(action) if experimenter.act(action) => {
-                            ending = Some(Ended::Aborted);
+                        ClientInput::Study(action) if experimenter.apply_action(action) => {
+                            ending = Some(LiveTrialEnd::Aborted);
                         }
-                        ClientInput::Hold(on) => experimenter.hold(on),
+                        ClientInput::Hold(on) => experimenter.set_held(on),
                         ClientInput::GazeCheck(check) => {
-                            self.take_gaze_check(&check)?;
-                            self.session.person().set_gaze_offset(*self.gaze_offset);
+                            self.record_gaze_check(&check)?;
+                            self.trial.person_stage_mut().set_gaze_offset(*self.gaze_offset);
                         }
-                        ClientInput::Controller(told) => self.person.take_controller(&told),
+                        ClientInput::Controller(controller_pose) => {
+                            self.devices.update_controller(&controller_pose)
+                        }
                         // A refused action; the person's inputs have been taken.
                         _ => {}
                     }
                 }
-                self.person.drive(&mut self.session)?;
-                if shown_tracking.elapsed() >= TRACKING_EVERY {
+                self.devices.apply_to(&mut self.trial)?;
+                if shown_tracking.elapsed() >= TRACKING_REPORT_PERIOD {
                     shown_tracking = Instant::now();
-                    self.person.show_tracking(self.page, true);
+                    self.devices.show_tracking(self.page, true);
                 }
                 if self.interrupted.load(Ordering::Relaxed) {
-                    ending = Some(Ended::Interrupted);
+                    ending = Some(LiveTrialEnd::Interrupted);
                 }
             }
             // The tick that ends a trial closes its digest.
-            let mut clock = StageClock::start();
-            let step = self.session.step_watched(ending.is_some(), &mut |stage| clock.done(stage))?;
-            experimenter.take(&step, &self.session, &clock);
+            let mut clock = StageTimer::start();
+            let step =
+                self.trial.step_with_stage_timing(ending.is_some(), &mut |stage| clock.stage_ended(stage))?;
+            experimenter.record_tick(&step, &self.trial, &clock);
             if let Some(recorder) = &mut self.recorder {
-                recorder.write(&step, self.session.testbed().plant().state())?;
+                recorder.write(&step, self.trial.testbed().plant().state())?;
             }
             if let Some(frame) = &step.frame {
                 self.page.publish(frame);
                 if let Some(ghost) = &mut ghost {
                     self.page.publish_ghost(ghost.latest().as_ref());
                 }
-                self.inputs.shown(frame);
-                tally.add(frame);
+                self.inputs.frame_shown(frame);
+                card_counter.add(frame);
                 // Shown again while time stands still; what happened in it happened once.
                 shown = Some(DisplayFrame { events: vec![], feedback: vec![], ..DisplayFrame::clone(frame) });
             }
-            self.person.show(&step);
-            let over = step.output.finished.then_some(Ended::Finished);
+            self.devices.publish(&step);
+            let over = step.output.finished.then_some(LiveTrialEnd::Finished);
             if let Some(ended) = ending.take().or(over) {
                 if let Some(dir) = &self.dir {
-                    experimenter.keep(dir)?;
+                    experimenter.save(dir)?;
                 }
                 return Ok(ended);
             }
-            pace.tick();
+            pace.wait_for_tick();
         }
     }
 
     /// Whether time waits for the first action at the page: where nothing else gives gestures, gaze or angles.
-    fn waits(&self) -> bool {
-        let config = self.session.testbed().config();
-        config.emg.is_none() && !is_by_decoder(config) && self.person.has_page_alone()
+    fn waits_for_first_action(&self) -> bool {
+        let config = self.trial.testbed().config();
+        config.emg.is_none() && !is_vmpl_trial(config) && self.devices.is_page_only()
     }
 
     /// Keeps the last frame on the page until the person asks for a new trial or the command is ended.
     ///
     /// # Errors
     /// The disk refuses.
-    pub fn wait_for_restart(&mut self) -> Result<Ended, Box<dyn Error>> {
+    pub fn wait_for_restart(&mut self) -> Result<LiveTrialEnd, Box<dyn Error>> {
         while !self.interrupted.load(Ordering::Relaxed) {
-            self.person.show_tracking(self.page, false);
+            self.devices.show_tracking(self.page, false);
             for input in self.inputs.drain() {
                 match input {
-                    ClientInput::Restart { method, again } => return Ok(Ended::Restart { method, again }),
-                    ClientInput::GazeCheck(check) => {
-                        self.take_gaze_check(&check)?;
-                        // The record was closed already, and now holds more.
-                        self.dir.as_deref().map_or(Ok(()), seal)?;
+                    ClientInput::Restart { method, same_seed: again } => {
+                        return Ok(LiveTrialEnd::Restart { method, same_arrangement: again });
                     }
-                    ClientInput::Controller(told) => self.person.take_controller(&told),
+                    ClientInput::GazeCheck(check) => {
+                        self.record_gaze_check(&check)?;
+                        // The record was closed already, and now holds more.
+                        self.dir.as_deref().map_or(Ok(()), write_manifest)?;
+                    }
+                    ClientInput::Controller(controller_pose) => {
+                        self.devices.update_controller(&controller_pose)
+                    }
                     _ => {}
                 }
             }
             std::thread::sleep(Duration::from_millis(20));
         }
-        Ok(Ended::Interrupted)
+        Ok(LiveTrialEnd::Interrupted)
     }
 
     /// Records a gaze check. The error that a calibration found comes on top of what is taken off already.
-    fn take_gaze_check(&mut self, check: &GazeCheck) -> std::io::Result<()> {
+    fn record_gaze_check(&mut self, check: &GazeCheck) -> std::io::Result<()> {
         if let Some([left, up]) = check.correction_deg {
-            *self.gaze_offset += GazeOffset { left: left.to_radians(), up: up.to_radians() };
+            *self.gaze_offset += GazeOffset { left_rad: left.to_radians(), up_rad: up.to_radians() };
         }
-        store_gaze_check(self.dir.as_deref(), self.session.testbed().now(), check)
+        store_gaze_check(self.dir.as_deref(), self.trial.testbed().now(), check)
     }
 }

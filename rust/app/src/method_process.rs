@@ -3,8 +3,8 @@
 use crate::vmpl::{VMPL_COMMAND, VmplError, VmplMethod};
 use proact_arm::ArmModel;
 use proact_control::{ControlError, MethodEntry, MethodProgram, ports::MethodProcess};
-use proact_devices::{LineFault, LineProcess};
-use proact_types::{ExternalAnswer, MOST_TEXT_BYTES, MethodAnswer, SimTime, read_text};
+use proact_devices::{LineProcess, LineProcessError};
+use proact_types::{ExternalAnswer, MAX_TEXT_BYTES, MethodAnswer, SimTime, read_text};
 use std::{
     fs::File,
     path::{Path, PathBuf},
@@ -12,9 +12,9 @@ use std::{
 };
 
 /// A line longer than this is no answer, bytes.
-const LONGEST_LINE: u64 = 1 << 20;
+const MAX_LINE_BYTES: u64 = 1 << 20;
 /// In a batch each answer is waited for, but not for ever.
-const BATCH_PATIENCE: Duration = Duration::from_secs(10);
+const BATCH_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Why a method, or an intent model, in another process cannot be asked.
 #[derive(Debug, thiserror::Error)]
@@ -65,7 +65,7 @@ pub enum MethodFileError {
 /// [`MethodFileError`].
 pub fn read_method_file(path: &Path) -> Result<MethodEntry, MethodFileError> {
     let unreadable = |source| MethodFileError::Unreadable { path: path.to_owned(), source };
-    let text = File::open(path).and_then(|file| read_text(file, MOST_TEXT_BYTES)).map_err(unreadable)?;
+    let text = File::open(path).and_then(|file| read_text(file, MAX_TEXT_BYTES)).map_err(unreadable)?;
     let entry = MethodEntry::from_toml(&text)
         .map_err(|source| MethodFileError::Content { path: path.to_owned(), source })?;
     let Some(program) = entry.program() else { return Ok(entry) };
@@ -76,17 +76,17 @@ pub fn read_method_file(path: &Path) -> Result<MethodEntry, MethodFileError> {
         None => word.clone(),
     };
     let command = program.command.iter().map(beside).collect();
-    Ok(MethodEntry::outside(entry.info().clone(), MethodProgram { command, ..program.clone() }))
+    Ok(MethodEntry::external(entry.info().clone(), MethodProgram { command, ..program.clone() }))
 }
 
 /// A program that answers line by line, and how long a tick may wait for it.
-pub(crate) struct Running {
+pub(crate) struct ExternalProcess {
     /// Or why it does not start.
     process: Result<LineProcess, String>,
-    patience: Duration,
+    timeout: Duration,
 }
 
-impl Running {
+impl ExternalProcess {
     /// Starts `command`, which is this `part` of a trial. A live trial does not wait `for_each_answer`, and is refused if the
     /// program does not start. A simulated one runs and has that in its record, so that a batch lists it and goes on.
     pub(crate) fn start(
@@ -96,24 +96,24 @@ impl Running {
         deadline_ms: u64,
     ) -> Result<Self, MethodProcessError> {
         let failed = |source| MethodProcessError::Start { part, command: command.to_owned(), source };
-        let process = match LineProcess::start(command, LONGEST_LINE).map_err(failed) {
+        let process = match LineProcess::start(command, MAX_LINE_BYTES).map_err(failed) {
             Err(error) if for_each_answer => Err(error.to_string()),
             started => Ok(started?),
         };
-        let patience = if for_each_answer { BATCH_PATIENCE } else { Duration::from_millis(deadline_ms) };
-        Ok(Self { process, patience })
+        let timeout = if for_each_answer { BATCH_TIMEOUT } else { Duration::from_millis(deadline_ms) };
+        Ok(Self { process, timeout })
     }
 
     /// Its answer to the line of `now`.
-    pub(crate) fn answer(&mut self, now: SimTime, line: &str) -> ExternalAnswer {
+    pub(crate) fn request(&mut self, now: SimTime, line: &str) -> ExternalAnswer {
         let process = match &mut self.process {
             Ok(process) => process,
             Err(reason) => return ExternalAnswer::Failed(reason.clone()),
         };
-        match process.ask(now.0, line.to_owned(), self.patience) {
+        match process.ask(now.0, line.to_owned(), self.timeout) {
             Ok(line) => ExternalAnswer::Line(line),
-            Err(fault @ (LineFault::Late { .. } | LineFault::NotRead)) => {
-                ExternalAnswer::Missed(fault.to_string())
+            Err(fault @ (LineProcessError::Timeout { .. } | LineProcessError::InputNotRead)) => {
+                ExternalAnswer::TimedOut(fault.to_string())
             }
             Err(fault) => ExternalAnswer::Failed(fault.to_string()),
         }
@@ -134,11 +134,11 @@ pub fn start(
     if let Some((VMPL_COMMAND, words)) = command.split_first().map(|(first, words)| (first.as_str(), words)) {
         return Ok(Some(Box::new(VmplMethod::open(words, model)?)));
     }
-    Ok(Some(Box::new(Running::start("method", command, for_each_answer, *deadline_ms)?)))
+    Ok(Some(Box::new(ExternalProcess::start("method", command, for_each_answer, *deadline_ms)?)))
 }
 
-impl MethodProcess for Running {
+impl MethodProcess for ExternalProcess {
     fn ask(&mut self, now: SimTime, line: &str) -> MethodAnswer {
-        self.answer(now, line)
+        self.request(now, line)
     }
 }

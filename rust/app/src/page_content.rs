@@ -20,7 +20,7 @@ pub fn page_content(testbed: &Testbed, arm: &Arm) -> PageContent {
 }
 
 /// The same of a trial that the person at the page drives.
-pub fn driven_content(testbed: &Testbed, arm: &Arm) -> PageContent {
+pub fn driven_page_content(testbed: &Testbed, arm: &Arm) -> PageContent {
     let lean = testbed.config().setup.body.forward_max_deg > 0.0;
     PageContent { interactive: true, lean, ..page_content(testbed, arm) }
 }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// How far a number may be off that is printed with two digits behind the point.
-const ROUNDING: f64 = 0.005 + 1e-9;
+const ROUNDING_TOLERANCE: f64 = 0.005 + 1e-9;
 
 /// The paper's results.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -15,7 +15,8 @@ pub struct PaperResults {
     /// Its first study.
     pub study1: PaperStudy,
     /// What is told and not counted.
-    pub in_words: Vec<InWords>,
+    #[serde(rename = "in_words")]
+    pub quoted_results: Vec<QuotedResult>,
 }
 
 /// The block counts of a study.
@@ -27,7 +28,8 @@ pub struct PaperStudy {
     /// Trials of each by each method.
     pub trials_each: usize,
     /// Blocks of a trial.
-    pub most: usize,
+    #[serde(rename = "most")]
+    pub max_blocks: usize,
     /// By method.
     pub methods: BTreeMap<String, BlockCounts>,
     /// Other numbers of the text.
@@ -53,7 +55,7 @@ pub struct BlockCounts {
 /// A result without a number.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct InWords {
+pub struct QuotedResult {
     /// Number of the study.
     pub study: usize,
     /// What it is about.
@@ -77,12 +79,12 @@ impl PaperStudy {
     /// All ways in which the trials with `method` can have come out: how many trials had 0, 1, ... blocks, for each. With so few
     /// trials the rounded numbers leave hardly a choice. The standard deviation is the one over n - 1: with the one over n three
     /// of the four methods' rows are impossible.
-    pub fn admitted(&self, method: &str) -> Vec<Vec<usize>> {
+    pub fn admissible_counts(&self, method: &str) -> Vec<Vec<usize>> {
         let Some(printed) = self.methods.get(method) else { return Vec::new() };
         let mut found = Vec::new();
-        let mut counts = vec![0; self.most + 1];
-        fill(&mut counts, 0, self.participants * self.trials_each, &mut |counts| {
-            if printed.admits(counts) {
+        let mut counts = vec![0; self.max_blocks + 1];
+        enumerate_counts(&mut counts, 0, self.participants * self.trials_each, &mut |counts| {
+            if printed.is_consistent(counts) {
                 found.push(counts.to_vec());
             }
         });
@@ -90,22 +92,22 @@ impl PaperStudy {
     }
 }
 
-/// Tells `take` of every way to divide `left` trials among the places of `counts` from `place` on.
-fn fill(counts: &mut [usize], place: usize, left: usize, take: &mut impl FnMut(&[usize])) {
-    if place + 1 == counts.len() {
-        counts[place] = left;
+/// Tells `take` of every way to divide `left` trials among the places of `counts` from `index` on.
+fn enumerate_counts(counts: &mut [usize], index: usize, left: usize, take: &mut impl FnMut(&[usize])) {
+    if index + 1 == counts.len() {
+        counts[index] = left;
         take(counts);
         return;
     }
     for here in 0..=left {
-        counts[place] = here;
-        fill(counts, place + 1, left - here, take);
+        counts[index] = here;
+        enumerate_counts(counts, index + 1, left - here, take);
     }
 }
 
 impl BlockCounts {
     /// Whether trials of which `counts[k]` had k blocks give what is printed.
-    fn admits(&self, counts: &[usize]) -> bool {
+    fn is_consistent(&self, counts: &[usize]) -> bool {
         let trials: usize = counts.iter().sum();
         let moment = |f: &dyn Fn(f64) -> f64| {
             counts.iter().enumerate().map(|(k, n)| *n as f64 * f(k as f64)).sum::<f64>()
@@ -121,8 +123,8 @@ impl BlockCounts {
         };
         let middle = |n: usize| nth(n).unwrap_or_default() as f64;
         let median = (middle((trials - 1) / 2) + middle(trials / 2)) / 2.0;
-        (mean - self.mean).abs() <= ROUNDING
-            && (sd - self.sd).abs() <= ROUNDING
+        (mean - self.mean).abs() <= ROUNDING_TOLERANCE
+            && (sd - self.sd).abs() <= ROUNDING_TOLERANCE
             && median == self.median
             && nth(0) == Some(self.min)
             && nth(trials - 1) == Some(self.max)
@@ -130,7 +132,7 @@ impl BlockCounts {
 }
 
 /// The share of trials with at most 0, 1, ... blocks.
-pub fn cumulated(counts: &[usize]) -> Vec<f64> {
+pub fn cumulative_fractions(counts: &[usize]) -> Vec<f64> {
     let trials = counts.iter().sum::<usize>().max(1) as f64;
     let mut before = 0;
     let up_to = |count: &usize| {
@@ -141,8 +143,8 @@ pub fn cumulated(counts: &[usize]) -> Vec<f64> {
 }
 
 /// The Kolmogorov distance of two distributions of block counts.
-pub fn kolmogorov(one: &[usize], other: &[usize]) -> f64 {
-    let pairs = cumulated(one).into_iter().zip(cumulated(other));
+pub fn kolmogorov_distance(one: &[usize], other: &[usize]) -> f64 {
+    let pairs = cumulative_fractions(one).into_iter().zip(cumulative_fractions(other));
     pairs.map(|(one, other)| (one - other).abs()).fold(0.0, f64::max)
 }
 
@@ -153,20 +155,20 @@ mod tests {
     #[test]
     fn what_is_printed_leaves_hardly_a_choice_of_single_results() {
         let study = PaperResults::shipped().study1;
-        assert_eq!(study.admitted("A"), [[3, 8, 1, 5, 7], [5, 3, 4, 6, 6]]);
-        assert_eq!(study.admitted("B").len(), 5);
-        assert_eq!(study.admitted("C"), [[0, 1, 5, 4, 14], [0, 2, 2, 7, 13]]);
-        assert_eq!(study.admitted("D"), [[0, 0, 1, 6, 17]]);
+        assert_eq!(study.admissible_counts("A"), [[3, 8, 1, 5, 7], [5, 3, 4, 6, 6]]);
+        assert_eq!(study.admissible_counts("B").len(), 5);
+        assert_eq!(study.admissible_counts("C"), [[0, 1, 5, 4, 14], [0, 2, 2, 7, 13]]);
+        assert_eq!(study.admissible_counts("D"), [[0, 0, 1, 6, 17]]);
         // Not so by the other definition of the standard deviation, nor with a mean that no whole number of blocks gives.
         let odd = BlockCounts { mean: 2.23, ..study.methods["A"] };
-        assert!(!study.admitted("A").iter().any(|counts| odd.admits(counts)));
+        assert!(!study.admissible_counts("A").iter().any(|counts| odd.is_consistent(counts)));
     }
 
     #[test]
     fn all_methods_together_brought_as_many_blocks_as_the_text_counts_but_for_rounding() {
         let study = PaperResults::shipped().study1;
         let blocks = |method: &str| {
-            let counts = &study.admitted(method)[0];
+            let counts = &study.admissible_counts(method)[0];
             counts.iter().enumerate().map(|(k, n)| k * n).sum::<usize>()
         };
         let all: usize = ["A", "B", "C", "D"].into_iter().map(blocks).sum();
@@ -176,8 +178,8 @@ mod tests {
 
     #[test]
     fn the_distance_is_the_largest_difference_of_shares() {
-        assert_eq!(kolmogorov(&[1, 1, 2], &[1, 1, 2]), 0.0);
-        assert_eq!(kolmogorov(&[4, 0, 0], &[0, 0, 4]), 1.0);
-        assert_eq!(kolmogorov(&[2, 0, 2], &[1, 1, 2]), 0.25);
+        assert_eq!(kolmogorov_distance(&[1, 1, 2], &[1, 1, 2]), 0.0);
+        assert_eq!(kolmogorov_distance(&[4, 0, 0], &[0, 0, 4]), 1.0);
+        assert_eq!(kolmogorov_distance(&[2, 0, 2], &[1, 1, 2]), 0.25);
     }
 }

@@ -1,7 +1,7 @@
 //! Poses of all bodies on one clock, in a file that calibrations are made from.
 
 use proact_devices::motion_capture::{write_pose, write_pose_header};
-use proact_files::write_whole;
+use proact_files::write_atomically;
 use proact_localization::{ClockOffset, Nanos, RawBodyPose};
 use proact_types::Pose;
 use std::{
@@ -12,7 +12,7 @@ use std::{
 /// Name under which the head of a headset is recorded.
 pub const HEAD_BODY: &str = "head";
 /// Poses that are kept: ten minutes of eight bodies at 120 Hz. Later ones are left out.
-const MOST: usize = 600_000;
+const MAX_POSES: usize = 600_000;
 
 /// What was seen, with stamps on this machine's clock: a device's stamp plus its least delay, so that streams of several devices
 /// can be compared.
@@ -41,31 +41,31 @@ impl PoseLog {
     }
 
     /// A pose as it came.
-    pub fn take(&mut self, raw: &RawBodyPose) {
+    pub fn push_pose(&mut self, raw: &RawBodyPose) {
         let clock = self.clocks.entry(raw.body.clone()).or_default();
-        let secs = clock.take(raw.stamp, raw.arrival);
-        self.push(RawBodyPose { stamp: (secs * 1e9).round() as Nanos, ..raw.clone() });
+        let secs = clock.update(raw.stamp, raw.arrival);
+        self.append(RawBodyPose { stamp: (secs * 1e9).round() as Nanos, ..raw.clone() });
     }
 
     /// The head as a headset tracks it at `now`; the same pose once more is left out.
-    pub fn take_head(&mut self, now: Nanos, world_from_head: &Pose) {
+    pub fn push_head(&mut self, now: Nanos, world_from_head: &Pose) {
         if self.last_head.replace(*world_from_head) == Some(*world_from_head) {
             return;
         }
-        let (place, turn) = (world_from_head.translation.vector, world_from_head.rotation.coords);
-        self.push(RawBodyPose {
+        let (position, turn) = (world_from_head.translation.vector, world_from_head.rotation.coords);
+        self.append(RawBodyPose {
             body: HEAD_BODY.to_owned(),
             id: None,
             stamp: now,
             arrival: now,
-            position: place.into(),
+            position: position.into(),
             quaternion: turn.into(),
             tracked: true,
         });
     }
 
-    fn push(&mut self, pose: RawBodyPose) {
-        if self.poses.len() < MOST {
+    fn append(&mut self, pose: RawBodyPose) {
+        if self.poses.len() < MAX_POSES {
             self.poses.push(pose);
         }
     }
@@ -82,6 +82,6 @@ impl PoseLog {
         let mut text = String::new();
         write_pose_header(&mut text);
         self.poses.iter().for_each(|pose| write_pose(&mut text, pose));
-        Ok(write_whole(&self.path, &text)?)
+        Ok(write_atomically(&self.path, &text)?)
     }
 }

@@ -18,7 +18,7 @@
 //!
 //! `scene` is `empty`, `box` (table, walls, partition), `clutter` (the same with four blocks) or a list of
 //! `{"name", "shape": {"type": "box", "size": [x, y, z]}, "position", "quaternion"}`, with the shapes of
-//! [`proact_types::Shape`] or `{"type": "mesh", "vertices": [[x, y, z], ..], "triangles": [[0, 1, 2], ..]}`, placed in `world`. `base_pose` is `world_from_base` as `{"position", "quaternion"}`; without it the
+//! [`proact_types::FeatureShape`] or `{"type": "mesh", "vertices": [[x, y, z], ..], "triangles": [[0, 1, 2], ..]}`, placed in `world`. `base_pose` is `world_from_base` as `{"position", "quaternion"}`; without it the
 //! shoulder is where the set-up `still` has it for `box` and `clutter`, and at the origin otherwise.
 //!
 //! `planner` is a name of OMPL's (`RRTConnect` if left out), `parameters` an object of its parameters. `attached` is a
@@ -33,11 +33,11 @@ use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
 use proact_arm::ArmModel;
 use proact_description::DescriptionError;
 use proact_kinematics::{ArmKinematics, IkOutcome, Kinematics, KinematicsError};
-use proact_planning::{ArmPlanner, PlannerName, PlannerOptions, Roadmap, five_words};
+use proact_planning::{ArmPlanner, PlannerName, PlannerOptions, Roadmap, status_label};
 use proact_types::{
     JointVector, LineRead, PlanGoal, PlanRequest, Pose, Vector, joints, read_bytes, read_line, zeros,
 };
-use scene::{SceneAsked, ShapeText, attached};
+use scene::{QueryScene, ShapeEntry, parse_attached};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::io::{BufRead, Write};
@@ -49,11 +49,11 @@ const GRAVITY: Vector = Vector::new(0.0, 0.0, -9.80665);
 /// Most milestones of a roadmap: beyond it each plan would spend its time on taking the roadmap in.
 const MAX_MILESTONES: usize = 100_000;
 /// Longest question, bytes: a mesh of some ten thousand triangles.
-const LONGEST_LINE: usize = 4 << 20;
+const MAX_LINE_BYTES: usize = 4 << 20;
 /// Longest file of a roadmap, bytes: twice what the most milestones take.
-const LONGEST_ROADMAP: usize = 256 << 20;
+const MAX_ROADMAP_BYTES: usize = 256 << 20;
 /// A quaternion whose length is further from one than this is a mistake rather than rounding.
-const QUATERNION_SLACK: f64 = 1e-3;
+const QUATERNION_TOLERANCE: f64 = 1e-3;
 
 /// Which arm is asked about. Everything left out: the MPL right arm, `base_link` to its wrist.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -90,13 +90,13 @@ pub fn run(options: QueryOptions, mut input: impl BufRead, mut output: impl Writ
     let mut line = Vec::new();
     // Bytes, not text: a line that is not UTF-8 is one more bad line.
     loop {
-        let answer = match read_line(&mut input, LONGEST_LINE, &mut line)? {
+        let answer = match read_line(&mut input, MAX_LINE_BYTES, &mut line)? {
             LineRead::End => break,
-            LineRead::Whole if line.trim_ascii().is_empty() => None,
-            LineRead::Whole => Some(handler.answer(&line)),
+            LineRead::Complete if line.trim_ascii().is_empty() => None,
+            LineRead::Complete => Some(handler.handle_line(&line)),
             LineRead::TooLong => {
                 input.skip_until(b'\n')?;
-                Some(Err(format!("the line has more than {LONGEST_LINE} bytes, expected at most that")))
+                Some(Err(format!("the line has more than {MAX_LINE_BYTES} bytes, expected at most that")))
             }
         };
         if let Some(answer) = answer {
@@ -111,23 +111,23 @@ pub fn run(options: QueryOptions, mut input: impl BufRead, mut output: impl Writ
 
 #[derive(Debug, Deserialize)]
 #[serde(tag = "op", rename_all = "snake_case", deny_unknown_fields)]
-enum Question {
+enum Query {
     Fk { q: Vec<f64> },
     Jacobian { q: Vec<f64> },
     Condition { q: Vec<f64> },
     InverseDynamics { q: Vec<f64>, qd: Vec<f64>, qdd: Vec<f64>, hand: Option<Vec<f64>> },
     Ik { position: [f64; 3], quaternion: [f64; 4], seed: Option<Value> },
-    Plan(PlanQuestion),
-    Roadmap(RoadmapQuestion),
-    Collision { q: Vec<f64>, scene: Value, base_pose: Option<PoseText>, hand: Option<Vec<f64>> },
+    Plan(PlanQuery),
+    Roadmap(RoadmapQuery),
+    Collision { q: Vec<f64>, scene: Value, base_pose: Option<PoseEntry>, hand: Option<Vec<f64>> },
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct RoadmapQuestion {
+struct RoadmapQuery {
     milestones: usize,
     scene: Value,
-    base_pose: Option<PoseText>,
+    base_pose: Option<PoseEntry>,
     hand: Option<Vec<f64>>,
     #[serde(default)]
     seed: u64,
@@ -135,12 +135,12 @@ struct RoadmapQuestion {
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct PlanQuestion {
+struct PlanQuery {
     start: Vec<f64>,
     goal_q: Option<Vec<f64>>,
-    goal_pose: Option<PoseText>,
+    goal_pose: Option<PoseEntry>,
     scene: Value,
-    base_pose: Option<PoseText>,
+    base_pose: Option<PoseEntry>,
     #[serde(default)]
     seed: u64,
     /// OMPL's name; the default planner if left out.
@@ -153,18 +153,18 @@ struct PlanQuestion {
     hand: Option<Vec<f64>>,
     /// What the hand carries, in the tip's frame: a list, of one thing at most.
     #[serde(default)]
-    attached: Vec<ShapeText>,
+    attached: Vec<ShapeEntry>,
 }
 
 #[derive(Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
-struct PoseText {
+struct PoseEntry {
     position: [f64; 3],
-    #[serde(default = "no_rotation")]
+    #[serde(default = "identity_quaternion")]
     quaternion: [f64; 4],
 }
 
-fn no_rotation() -> [f64; 4] {
+fn identity_quaternion() -> [f64; 4] {
     [0.0, 0.0, 0.0, 1.0]
 }
 
@@ -186,14 +186,14 @@ impl QueryHandler {
             let tip = options.tip.as_ref().unwrap_or(&model.links[model.tip].name);
             model = proact_description::select_chain(&model, base, tip)?;
         }
-        Self::of(model)
+        Self::for_model(model)
     }
 
     /// Who answers for the arm `model`.
     ///
     /// # Errors
     /// An arm that the kinematics does not take.
-    pub fn of(model: ArmModel) -> Result<Self, QueryError> {
+    pub fn for_model(model: ArmModel) -> Result<Self, QueryError> {
         let kinematics = Kinematics::new(&model)?;
         Ok(Self { model: Arc::new(model), kinematics, planner: None })
     }
@@ -202,60 +202,60 @@ impl QueryHandler {
     ///
     /// # Errors
     /// What is wrong with the question, as the stream of answers has it under `error`.
-    pub fn answer(&mut self, line: &[u8]) -> Result<Value, String> {
+    pub fn handle_line(&mut self, line: &[u8]) -> Result<Value, String> {
         let object: serde_json::Map<String, Value> = serde_json::from_slice(line).map_err(|error| {
             format!(
                 "{error}; expected one JSON object such as {{\"op\": \"fk\", \"q\": [0, 0, 0, 0, 0, 0, 0]}}"
             )
         })?;
-        match serde_json::from_value(Value::Object(object)).map_err(text)? {
-            Question::Fk { q } => {
-                let pose = self.kinematics.forward(&q).map_err(text)?;
-                Ok(json!(PoseText {
+        match serde_json::from_value(Value::Object(object)).map_err(error_text)? {
+            Query::Fk { q } => {
+                let pose = self.kinematics.forward(&q).map_err(error_text)?;
+                Ok(json!(PoseEntry {
                     position: pose.translation.vector.into(),
                     quaternion: pose.rotation.coords.into(),
                 }))
             }
-            Question::Jacobian { q } => {
-                let jacobian = self.kinematics.jacobian(&q).map_err(text)?;
+            Query::Jacobian { q } => {
+                let jacobian = self.kinematics.jacobian(&q).map_err(error_text)?;
                 let rows: Vec<Vec<f64>> =
                     jacobian.row_iter().map(|row| row.iter().copied().collect()).collect();
                 Ok(json!({ "jacobian": rows }))
             }
-            Question::Condition { q } => {
-                let (condition, sigma) = self.kinematics.condition(&q).map_err(text)?;
+            Query::Condition { q } => {
+                let (condition, sigma) = self.kinematics.condition(&q).map_err(error_text)?;
                 Ok(json!({ "condition": condition, "sigma": sigma }))
             }
-            Question::InverseDynamics { q, qd, qdd, hand } => self.inverse_dynamics(&q, &qd, &qdd, hand),
-            Question::Ik { position, quaternion, seed } => {
+            Query::InverseDynamics { q, qd, qdd, hand } => self.inverse_dynamics(&q, &qd, &qdd, hand),
+            Query::Ik { position, quaternion, seed } => {
                 let target = pose(position, quaternion)?;
-                let start = self.start_of_search(seed)?;
-                Ok(match self.kinematics.inverse(&target, &start).map_err(text)? {
+                let start = self.ik_seed(seed)?;
+                Ok(match self.kinematics.inverse(&target, &start).map_err(error_text)? {
                     IkOutcome::Solved(q) => json!({ "status": "ok", "q": q.as_slice() }),
                     IkOutcome::NotFound => json!({ "status": "unreachable", "q": null }),
                 })
             }
-            Question::Plan(question) => self.plan(question),
-            Question::Roadmap(RoadmapQuestion { milestones, scene, base_pose, hand, seed }) => {
+            Query::Plan(question) => self.plan(question),
+            Query::Roadmap(RoadmapQuery { milestones, scene, base_pose, hand, seed }) => {
                 if !(1..=MAX_MILESTONES).contains(&milestones) {
                     return Err(format!("milestones is {milestones}, expected 1 to {MAX_MILESTONES}"));
                 }
-                let scene = SceneAsked::new(&scene, base_pose)?;
-                let hand = self.hand(hand)?;
+                let scene = QueryScene::new(&scene, base_pose)?;
+                let hand = self.hand_angles(hand)?;
                 let planner = self.planner()?;
-                planner.set_meshes(scene.meshes).map_err(text)?;
+                planner.set_meshes(scene.meshes).map_err(error_text)?;
                 let (obstacles, base) = (&scene.obstacles, &scene.world_from_base);
                 let grown = planner.grow_roadmap(milestones, &hand, obstacles, base, seed);
-                grown.map(|roadmap| json!(roadmap)).map_err(text)
+                grown.map(|roadmap| json!(roadmap)).map_err(error_text)
             }
-            Question::Collision { q, scene, base_pose, hand } => {
-                let scene = SceneAsked::new(&scene, base_pose)?;
-                let hand = self.hand(hand)?;
+            Query::Collision { q, scene, base_pose, hand } => {
+                let scene = QueryScene::new(&scene, base_pose)?;
+                let hand = self.hand_angles(hand)?;
                 let planner = self.planner()?;
-                planner.set_meshes(scene.meshes).map_err(text)?;
+                planner.set_meshes(scene.meshes).map_err(error_text)?;
                 let pairs = planner
                     .collisions(&q, &hand, &scene.obstacles, None, &scene.world_from_base)
-                    .map_err(text)?;
+                    .map_err(error_text)?;
                 Ok(json!({ "collision": !pairs.is_empty(), "pairs": pairs }))
             }
         }
@@ -269,25 +269,25 @@ impl QueryHandler {
         hand: Option<Vec<f64>>,
     ) -> Result<Value, String> {
         let arm = self.model.arm_count();
-        let hand = self.hand(hand)?;
+        let hand = self.hand_angles(hand)?;
         let rest = zeros(hand.len());
         let whole = |what, values: &[f64], hand: &[f64]| {
             expect_length(what, values, arm).map(|()| [values, hand].concat())
         };
         let q = whole("q", q, &hand)?;
         let (qd, qdd) = (whole("qd", qd, &rest)?, whole("qdd", qdd, &rest)?);
-        let tau = self.kinematics.inverse_dynamics(&q, &qd, &qdd, &GRAVITY).map_err(text)?;
+        let tau = self.kinematics.inverse_dynamics(&q, &qd, &qdd, &GRAVITY).map_err(error_text)?;
         Ok(json!({ "tau": &tau[..arm] }))
     }
 
-    fn hand(&self, hand: Option<Vec<f64>>) -> Result<Vec<f64>, String> {
+    fn hand_angles(&self, hand: Option<Vec<f64>>) -> Result<Vec<f64>, String> {
         let expected = self.model.moving_count() - self.model.arm_count();
         let hand = hand.unwrap_or_else(|| vec![0.0; expected]);
         expect_length("hand", &hand, expected).map(|()| hand)
     }
 
     /// Angles given, angles picked by a number, or the middle of the limits.
-    fn start_of_search(&self, seed: Option<Value>) -> Result<Vec<f64>, String> {
+    fn ik_seed(&self, seed: Option<Value>) -> Result<Vec<f64>, String> {
         let number = match seed {
             None | Some(Value::Null) => None,
             Some(Value::Array(angles)) => {
@@ -298,13 +298,13 @@ impl QueryHandler {
                 format!("seed is {other}, expected a list of angles or a whole number from 0")
             })?),
         };
-        let share = |k: usize| number.map_or(0.5, |number| scattered(number, k));
+        let share = |k: usize| number.map_or(0.5, |number| low_discrepancy(number, k));
         let limits = self.model.arm.iter().map(|&joint| &self.model.joints[joint].limits);
         Ok(limits.enumerate().map(|(k, l)| l.lower + share(k) * (l.upper - l.lower)).collect())
     }
 
-    fn plan(&mut self, question: PlanQuestion) -> Result<Value, String> {
-        let scene = SceneAsked::new(&question.scene, question.base_pose)?;
+    fn plan(&mut self, question: PlanQuery) -> Result<Value, String> {
+        let scene = QueryScene::new(&question.scene, question.base_pose)?;
         let world_from_base = scene.world_from_base;
         let goal = match (question.goal_q, question.goal_pose) {
             (Some(q), None) => PlanGoal::Joints { q: joint_vector("goal_q", &q)? },
@@ -317,18 +317,19 @@ impl QueryHandler {
             id: 1,
             world_from_base,
             start: joint_vector("start", &question.start)?,
-            hand: joint_vector("hand", &self.hand(question.hand)?)?,
+            hand: joint_vector("hand", &self.hand_angles(question.hand)?)?,
             goal,
-            picked: None,
+            picked_object: None,
             obstacles: scene.obstacles,
-            held: Vec::new(),
-            attached: attached(&question.attached)?,
+            held_joints: Vec::new(),
+            attached: parse_attached(&question.attached)?,
             seed: question.seed,
         };
         let mut own = match question.planner {
             None if question.parameters.is_empty() && question.roadmap.is_none() => None,
             name => {
-                let planner = name.map_or(Ok(PlannerName::default()), |name| name.parse()).map_err(text)?;
+                let planner =
+                    name.map_or(Ok(PlannerName::default()), |name| name.parse()).map_err(error_text)?;
                 let parameter = |(name, value): (String, Value)| match value {
                     Value::String(value) => (name, value),
                     other => (name, other.to_string()),
@@ -340,7 +341,7 @@ impl QueryHandler {
                 let parameters = question.parameters.into_iter().map(parameter).collect();
                 let mut own =
                     self.new_planner(PlannerOptions { name: planner, parameters, ..Default::default() })?;
-                own.set_roadmap(roadmap.as_ref()).map_err(text)?;
+                own.set_roadmap(roadmap.as_ref()).map_err(error_text)?;
                 Some(own)
             }
         };
@@ -348,9 +349,9 @@ impl QueryHandler {
             Some(planner) => planner,
             None => self.planner()?,
         };
-        planner.set_meshes(scene.meshes).map_err(text)?;
+        planner.set_meshes(scene.meshes).map_err(error_text)?;
         let reply = planner.solve(&request);
-        let effort = planner.effort().clone();
+        let effort = planner.stats().clone();
         let path: Vec<&[f64]> = reply.trajectory.points.iter().map(|point| point.q.as_slice()).collect();
         let times: Vec<f64> = reply.trajectory.points.iter().map(|point| point.time_secs).collect();
         Ok(json!({
@@ -358,8 +359,8 @@ impl QueryHandler {
             "path": path,
             "times": times,
             "reason": reply.reason,
-            "clearance": reply.clearance,
-            "words": five_words(reply.status),
+            "clearance": reply.clearance_m,
+            "words": status_label(reply.status),
             "iterations": effort.iterations,
             "wall_secs": effort.wall_secs,
         }))
@@ -374,21 +375,21 @@ impl QueryHandler {
     }
 
     fn new_planner(&self, options: PlannerOptions) -> Result<ArmPlanner, String> {
-        let kinematics = Box::new(Kinematics::new(&self.model).map_err(text)?);
-        ArmPlanner::new(self.model.clone(), kinematics, options).map_err(text)
+        let kinematics = Box::new(Kinematics::new(&self.model).map_err(error_text)?);
+        ArmPlanner::new(self.model.clone(), kinematics, options).map_err(error_text)
     }
 }
 
 fn read_roadmap(path: &Path) -> Result<Roadmap, String> {
     let bytes = std::fs::File::open(path)
-        .and_then(|file| read_bytes(file, LONGEST_ROADMAP))
+        .and_then(|file| read_bytes(file, MAX_ROADMAP_BYTES))
         .map_err(|error| format!("roadmap {}: {error}", path.display()))?;
     serde_json::from_slice(&bytes).map_err(|error| {
         format!("roadmap {}: {error}; expected an answer to {{\"op\": \"roadmap\"}}", path.display())
     })
 }
 
-fn text(error: impl std::fmt::Display) -> String {
+fn error_text(error: impl std::fmt::Display) -> String {
     error.to_string()
 }
 
@@ -409,7 +410,7 @@ fn pose(position: [f64; 3], quaternion: [f64; 4]) -> Result<Pose, String> {
     let [x, y, z, w] = quaternion;
     let quaternion = Quaternion::new(w, x, y, z);
     let length = quaternion.norm();
-    if (length - 1.0).abs() > QUATERNION_SLACK {
+    if (length - 1.0).abs() > QUATERNION_TOLERANCE {
         return Err(format!(
             "the quaternion [{x}, {y}, {z}, {w}] (x, y, z, w) has length {length}, expected 1"
         ));
@@ -420,7 +421,7 @@ fn pose(position: [f64; 3], quaternion: [f64; 4]) -> Result<Pose, String> {
 
 /// A number in [0, 1) for `seed` and coordinate `k`: the fractional part of multiples of square roots of primes,
 /// which fills the cube evenly (Kronecker sequence; Niederreiter 1978). For choosing starts, not for statistics.
-pub fn scattered(seed: u64, k: usize) -> f64 {
+pub fn low_discrepancy(seed: u64, k: usize) -> f64 {
     const PRIMES: [f64; 10] = [2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0];
     // Beyond 2^32 the product would have no fractional digits left; such seeds repeat.
     let number = (seed % (1 << 32)) as f64 + 1.0 + (k / PRIMES.len()) as f64;

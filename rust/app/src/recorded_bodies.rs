@@ -3,8 +3,8 @@
 use crate::MocapAxes;
 use proact_devices::{DeviceError, motion_capture::read_poses};
 use proact_localization::{
-    BodySample, ExpectedPlace, PoseFault, RawBodyPose, StreamCheck, TimedPose, TrackingAxes,
-    check_handedness, check_window,
+    BodySample, ExpectedHeight, PoseFault, PoseStreamCheck, RawBodyPose, TimedPose, TrackingAxes,
+    check_handedness, check_height,
 };
 use std::path::{Path, PathBuf};
 
@@ -17,7 +17,7 @@ pub enum RecordedBodyError {
     File(#[from] DeviceError),
     /// The poses.
     #[error("{}: {fault}", path.display())]
-    Fault {
+    InvalidPoses {
         /// Which file.
         path: PathBuf,
         /// What is wrong with them.
@@ -62,15 +62,15 @@ impl RecordedBodies {
         axes: &MocapAxes,
         of_person: bool,
     ) -> Result<Vec<BodySample>, RecordedBodyError> {
-        let refused = |fault| RecordedBodyError::Fault { path: self.path.clone(), fault };
+        let refused = |fault| RecordedBodyError::InvalidPoses { path: self.path.clone(), fault };
         let declared = TrackingAxes {
             up: axes.up.unwrap_or_default(),
-            metres_per_unit: axes.metres_per_unit.unwrap_or(1.0),
+            meters_per_unit: axes.meters_per_unit.unwrap_or(1.0),
         };
-        let mut check = StreamCheck::new();
+        let mut check = PoseStreamCheck::new();
         let mut samples = Vec::new();
         for raw in self.poses.iter().filter(|raw| raw.body == body && raw.tracked) {
-            check.take(raw).map_err(refused)?;
+            check.check(raw).map_err(refused)?;
             samples.push(declared.convert(raw).map_err(refused)?);
         }
         if samples.is_empty() {
@@ -81,7 +81,7 @@ impl RecordedBodies {
             return Err(RecordedBodyError::NoBody { path, got, known });
         }
         if of_person {
-            check_window(&samples, &ExpectedPlace::default()).map_err(refused)?;
+            check_height(&samples, &ExpectedHeight::default()).map_err(refused)?;
             check_handedness(&samples).map_err(refused)?;
         }
         Ok(samples)
@@ -89,7 +89,7 @@ impl RecordedBodies {
 }
 
 /// With stamps in seconds.
-pub fn timed(samples: &[BodySample]) -> Vec<TimedPose> {
+pub fn recorded_poses(samples: &[BodySample]) -> Vec<TimedPose> {
     let secs = |sample: &BodySample| TimedPose { stamp_secs: sample.stamp as f64 * 1e-9, pose: sample.pose };
     samples.iter().map(secs).collect()
 }

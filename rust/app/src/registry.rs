@@ -21,7 +21,7 @@ impl Registry {
     /// What ships with the program.
     pub fn standard() -> Self {
         Self {
-            methods: more(MethodRegistry::standard()),
+            methods: extra_methods(MethodRegistry::standard()),
             sources: SourceRegistry::standard(),
             captures: [CAPTURE_SCHEMES.as_slice(), &ROS_SCHEMES].concat(),
             sinks: SINK_SCHEMES.to_vec(),
@@ -37,12 +37,12 @@ impl Default for Registry {
 
 impl From<MethodRegistry> for Registry {
     fn from(methods: MethodRegistry) -> Self {
-        Self { methods: more(methods), ..Self::standard() }
+        Self { methods: extra_methods(methods), ..Self::standard() }
     }
 }
 
 /// The methods beside A to D. A program's own of such a name stays.
-fn more(methods: MethodRegistry) -> MethodRegistry {
+fn extra_methods(methods: MethodRegistry) -> MethodRegistry {
     let add = |methods: MethodRegistry, entry: MethodEntry| methods.clone().with(entry).unwrap_or(methods);
     [vmpl_method(), Synergy::entry(), Imitation::entry()].into_iter().fold(methods, add)
 }

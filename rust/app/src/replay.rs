@@ -3,12 +3,13 @@
 use crate::{
     arm::Arm,
     libraries,
-    record::CLASSIFIER_FILE,
-    trial::{self, ComparedPlans},
+    record_keys::check_keys,
+    recorder::CLASSIFIER_FILE,
+    trial::{self, ReplannedReplies},
 };
 use proact_control::MethodRegistry;
 use proact_emg::Classifier;
-use proact_recording::{CONFIG_FILE, RECORD_FORMAT, RecordingError, Trial, TrialHeader, read_result};
+use proact_recording::{CONFIG_FILE, RECORD_FORMAT, RecordingError, TrialHeader, TrialRecord, read_result};
 use proact_testbed::{
     Divergence, SpanDigest, Testbed, TestbedError, TrialConfig, TrialResult, first_divergence, replay,
 };
@@ -21,7 +22,7 @@ use std::{
 
 /// What a replay found.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Replayed {
+pub struct ReplayResult {
     /// Every span agrees.
     pub agrees: bool,
     /// Spans compared.
@@ -41,12 +42,13 @@ pub struct Replayed {
     /// The program that recorded it, with its source commit.
     pub recorded_by: String,
     /// What planning again gave; none if it was not asked for.
-    pub replanned: Option<Replanned>,
+    #[serde(rename = "replanned")]
+    pub replan_result: Option<ReplanResult>,
 }
 
 /// Recorded plans beside those that the same requests give now.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Replanned {
+pub struct ReplanResult {
     /// Plans that are equal to the last bit.
     pub equal: usize,
     /// Numbers of the requests whose plan is another one now.
@@ -73,16 +75,16 @@ enum ReplayError {
     "the result in {} is of a trial that ended at {} ms with the digest {}; the logs beside it end at {} ms with {}",
     dir.display(), result.0, result.1, logs.0, logs.1
 )]
-pub struct OtherResult {
+pub struct ResultMismatch {
     dir: PathBuf,
     result: (u64, String),
     logs: (u64, String),
 }
 
 /// A recorded trial, ready to be recomputed.
-pub struct Opened {
+pub struct OpenedTrial {
     /// The files.
-    pub record: Trial,
+    pub record: TrialRecord,
     /// What the trial depended on.
     pub config: TrialConfig,
     /// Its arm.
@@ -90,9 +92,9 @@ pub struct Opened {
     /// At time zero; it takes its plans from the log.
     pub testbed: Testbed,
     /// What the same requests give now, if that was asked for.
-    pub plans: Option<ComparedPlans>,
+    pub plans: Option<ReplannedReplies>,
     /// The recorded digests; none if the trial was interrupted before its first.
-    pub recorded: Vec<SpanDigest>,
+    pub recorded_spans: Vec<SpanDigest>,
     /// What the trial ended with, if it did.
     pub result: Option<TrialResult>,
 }
@@ -103,7 +105,7 @@ pub struct ReplayOptions {
     /// Compute its plans again beside the recorded ones, which otherwise come from the log.
     pub replan: bool,
     /// Although this program, or a library, has another version than the one that the trial was recorded with.
-    pub other_versions: bool,
+    pub allow_other_versions: bool,
     /// The methods among which a configuration names one; at first those that ship with the program.
     pub methods: MethodRegistry,
 }
@@ -112,17 +114,18 @@ pub struct ReplayOptions {
 /// versions of one format compute the same.
 ///
 /// # Errors
-/// [`OtherVersions`].
-pub(crate) fn check_versions(recorded: &TrialHeader) -> Result<(), OtherVersions> {
+/// [`VersionMismatch`].
+pub(crate) fn check_versions(recorded: &TrialHeader) -> Result<(), VersionMismatch> {
     let here = libraries::versions();
     let differs = |(name, recorded): (&String, &String)| {
         let here = here.get(name).map_or("none", String::as_str);
-        (here != recorded && name != libraries::PROGRAM).then(|| format!("{name} {recorded} (here: {here})"))
+        (here != recorded && name != libraries::PROGRAM_NAME)
+            .then(|| format!("{name} {recorded} (here: {here})"))
     };
     let differences: Vec<String> = recorded.versions.iter().filter_map(differs).collect();
     match differences.is_empty() {
         true => Ok(()),
-        false => Err(OtherVersions { differences: differences.join(", "), writer: recorded.writer() }),
+        false => Err(VersionMismatch { differences: differences.join(", "), writer: recorded.writer() }),
     }
 }
 
@@ -131,7 +134,7 @@ pub(crate) fn check_versions(recorded: &TrialHeader) -> Result<(), OtherVersions
 #[error(
     "the trial was recorded with {differences}, by {writer}: its numbers may be others here; replay --other-versions tries it"
 )]
-pub struct OtherVersions {
+pub struct VersionMismatch {
     differences: String,
     writer: String,
 }
@@ -140,32 +143,36 @@ pub struct OtherVersions {
 ///
 /// # Errors
 /// What this program does not know or cannot have, with the program that wrote it.
-pub(crate) fn recorded_config(record: &Trial) -> Result<TrialConfig, Box<dyn Error>> {
+pub(crate) fn recorded_config(record: &TrialRecord) -> Result<TrialConfig, Box<dyn Error>> {
     TrialConfig::from_toml(&record.header().config_toml).map_err(|error| {
         let file = record.dir().join(CONFIG_FILE);
         format!("{}: {error}; {} wrote it and replays it", file.display(), record.header().writer()).into()
     })
 }
 
-/// The result of a finished record, read before anything else of it is: a key or an outcome that is unknown is named, also
-/// where the file is not the recorded one any more.
+/// A finished record and its result. Unknown keys are named before anything else that is wrong.
 ///
 /// # Errors
 /// [`RecordingError`].
-pub(crate) fn read_trial(dir: &Path) -> Result<(Trial, TrialResult), RecordingError> {
+pub(crate) fn read_trial(dir: &Path) -> Result<(TrialRecord, TrialResult), RecordingError> {
+    check_keys(dir)?;
     let result = read_result(dir)?;
-    Ok((Trial::open(dir)?, result))
+    let record = TrialRecord::open(dir)?;
+    if !record.is_finished() {
+        return Err(RecordingError::MissingManifest { dir: dir.to_owned() });
+    }
+    Ok((record, result))
 }
 
 /// The record of a trial, checked as a whole.
 #[derive(Clone)]
-pub(crate) struct Checked {
+pub(crate) struct CheckedRecord {
     /// The files.
-    pub record: Trial,
+    pub record: TrialRecord,
     /// What the trial depended on.
     pub config: TrialConfig,
     /// Its digests.
-    pub recorded: Vec<SpanDigest>,
+    pub recorded_spans: Vec<SpanDigest>,
     /// What it ended with, if it did.
     pub result: Option<TrialResult>,
 }
@@ -175,8 +182,8 @@ pub(crate) struct Checked {
 /// # Errors
 /// A directory that is no trial, files that are not as they were recorded, a result of another trial than the logs, a
 /// configuration that no longer fits, other versions.
-pub(crate) fn check_record(dir: &Path, other_versions: bool) -> Result<Checked, Box<dyn Error>> {
-    let record = Trial::open(dir)?;
+pub(crate) fn check_record(dir: &Path, other_versions: bool) -> Result<CheckedRecord, Box<dyn Error>> {
+    let record = TrialRecord::open(dir)?;
     if !other_versions {
         check_versions(record.header())?;
     }
@@ -189,28 +196,28 @@ pub(crate) fn check_record(dir: &Path, other_versions: bool) -> Result<Checked, 
         );
     }
     let recorded: Vec<SpanDigest> = record.digests()?;
-    let result = record.finished().then(|| read_result::<TrialResult>(dir)).transpose()?;
+    let result = record.is_finished().then(|| read_result::<TrialResult>(dir)).transpose()?;
     if let Some(result) = &result {
-        let said = ((result.sim_seconds * 1e3).round() as u64, result.digest.clone());
+        let stored = ((result.sim_seconds * 1e3).round() as u64, result.digest.clone());
         let logs = (record.end().0, last_digest(&recorded));
-        if said != logs {
-            return Err(OtherResult { dir: dir.to_owned(), result: said, logs }.into());
+        if stored != logs {
+            return Err(ResultMismatch { dir: dir.to_owned(), result: stored, logs }.into());
         }
     }
-    Ok(Checked { record, config, recorded, result })
+    Ok(CheckedRecord { record, config, recorded_spans: recorded, result })
 }
 
 /// The digest of a whole trial; empty before its first span.
 pub(crate) fn last_digest(spans: &[SpanDigest]) -> String {
-    spans.last().map_or_else(String::new, |span| span.chain.clone())
+    spans.last().map_or_else(String::new, |span| span.chain_hash.clone())
 }
 
 /// Reads the trial in `dir`.
 ///
 /// # Errors
 /// As [`check_record`]; another arm or task than the trial was recorded with, a classifier that cannot be used.
-pub fn open_trial(dir: &Path, options: &ReplayOptions) -> Result<Opened, Box<dyn Error>> {
-    open_checked(dir, check_record(dir, options.other_versions)?, options)
+pub fn open_trial(dir: &Path, options: &ReplayOptions) -> Result<OpenedTrial, Box<dyn Error>> {
+    open_checked(dir, check_record(dir, options.allow_other_versions)?, options)
 }
 
 /// Reads the trial in `dir`, whose record is `checked`.
@@ -219,36 +226,38 @@ pub fn open_trial(dir: &Path, options: &ReplayOptions) -> Result<Opened, Box<dyn
 /// As [`open_trial`].
 pub(crate) fn open_checked(
     dir: &Path,
-    checked: Checked,
+    checked: CheckedRecord,
     options: &ReplayOptions,
-) -> Result<Opened, Box<dyn Error>> {
-    let Checked { record, config, recorded, result } = checked;
-    record.check_computed()?;
-    let arm = Arm::recorded(dir, &config)?;
+) -> Result<OpenedTrial, Box<dyn Error>> {
+    let CheckedRecord { record, config, recorded_spans: recorded, result } = checked;
+    record.check_replayable()?;
+    let arm = Arm::from_record(dir, &config)?;
     let classifier = read_classifier(&record, &config)?;
     let (testbed, plans) = if options.replan {
-        let (testbed, plans) = trial::replanned(&options.methods, &arm, config.clone(), classifier)?;
+        let (testbed, plans) = trial::replanning_testbed(&options.methods, &arm, config.clone(), classifier)?;
         (testbed, Some(plans))
     } else {
-        (trial::replayed(&options.methods, &arm, config.clone(), classifier)?, None)
+        (trial::replay_testbed(&options.methods, &arm, config.clone(), classifier)?, None)
     };
     let testbed = testbed.with_recorded_config(&record.header().config_toml);
-    Ok(Opened { record, config, arm, testbed, plans, recorded, result })
+    Ok(OpenedTrial { record, config, arm, testbed, plans, recorded_spans: recorded, result })
 }
 
 /// The classifier of a trial; none if its gestures came without EMG.
 pub(crate) fn read_classifier(
-    record: &Trial,
+    record: &TrialRecord,
     config: &TrialConfig,
 ) -> Result<Option<Classifier>, Box<dyn Error>> {
-    let place = || record.dir().join(CLASSIFIER_FILE).display().to_string();
+    let classifier_path = || record.dir().join(CLASSIFIER_FILE).display().to_string();
     match record.header().files.get(CLASSIFIER_FILE) {
         Some(text) => {
             let read = serde_json::from_slice(text);
-            Ok(Some(read.map_err(|e| format!("{} is damaged: {e}", place()))?))
+            Ok(Some(read.map_err(|e| format!("{} is damaged: {e}", classifier_path()))?))
         }
         None if config.emg.is_none() => Ok(None),
-        None => Err(format!("the trial was recorded without {}, which its EMG needs", place()).into()),
+        None => {
+            Err(format!("the trial was recorded without {}, which its EMG needs", classifier_path()).into())
+        }
     }
 }
 
@@ -256,12 +265,12 @@ pub(crate) fn read_classifier(
 ///
 /// # Errors
 /// As [`open_trial`].
-pub fn replay_trial(dir: &Path, options: ReplayOptions) -> Result<Replayed, Box<dyn Error>> {
-    if never_begun(&Trial::open(dir)?) {
-        return Ok(Replayed { agrees: true, format: RECORD_FORMAT, ..Replayed::default() });
+pub fn replay_trial(dir: &Path, options: ReplayOptions) -> Result<ReplayResult, Box<dyn Error>> {
+    if is_unstarted(&TrialRecord::open(dir)?) {
+        return Ok(ReplayResult { agrees: true, format: RECORD_FORMAT, ..ReplayResult::default() });
     }
-    let Opened { record, mut testbed, plans, recorded, .. } = open_trial(dir, &options)?;
-    let mut again = Replanned::default();
+    let OpenedTrial { record, mut testbed, plans, recorded_spans: recorded, .. } = open_trial(dir, &options)?;
+    let mut again = ReplanResult::default();
     let mut logged: Vec<PlanReply> = Vec::new();
     let inputs = record.inputs()?.map(|entry| entry.map(|e| (e.tick, e.input)).map_err(ReplayError::from));
     let inputs = inputs.inspect(|entry| {
@@ -275,7 +284,7 @@ pub fn replay_trial(dir: &Path, options: ReplayOptions) -> Result<Replayed, Box<
             match plans.reply(reply.id) {
                 Some((now, false)) if reply.status != PlanStatus::Cancelled => {
                     // The log does not have it.
-                    if (PlanReply { clearance: None, ..now }) == *reply {
+                    if (PlanReply { clearance_m: None, ..now }) == *reply {
                         again.equal += 1;
                     } else {
                         again.different.push(reply.id);
@@ -286,23 +295,23 @@ pub fn replay_trial(dir: &Path, options: ReplayOptions) -> Result<Replayed, Box<
         }
     }
     let divergence = first_divergence(&recorded, &spans);
-    Ok(Replayed {
+    Ok(ReplayResult {
         agrees: divergence.is_none() && again.different.is_empty(),
         spans: spans.len(),
         digest: testbed.digest(),
         recorded: last_digest(&recorded),
         divergence,
-        finished: record.finished(),
+        finished: record.is_finished(),
         seconds: record.end().as_secs(),
         format: RECORD_FORMAT,
         recorded_by: record.header().writer(),
-        replanned: options.replan.then_some(again),
+        replan_result: options.replan.then_some(again),
     })
 }
 
 /// Whether a trial was interrupted before its first digest: there is nothing to recompute, and no fault.
-pub(crate) fn never_begun(record: &Trial) -> bool {
-    !record.finished() && record.end() == SimTime(0)
+pub(crate) fn is_unstarted(record: &TrialRecord) -> bool {
+    !record.is_finished() && record.end() == SimTime(0)
 }
 
 #[cfg(test)]
@@ -325,6 +334,6 @@ mod tests {
             assert!(error.contains(&format!("{name} another.so.1 (here: {})", versions[name])), "{error}");
             assert!(error.contains("at commit 0123456789ab"), "{error}");
         }
-        assert_eq!(with(libraries::PROGRAM, "0.0.9"), Ok(()));
+        assert_eq!(with(libraries::PROGRAM_NAME, "0.0.9"), Ok(()));
     }
 }

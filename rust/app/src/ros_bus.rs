@@ -1,8 +1,8 @@
 //! rosbridge with a ROS graph behind it: what clients publish, offer and call reaches the graph, and the graph reaches
 //! them.
 
-use proact_messages::{MessageType, ServiceType, Time, known_type, plain_name};
-use proact_ros::node::relay::{Handler, RawIncoming, RawPublisher, RawService, RawSubscriber, Relay};
+use proact_messages::{MessageType, ServiceType, Time, builtin_type, ros1_name};
+use proact_ros::node::relay::{RawIncoming, RawPublisher, RawService, RawSubscriber, Relay, ServiceHandler};
 use proact_rosbridge::{
     BusError, Graph, LocalBus, MemberId, ServiceInfo, ServiceProvider, ServiceReply, TopicBus, TopicMessage,
     TopicSink, TopicType,
@@ -19,43 +19,43 @@ use std::{
 };
 
 /// How long a call may take for which nobody says how long.
-const CALL: Duration = Duration::from_secs(30);
+const CALL_TIMEOUT: Duration = Duration::from_secs(30);
 /// Calls into the graph that may run at the same time.
-const MOST_CALLS: usize = 64;
+const MAX_CALLS: usize = 64;
 
 /// A [`TopicBus`] whose topics and services are those of a ROS graph too.
 pub struct RosBus {
     local: Arc<LocalBus>,
     relay: Arc<Relay>,
     /// In whose name messages of the graph come.
-    graph: MemberId,
-    links: RwLock<Links>,
+    graph_member: MemberId,
+    links: RwLock<RosLinks>,
     types: Mutex<HashMap<String, Option<Arc<MessageType>>>>,
     service_types: Arc<Mutex<BTreeMap<String, String>>>,
     calls: Arc<AtomicUsize>,
 }
 
 #[derive(Default)]
-struct Links {
-    outgoing: HashMap<String, Outgoing>,
-    incoming: HashMap<String, Incoming>,
-    services: HashMap<String, Offered>,
+struct RosLinks {
+    outgoing: HashMap<String, PublishedTopic>,
+    incoming: HashMap<String, SubscribedTopic>,
+    services: HashMap<String, AdvertisedService>,
 }
 
 /// A topic that clients publish on. Without a link its type is known to nobody, and it stays among the clients.
-struct Outgoing {
+struct PublishedTopic {
     members: BTreeSet<MemberId>,
     link: Option<Arc<(RawPublisher, Arc<MessageType>)>>,
 }
 
 /// A topic that clients subscribe to.
-struct Incoming {
+struct SubscribedTopic {
     members: BTreeSet<MemberId>,
     _link: Option<RawSubscriber>,
 }
 
 /// A service that a client offers.
-struct Offered {
+struct AdvertisedService {
     member: MemberId,
     _link: Option<RawService>,
 }
@@ -72,7 +72,7 @@ impl RosBus {
         Arc::new(Self {
             local,
             relay,
-            graph,
+            graph_member: graph,
             links: RwLock::default(),
             types: Mutex::default(),
             service_types: Arc::default(),
@@ -80,55 +80,63 @@ impl RosBus {
         })
     }
 
-    fn read(&self) -> RwLockReadGuard<'_, Links> {
+    fn read(&self) -> RwLockReadGuard<'_, RosLinks> {
         self.links.read().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn write(&self) -> RwLockWriteGuard<'_, Links> {
+    fn write(&self) -> RwLockWriteGuard<'_, RosLinks> {
         self.links.write().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The fields of a type, from the packages on this machine if they are not known anyway.
-    fn fields(&self, type_name: &str) -> Option<Arc<MessageType>> {
-        let name = plain_name(type_name);
+    fn resolve_message_type(&self, type_name: &str) -> Option<Arc<MessageType>> {
+        let name = ros1_name(type_name);
         if let Some(known) = lock(&self.types).get(&name) {
             return known.clone();
         }
         let found = self.relay.definitions().message(&name).map(|definition| definition.kind);
-        let found = found.or_else(|| known_type(&name));
+        let found = found.or_else(|| builtin_type(&name));
         lock(&self.types).insert(name, found.clone());
         found
     }
 
     /// Checks a type that a client names against the graph's.
-    fn agree(&self, topic: &str, type_name: &str) -> Result<(), BusError> {
-        let census = self.relay.census();
-        match census.types.get(topic) {
-            Some(has) if *has != plain_name(type_name) && has != "*" => Err(BusError::TypeConflict {
+    fn check_type(&self, topic: &str, type_name: &str) -> Result<(), BusError> {
+        let graph_state = self.relay.graph_state();
+        match graph_state.types.get(topic) {
+            Some(has) if *has != ros1_name(type_name) && has != "*" => Err(BusError::TypeConflict {
                 topic: topic.to_owned(),
                 has: has.clone(),
-                got: plain_name(type_name),
+                got: ros1_name(type_name),
             }),
             _ => Ok(()),
         }
     }
 
     /// A publisher on the graph, if the type is to be found.
-    fn link_out(
+    fn open_publisher(
         &self,
         topic: &str,
         type_name: &str,
         latch: bool,
     ) -> Option<Arc<(RawPublisher, Arc<MessageType>)>> {
-        let name = plain_name(type_name);
+        let name = ros1_name(type_name);
         let definition = self.relay.definitions().message(&name)?;
-        match self.relay.publish(topic, &definition, latch) {
+        match self.relay.advertise(topic, &definition, latch) {
             Ok(publisher) => Some(Arc::new((publisher, definition.kind))),
             Err(error) => {
-                self.relay.refuse("rosbridge", &error.to_string());
+                self.relay.record_refusal("rosbridge", &error.to_string());
                 None
             }
         }
+    }
+
+    /// The service of a node that a question of rosapi is about, if its type has not been told yet.
+    fn unresolved_service(&self, arguments: &Json) -> Option<String> {
+        let service = arguments.get("service").or_else(|| arguments.get(0))?.as_str()?;
+        let is_known =
+            self.read().services.contains_key(service) || lock(&self.service_types).contains_key(service);
+        (!is_known && self.relay.graph_state().services.contains_key(service)).then(|| service.to_owned())
     }
 
     fn outgoing(&self, topic: &str) -> Option<Arc<(RawPublisher, Arc<MessageType>)>> {
@@ -137,21 +145,21 @@ impl RosBus {
         }
         // Published without a word before, on a topic that somebody else has named.
         let kind = self.topic_type(topic)?;
-        let link = self.link_out(topic, &kind.name, false);
+        let link = self.open_publisher(topic, &kind.name, false);
         self.write()
             .outgoing
-            .insert(topic.to_owned(), Outgoing { members: BTreeSet::new(), link: link.clone() });
+            .insert(topic.to_owned(), PublishedTopic { members: BTreeSet::new(), link: link.clone() });
         link
     }
 
     /// Has what other nodes publish handed out to the clients.
-    fn link_in(&self, topic: &str) -> Option<RawSubscriber> {
-        let (local, graph, relay) = (Arc::clone(&self.local), self.graph, Arc::downgrade(&self.relay));
-        let (name, mut known): (Arc<str>, Option<Known>) = (topic.into(), None);
+    fn open_subscriber(&self, topic: &str) -> Option<RawSubscriber> {
+        let (local, graph, relay) = (Arc::clone(&self.local), self.graph_member, Arc::downgrade(&self.relay));
+        let (name, mut known): (Arc<str>, Option<ReceivedType>) = (topic.into(), None);
         let take = move |message: &RawIncoming<'_>| {
             let refuse = |reason: String| {
                 if let Some(relay) = relay.upgrade() {
-                    relay.refuse("rosbridge", &format!("{name}: {reason}"));
+                    relay.record_refusal("rosbridge", &format!("{name}: {reason}"));
                 }
             };
             if known
@@ -159,7 +167,7 @@ impl RosBus {
                 .is_none_or(|known| known.type_name != message.type_name || known.text != message.text)
             {
                 known = None;
-                match Known::of(message) {
+                match ReceivedType::from_message(message) {
                     Ok(new) => match local.advertise(graph, &name, message.type_name, message.latched) {
                         Ok(()) => known = Some(new),
                         Err(error) => return refuse(error.to_string()),
@@ -182,7 +190,7 @@ impl RosBus {
         match self.relay.subscribe(topic, take) {
             Ok(subscriber) => Some(subscriber),
             Err(error) => {
-                self.relay.refuse("rosbridge", &error.to_string());
+                self.relay.record_refusal("rosbridge", &error.to_string());
                 None
             }
         }
@@ -190,20 +198,20 @@ impl RosBus {
 }
 
 /// What publishers of a topic say of its type.
-struct Known {
+struct ReceivedType {
     type_name: String,
     text: String,
     fields: Arc<MessageType>,
 }
 
-impl Known {
-    fn of(message: &RawIncoming<'_>) -> Result<Self, String> {
+impl ReceivedType {
+    fn from_message(message: &RawIncoming<'_>) -> Result<Self, String> {
         let fields = MessageType::from_text(message.type_name, message.text).map_err(|e| e.to_string())?;
         Ok(Self { type_name: message.type_name.to_owned(), text: message.text.to_owned(), fields })
     }
 }
 
-fn now() -> Time {
+fn ros_time_now() -> Time {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     Time { secs: since.as_secs() as u32, nsecs: since.subsec_nanos() }
 }
@@ -218,7 +226,7 @@ fn encode(kind: &Arc<MessageType>, json: Json) -> Result<Vec<u8>, String> {
         Json::Null => Json::Object(Map::new()),
         other => other,
     };
-    let value = kind.read(named, now()).map_err(|e| e.to_string())?;
+    let value = kind.parse_json(named, ros_time_now()).map_err(|e| e.to_string())?;
     kind.to_bytes(&value).map_err(|e| e.to_string())
 }
 
@@ -228,7 +236,7 @@ fn decode(kind: &MessageType, bytes: &[u8]) -> Result<Json, String> {
 }
 
 /// A client's service for the graph.
-fn handler(kind: ServiceType, provider: Arc<dyn ServiceProvider>) -> Arc<Handler> {
+fn service_handler(kind: ServiceType, provider: Arc<dyn ServiceProvider>) -> Arc<ServiceHandler> {
     Arc::new(move |request: &[u8]| {
         let arguments = decode(&kind.request, request)?;
         let (answered, answer) = sync_channel(1);
@@ -236,8 +244,9 @@ fn handler(kind: ServiceType, provider: Arc<dyn ServiceProvider>) -> Arc<Handler
             // The caller may have gone.
             let _ = answered.send(result);
         });
-        provider.call(arguments, reply.within(Instant::now() + CALL));
-        let result = answer.recv_timeout(CALL).map_err(|_| format!("no answer within {CALL:?}"))?;
+        provider.call(arguments, reply.with_deadline(Instant::now() + CALL_TIMEOUT));
+        let result =
+            answer.recv_timeout(CALL_TIMEOUT).map_err(|_| format!("no answer within {CALL_TIMEOUT:?}"))?;
         encode(&kind.response, result?)
     })
 }
@@ -264,7 +273,7 @@ impl TopicBus for RosBus {
         self.local.leave(member);
         let mut links = self.write();
         let leave = |members: &mut BTreeSet<MemberId>| members.remove(&member) && members.is_empty();
-        let gone: (Vec<Outgoing>, Vec<Incoming>, Vec<Offered>) = (
+        let gone: (Vec<PublishedTopic>, Vec<SubscribedTopic>, Vec<AdvertisedService>) = (
             links.outgoing.extract_if(|_, out| leave(&mut out.members)).map(|(_, out)| out).collect(),
             links.incoming.extract_if(|_, t| leave(&mut t.members)).map(|(_, t)| t).collect(),
             links.services.extract_if(|_, offered| offered.member == member).map(|(_, o)| o).collect(),
@@ -275,14 +284,16 @@ impl TopicBus for RosBus {
     }
 
     fn advertise(&self, member: MemberId, topic: &str, type_name: &str, latch: bool) -> Result<(), BusError> {
-        self.agree(topic, type_name)?;
+        self.check_type(topic, type_name)?;
         self.local.advertise(member, topic, type_name, latch)?;
         if let Some(out) = self.write().outgoing.get_mut(topic) {
             out.members.insert(member);
             return Ok(());
         }
-        let link = self.link_out(topic, type_name, latch);
-        self.write().outgoing.insert(topic.to_owned(), Outgoing { members: BTreeSet::from([member]), link });
+        let link = self.open_publisher(topic, type_name, latch);
+        self.write()
+            .outgoing
+            .insert(topic.to_owned(), PublishedTopic { members: BTreeSet::from([member]), link });
         Ok(())
     }
 
@@ -305,9 +316,9 @@ impl TopicBus for RosBus {
                 return Some(TopicType { name, definition });
             }
             Some(TopicType { name, .. }) => name,
-            None => self.relay.census().types.get(topic)?.clone(),
+            None => self.relay.graph_state().types.get(topic)?.clone(),
         };
-        Some(TopicType { definition: self.fields(&name), name })
+        Some(TopicType { definition: self.resolve_message_type(&name), name })
     }
 
     fn publish(&self, messages: &[Arc<TopicMessage>]) {
@@ -317,7 +328,7 @@ impl TopicBus for RosBus {
             let (publisher, fields) = &*link;
             let sent = fields.to_bytes(&message.value).map_err(|e| e.to_string());
             if let Err(reason) = sent.and_then(|bytes| publisher.send(bytes)) {
-                self.relay.refuse("rosbridge", &format!("{}: {reason}", message.topic));
+                self.relay.record_refusal("rosbridge", &format!("{}: {reason}", message.topic));
             }
         }
     }
@@ -330,18 +341,23 @@ impl TopicBus for RosBus {
         sink: Arc<dyn TopicSink>,
     ) -> Result<(), BusError> {
         if let Some(type_name) = type_name {
-            self.agree(topic, type_name)?;
+            self.check_type(topic, type_name)?;
         }
         self.local.subscribe(member, topic, type_name, sink)?;
         if let Some(topic) = self.write().incoming.get_mut(topic) {
             topic.members.insert(member);
             return Ok(());
         }
-        let link = self.link_in(topic);
+        let link = self.open_subscriber(topic);
         self.write()
             .incoming
-            .insert(topic.to_owned(), Incoming { members: BTreeSet::from([member]), _link: link });
+            .insert(topic.to_owned(), SubscribedTopic { members: BTreeSet::from([member]), _link: link });
         Ok(())
+    }
+
+    fn receiver_count(&self, topic: &str) -> usize {
+        let link = self.read().outgoing.get(topic).and_then(|out| out.link.clone());
+        self.local.receiver_count(topic) + link.map_or(0, |link| link.0.subscriber_count())
     }
 
     fn unsubscribe(&self, member: MemberId, topic: &str) -> Result<(), BusError> {
@@ -356,7 +372,7 @@ impl TopicBus for RosBus {
         if gone.is_some() {
             drop(gone);
             // Nobody hears the graph there any more; it may never have said anything.
-            let _ = self.local.unadvertise(self.graph, topic);
+            let _ = self.local.unadvertise(self.graph_member, topic);
         }
         Ok(())
     }
@@ -369,12 +385,13 @@ impl TopicBus for RosBus {
         provider: Arc<dyn ServiceProvider>,
     ) -> Result<(), BusError> {
         self.local.advertise_service(member, service, type_name, Arc::clone(&provider))?;
-        let kind = self.relay.definitions().service(&type_name.replacen("/srv/", "/", 1));
+        let kind = self.relay.definitions().service(&ros1_name(type_name));
         let link = kind.and_then(|kind| {
-            let served = self.relay.serve(service, kind.clone(), handler(kind, provider));
-            served.map_err(|reason| self.relay.refuse("rosbridge", &reason)).ok()
+            let served = self.relay.advertise_service(service, kind.clone(), service_handler(kind, provider));
+            served.map_err(|reason| self.relay.record_refusal("rosbridge", &reason)).ok()
         });
-        let replaced = self.write().services.insert(service.to_owned(), Offered { member, _link: link });
+        let replaced =
+            self.write().services.insert(service.to_owned(), AdvertisedService { member, _link: link });
         drop(replaced);
         Ok(())
     }
@@ -386,23 +403,40 @@ impl TopicBus for RosBus {
         Ok(())
     }
 
-    fn knows_service_type(&self, type_name: &str) -> bool {
-        self.local.knows_service_type(type_name)
-            || self.relay.definitions().service(&type_name.replacen("/srv/", "/", 1)).is_some()
+    fn message_type(&self, name: &str) -> Option<Arc<MessageType>> {
+        self.resolve_message_type(name)
+    }
+
+    fn service_type(&self, name: &str) -> Option<Arc<ServiceType>> {
+        let found = self.relay.definitions().service(&ros1_name(name)).map(Arc::new);
+        found.or_else(|| self.local.service_type(name))
     }
 
     fn call_service(&self, service: &str, arguments: Json, reply: ServiceReply) {
-        if self.read().services.contains_key(service) {
+        let is_local = self.read().services.contains_key(service);
+        // Of a node's service, which its node tells when asked.
+        let unresolved = (is_local && service == "/rosapi/service_type")
+            .then(|| self.unresolved_service(&arguments))
+            .flatten();
+        if is_local && unresolved.is_none() {
             return self.local.call_service(service, arguments, reply);
         }
-        if self.calls.fetch_add(1, Ordering::Relaxed) >= MOST_CALLS {
+        if self.calls.fetch_add(1, Ordering::Relaxed) >= MAX_CALLS {
             self.calls.fetch_sub(1, Ordering::Relaxed);
-            return reply.answer(Err(format!("{MOST_CALLS} calls of services run already; call again")));
+            return reply.answer(Err(format!("{MAX_CALLS} calls of services run already; call again")));
         }
         let (relay, calls, types) = (self.relay.clone(), self.calls.clone(), self.service_types.clone());
-        let service = service.to_owned();
+        let (service, local) = (service.to_owned(), self.local.clone());
         std::thread::spawn(move || {
-            let deadline = reply.deadline().unwrap_or_else(|| Instant::now() + CALL);
+            if let Some(unresolved) = unresolved {
+                let service_type = relay.service_type(&unresolved);
+                calls.fetch_sub(1, Ordering::Relaxed);
+                if let Ok(type_name) = service_type {
+                    lock(&types).insert(unresolved, type_name);
+                }
+                return local.call_service(&service, arguments, reply);
+            }
+            let deadline = reply.deadline().unwrap_or_else(|| Instant::now() + CALL_TIMEOUT);
             let result = call(&relay, &service, arguments, deadline);
             calls.fetch_sub(1, Ordering::Relaxed);
             reply.answer(result.map(|(type_name, values)| {
@@ -418,8 +452,8 @@ impl TopicBus for RosBus {
         for info in graph.topics.values_mut() {
             info.publishers.retain(|name| !name.is_empty());
         }
-        let (census, own) = (self.relay.census(), self.relay.name());
-        for (topic, type_name) in census.types {
+        let (graph_state, own) = (self.relay.graph_state(), self.relay.name());
+        for (topic, type_name) in graph_state.types {
             graph.topics.entry(topic).or_default().type_name = type_name;
         }
         let mut nodes = BTreeSet::new();
@@ -429,13 +463,13 @@ impl TopicBus for RosBus {
                 to.push(name);
             }
         };
-        for (topic, names) in census.publishers {
+        for (topic, names) in graph_state.publishers {
             add(names, &mut graph.topics.entry(topic).or_default().publishers);
         }
-        for (topic, names) in census.subscribers {
+        for (topic, names) in graph_state.subscribers {
             add(names, &mut graph.topics.entry(topic).or_default().subscribers);
         }
-        for (service, names) in census.services {
+        for (service, names) in graph_state.services {
             let mut providers = Vec::new();
             add(names, &mut providers);
             if let Some(provider) = providers.pop() {

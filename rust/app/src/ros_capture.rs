@@ -9,33 +9,33 @@ pub const ROS_SCHEMES: [CaptureScheme; 2] = [
     CaptureScheme {
         scheme: "ros",
         form: "ros:/TOPIC",
-        split: split::whole,
-        up: UpAxis::Z,
+        split: split::unsplit,
+        up_axis: UpAxis::Z,
         open: |topic, _, clock| open_topic(topic, clock),
     },
     CaptureScheme {
         scheme: "tf",
         form: "tf:PARENT/FRAME",
         split: split::first_slash,
-        up: UpAxis::Z,
+        up_axis: UpAxis::Z,
         open: open_tf,
     },
 ];
 
-type Opened = Result<Box<dyn MotionCapture>, DeviceError>;
+type OpenResult = Result<Box<dyn MotionCapture>, DeviceError>;
 
 #[cfg(feature = "ros")]
-mod on_a_graph {
-    use super::{HostClock, Opened};
-    use proact_devices::motion_capture::{Inflow, ThreadedCapture};
+mod ros_graph {
+    use super::{HostClock, OpenResult};
+    use proact_devices::motion_capture::{PoseQueue, ThreadedCapture};
     use proact_localization::{Nanos, RawBodyPose};
-    use proact_ros::node::{TakesPoses, follow_pose_topic, follow_tf};
+    use proact_ros::node::{PoseSink, follow_pose_topic, follow_tf};
 
     /// What the reader's thread hands over to.
     #[derive(Clone)]
-    struct Taker(Inflow);
+    struct InflowPoseSink(PoseQueue);
 
-    impl TakesPoses for Taker {
+    impl PoseSink for InflowPoseSink {
         fn now(&self) -> Nanos {
             self.0.clock.now()
         }
@@ -44,59 +44,65 @@ mod on_a_graph {
             self.0.push(pose);
         }
 
-        fn wait(&self, reason: String) {
-            self.0.wait(reason);
+        fn report_waiting(&self, reason: String) {
+            self.0.set_waiting(reason);
         }
 
-        fn is_over(&self) -> bool {
-            self.0.is_over()
+        fn is_closed(&self) -> bool {
+            self.0.is_closed()
         }
     }
 
-    fn start(name: String, clock: HostClock, follow: impl FnOnce(&Taker) + Send + 'static) -> Opened {
+    fn start_capture(
+        name: String,
+        clock: HostClock,
+        follow: impl FnOnce(&InflowPoseSink) + Send + 'static,
+    ) -> OpenResult {
         let waiting_for = format!("{name} has not been heard of yet");
-        Ok(Box::new(ThreadedCapture::start(name, clock, waiting_for, |inflow| follow(&Taker(inflow)))))
+        Ok(Box::new(ThreadedCapture::start(name, clock, waiting_for, |inflow| {
+            follow(&InflowPoseSink(inflow))
+        })))
     }
 
-    pub(super) fn open_topic(topic: &str, clock: HostClock) -> Opened {
+    pub(super) fn open_topic(topic: &str, clock: HostClock) -> OpenResult {
         let named = topic.to_owned();
-        start(format!("ROS topic {topic}"), clock, move |taker| follow_pose_topic(&named, taker))
+        start_capture(format!("ROS topic {topic}"), clock, move |sink| follow_pose_topic(&named, sink))
     }
 
-    pub(super) fn open_tf(parent: &str, frame: &str, clock: HostClock) -> Opened {
+    pub(super) fn open_tf(parent: &str, frame: &str, clock: HostClock) -> OpenResult {
         let (above, named) = (parent.to_owned(), frame.to_owned());
-        start(format!("tf, {frame} in {parent}"), clock, move |taker| follow_tf(&above, &named, taker))
+        start_capture(format!("tf, {frame} in {parent}"), clock, move |sink| follow_tf(&above, &named, sink))
     }
 }
 
 #[cfg(not(feature = "ros"))]
-mod on_a_graph {
-    use super::{DeviceError, HostClock, Opened};
+mod ros_graph {
+    use super::{DeviceError, HostClock, OpenResult};
 
-    fn none(name: String) -> Opened {
+    fn none(name: String) -> OpenResult {
         Err(DeviceError::Source { name, reason: crate::NO_ROS.to_owned() })
     }
 
-    pub(super) fn open_topic(topic: &str, _: HostClock) -> Opened {
+    pub(super) fn open_topic(topic: &str, _: HostClock) -> OpenResult {
         none(format!("ros:{topic}"))
     }
 
-    pub(super) fn open_tf(parent: &str, frame: &str, _: HostClock) -> Opened {
+    pub(super) fn open_tf(parent: &str, frame: &str, _: HostClock) -> OpenResult {
         none(format!("tf:{parent}/{frame}"))
     }
 }
 
-use on_a_graph::{open_tf, open_topic};
+use ros_graph::{open_tf, open_topic};
 
 #[cfg(test)]
 mod tests {
     use crate::Registry;
-    use proact_devices::motion_capture::body_of;
+    use proact_devices::motion_capture::body_name;
 
     #[test]
     fn topics_are_bodies_and_frames_are_split_from_what_they_are_in() {
         let captures = Registry::standard().captures;
-        let body = |name: &str| body_of(&captures, &name.parse().unwrap()).map(str::to_owned);
+        let body = |name: &str| body_name(&captures, &name.parse().unwrap()).map(str::to_owned);
         let topic = "/vrpn_client_node/Shoulderpad/pose";
         assert_eq!(body(&format!("ros:{topic}")).unwrap(), topic);
         assert_eq!(body("tf:optitrack_world/left/base_link").unwrap(), "left/base_link");

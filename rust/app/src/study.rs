@@ -3,34 +3,45 @@
 mod conductor;
 mod export;
 mod live;
-mod people;
 mod power;
 mod rehearsal;
+mod simulated_participant;
 pub(crate) mod tables;
 mod worker;
 
 use conductor::study_place;
 pub use conductor::{
-    Conductor, Look, STUDY_FILE, StudyError, TRIALS_FOLDER, check_pseudonym, look, record_name,
+    Conductor, STUDY_FILE, StudyError, StudyView, TRIALS_FOLDER, check_pseudonym, open_view, record_name,
 };
-pub use export::{ExportOptions, Exported, archive, export};
+pub use export::{
+    ArchiveSummary, ExportOptions, ExportSummary, FaultyRecordPolicy, archive, current_export, export,
+};
 pub(crate) use export::{codebook_csv, table_csv};
-pub use live::{LiveStudy, OnScreen, OpenPerson, StudyEquipment, opening};
-pub(crate) use people::histories;
-pub use people::{People, TrialHistory, person_values, population_values};
-pub use power::{PowerOfSize, PowerOptions, expected_effect, pilot, power_by_size, power_figure};
-pub use rehearsal::{RehearsalOptions, Rehearsed, rehearse};
-pub use tables::tables;
-pub use worker::{TrialDone, TrialOrder, TrialScores, Worker, WorkerError, simulated_trial, work};
-
-use crate::trial_choice::{TrialContext, trial_config};
-use proact_control::MethodRegistry;
-use proact_files::{make_folder, write_whole};
-use proact_study::{
-    ArmSymCondition, Form, Happening, Plan, PlanError, PlannedStep, ProtocolStep, SHIPPED, SHIPPED_FORMS,
-    Schedule, TrialChoice, plan_from_armsym,
+pub use live::{LiveStudy, OpenUserDevices, ScreenObserver, StudyEquipment, initial_page_content};
+pub use power::{
+    PowerAtSampleSize, PowerOptions, pilot_scores, power_by_size, power_figure, read_expected_effect,
 };
-use proact_types::{MOST_TEXT_BYTES, read_text};
+pub use rehearsal::{RehearsalEvent, RehearsalOptions, rehearse};
+pub(crate) use simulated_participant::participant_histories;
+pub use simulated_participant::{
+    ParticipantHistory, ParticipantKind, participant_overrides, population_overrides,
+};
+pub use tables::tables;
+pub use worker::{
+    FinishedTrial, TrialJob, TrialScores, TrialWorker, WorkerError, run_simulated_trial, run_worker,
+};
+
+use crate::{
+    trial_choice::{TrialContext, trial_config},
+    warn_of_renamed_keys,
+};
+use proact_control::MethodRegistry;
+use proact_files::{make_folder, write_atomically};
+use proact_study::{
+    ArmSymCondition, Form, PlannedStep, ProtocolStep, SHIPPED_FORMS, SHIPPED_PLANS, Schedule, SessionItem,
+    StudyPlan, StudyPlanError, TrialOptions, plan_from_armsym,
+};
+use proact_types::{MAX_TEXT_BYTES, read_text};
 use std::{
     collections::BTreeMap,
     error::Error,
@@ -52,7 +63,7 @@ pub struct Study {
     /// The plan, word for word.
     pub plan_text: String,
     /// What is planned.
-    pub plan: Plan,
+    pub plan: StudyPlan,
     /// Who does what.
     pub schedule: Schedule,
     /// Names of the arrangements that the task has.
@@ -75,7 +86,7 @@ impl Study {
         };
         let failed = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
         let text =
-            fs::File::open(&file).and_then(|open| read_text(open, MOST_TEXT_BYTES)).map_err(|error| {
+            fs::File::open(&file).and_then(|open| read_text(open, MAX_TEXT_BYTES)).map_err(|error| {
                 match error.kind() {
                     io::ErrorKind::NotFound => {
                         failed(&"there is no such plan; proact study new NAME makes a study")
@@ -89,18 +100,18 @@ impl Study {
     /// The plan at `path`, or the one that ships under this name, for so many people drawn from `seed` instead of its own.
     ///
     /// # Errors
-    /// As [`Study::open`].
-    pub fn open_for(
+    /// As [`Study::lock`].
+    pub fn open_with_participants(
         path: &Path,
         methods: &MethodRegistry,
         people: Option<usize>,
         seed: Option<u64>,
     ) -> Result<Self, Box<dyn Error>> {
-        let for_people = |plan: Plan| {
+        let for_people = |plan: StudyPlan| {
             let (people, seed) = (people.unwrap_or(plan.participants), seed.unwrap_or(plan.seed));
-            plan.for_people(people, seed)
+            plan.with_participants(people, seed)
         };
-        let shipped = SHIPPED.iter().find(|(name, _)| Path::new(name) == path && !path.exists());
+        let shipped = SHIPPED_PLANS.iter().find(|(name, _)| Path::new(name) == path && !path.exists());
         match shipped {
             Some((_, text)) => Self::of_text(Path::new("."), path, (*text).to_owned(), methods, for_people),
             None => {
@@ -116,7 +127,7 @@ impl Study {
         file: &Path,
         text: String,
         methods: &MethodRegistry,
-        change: impl FnOnce(Plan) -> Result<Plan, PlanError>,
+        change: impl FnOnce(StudyPlan) -> Result<StudyPlan, StudyPlanError>,
     ) -> Result<Self, Box<dyn Error>> {
         let failed = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
         if text.trim().is_empty() {
@@ -124,7 +135,10 @@ impl Study {
                         remove the folder and make the study again with proact study new";
             return Err(failed(&what).into());
         }
-        let plan = Plan::from_text(&text).and_then(change).map_err(|error| failed(&error))?;
+        let mut renamed = Vec::new();
+        let plan = StudyPlan::from_text_noting(&text, &mut renamed);
+        warn_of_renamed_keys(&renamed);
+        let plan = plan.and_then(change).map_err(|error| failed(&error))?;
         let mut arrangements: Option<Vec<String>> = None;
         for (k, condition) in plan.conditions.iter().enumerate() {
             let context = TrialContext {
@@ -136,7 +150,7 @@ impl Study {
                 intent: None,
                 emg: None,
             };
-            let config = trial_config(&plan.choice(k), context)
+            let config = trial_config(&plan.trial_options(k), context)
                 .map_err(|error| failed(&format!("condition {}: {error}", condition.name)))?
                 .1;
             // Those that each condition's task has.
@@ -163,11 +177,9 @@ impl Study {
 /// The questionnaires of a schedule: the study's own in its folder, or those that ship with the program.
 fn forms(folder: &Path, schedule: &Schedule) -> Result<BTreeMap<String, Form>, Box<dyn Error>> {
     let mut forms = BTreeMap::new();
-    let named = schedule.sessions.iter().flat_map(|session| &session.happenings).filter_map(|happening| {
-        match happening {
-            Happening::Step(PlannedStep { step: ProtocolStep::Form { form, .. }, .. }) => Some(form),
-            _ => None,
-        }
+    let named = schedule.sessions.iter().flat_map(|session| &session.items).filter_map(|item| match item {
+        SessionItem::Step(PlannedStep { step: ProtocolStep::Form { form, .. }, .. }) => Some(form),
+        _ => None,
     });
     for name in named {
         if forms.contains_key(name) {
@@ -177,7 +189,7 @@ fn forms(folder: &Path, schedule: &Schedule) -> Result<BTreeMap<String, Form>, B
         let form = if file.is_file() {
             let failed = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
             let text = fs::File::open(&file)
-                .and_then(|open| read_text(open, MOST_TEXT_BYTES))
+                .and_then(|open| read_text(open, MAX_TEXT_BYTES))
                 .map_err(|error| failed(&error))?;
             Form::from_text(&text).map_err(|error| failed(&error))?
         } else {
@@ -205,26 +217,27 @@ fn forms(folder: &Path, schedule: &Schedule) -> Result<BTreeMap<String, Form>, B
 ///
 /// # Errors
 /// A name that no plan has, or no condition of that plan.
-pub fn like(name: &str) -> Result<TrialChoice, Box<dyn Error>> {
+pub fn shipped_trial_options(name: &str) -> Result<TrialOptions, Box<dyn Error>> {
     let (name, wanted) = match name.split_once(':') {
         Some((name, condition)) => (name, Some(condition)),
         None => (name, None),
     };
-    let plan = Plan::from_text(shipped(name)?).map_err(|error| format!("plan {name}: {error}"))?;
+    let plan =
+        StudyPlan::from_text(shipped_plan_text(name)?).map_err(|error| format!("plan {name}: {error}"))?;
     let names: Vec<&str> = plan.conditions.iter().map(|condition| condition.name.as_str()).collect();
     let found = wanted.map_or(Some(0), |wanted| names.iter().position(|name| *name == wanted));
     let number = found.ok_or_else(|| {
         let (wanted, known) = (wanted.unwrap_or_default(), names.join(", "));
         format!("plan {name} has no condition {wanted:?}, expected one of {known}")
     })?;
-    Ok(plan.choice(number))
+    Ok(plan.trial_options(number))
 }
 
 /// The text of the plan that ships as `like`.
-fn shipped(like: &str) -> Result<&'static str, Box<dyn Error>> {
-    let found = SHIPPED.iter().find(|(name, _)| *name == like);
+fn shipped_plan_text(like: &str) -> Result<&'static str, Box<dyn Error>> {
+    let found = SHIPPED_PLANS.iter().find(|(name, _)| *name == like);
     Ok(found.map(|(_, text)| *text).ok_or_else(|| {
-        let known: Vec<&str> = SHIPPED.iter().map(|(name, _)| *name).collect();
+        let known: Vec<&str> = SHIPPED_PLANS.iter().map(|(name, _)| *name).collect();
         format!("no plan {like:?} ships with the program, expected one of {}", known.join(", "))
     })?)
 }
@@ -234,8 +247,8 @@ fn shipped(like: &str) -> Result<&'static str, Box<dyn Error>> {
 /// # Errors
 /// A folder that exists, a name that is none for a study, what cannot be written.
 pub fn new_study(folder: &Path, like: &str) -> Result<PathBuf, Box<dyn Error>> {
-    let text = shipped(like)?;
-    let text = text.replacen(&format!("name = \"{like}\""), &format!("name = {:?}", own_name(folder)), 1);
+    let text = shipped_plan_text(like)?;
+    let text = text.replacen(&format!("name = \"{like}\""), &format!("name = {:?}", study_name(folder)), 1);
     write_new(folder, &text)
 }
 
@@ -251,25 +264,25 @@ pub fn new_study_from_armsym(
     for file in files {
         let failed = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
         let text = fs::File::open(file)
-            .and_then(|from| read_text(from, MOST_TEXT_BYTES))
+            .and_then(|from| read_text(from, MAX_TEXT_BYTES))
             .map_err(|error| failed(&error))?;
         let condition = ArmSymCondition::from_json(&text).map_err(|error| failed(&error))?;
-        left_out.extend(condition.left_out().iter().map(|sentence| failed(sentence)));
+        left_out.extend(condition.ignored_fields().iter().map(|sentence| failed(sentence)));
         conditions.push(condition);
     }
-    let text = plan_from_armsym(own_name(folder), &conditions)
+    let text = plan_from_armsym(study_name(folder), &conditions)
         .map_err(|error| format!("{}: {error}", folder.display()))?;
     Ok((write_new(folder, &text)?, left_out))
 }
 
 /// What a study in `folder` is called.
-fn own_name(folder: &Path) -> &str {
+fn study_name(folder: &Path) -> &str {
     folder.file_name().and_then(|name| name.to_str()).unwrap_or_default()
 }
 
 /// Makes `folder` and writes a plan into it.
 fn write_new(folder: &Path, text: &str) -> Result<PathBuf, Box<dyn Error>> {
-    Plan::from_text(text).map_err(|error| format!("{}: {error}", folder.display()))?;
+    StudyPlan::from_text(text).map_err(|error| format!("{}: {error}", folder.display()))?;
     let existed = fs::symlink_metadata(folder).is_ok();
     // An empty folder may be what a killed program left.
     if existed && !fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_none()) {
@@ -277,7 +290,7 @@ fn write_new(folder: &Path, text: &str) -> Result<PathBuf, Box<dyn Error>> {
     }
     make_folder(folder)?;
     let file = folder.join(PLAN_FILE);
-    write_whole(&file, text).inspect_err(|_| {
+    write_atomically(&file, text).inspect_err(|_| {
         // The error of the file is the one to report.
         if !existed {
             let _ = fs::remove_dir(folder);

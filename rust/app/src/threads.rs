@@ -11,7 +11,7 @@ use std::{
 ///
 /// # Errors
 /// What went wrong, of several the one of the first thread; a panic is one.
-pub(crate) fn in_threads(
+pub(crate) fn run_in_threads(
     jobs: usize,
     failed: &AtomicBool,
     work: impl Fn() -> Result<(), Box<dyn Error>> + Sync,
@@ -47,7 +47,7 @@ mod tests {
             Ok(())
         };
         // Without the flag the other three would never end.
-        assert_eq!(in_threads(4, &failed, work), Err("the fortieth".to_owned()));
-        assert_eq!(in_threads(0, &AtomicBool::new(false), || Ok(())), Ok(()));
+        assert_eq!(run_in_threads(4, &failed, work), Err("the fortieth".to_owned()));
+        assert_eq!(run_in_threads(0, &AtomicBool::new(false), || Ok(())), Ok(()));
     }
 }

@@ -3,9 +3,9 @@
 use proact_types::ChannelValues;
 
 /// Numbers a second that a page is sent: 8 channels at 1 kHz. With the scene that is some 120 kB a second.
-const MOST_PER_SEC: f64 = 8_000.0;
+const MAX_VALUES_PER_SEC: f64 = 8_000.0;
 /// What a picture tells apart, as a share of what a channel spans.
-const SHARE: f64 = 3e-3;
+const ROUNDING_FRACTION: f64 = 3e-3;
 
 /// Streams of up to 8 channels at 1 kHz go to the page as they are. Of denser ones each block of samples goes as two rows,
 /// the lowest and the highest value of each channel in it: what a trace of many samples a pixel shows.
@@ -20,13 +20,13 @@ pub(crate) struct TraceEnvelope {
 impl TraceEnvelope {
     /// For a stream of `channels` channels at `rate_hz`.
     pub(crate) fn new(rate_hz: f64, channels: usize) -> Self {
-        let excess = rate_hz * channels as f64 / MOST_PER_SEC;
+        let excess = rate_hz * channels as f64 / MAX_VALUES_PER_SEC;
         let block = if excess <= 1.0 { 1 } else { 2 * excess.ceil() as usize };
         Self { block, seen: 0, lowest: ChannelValues::new(), highest: ChannelValues::new() }
     }
 
     /// Rows are no samples.
-    pub(crate) fn is_thinned(&self) -> bool {
+    pub(crate) fn is_decimated(&self) -> bool {
         self.block > 1
     }
 
@@ -64,7 +64,7 @@ pub(crate) fn round(rows: &mut [Vec<f64>]) {
         let (low, high) = values
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
         // Powers of ten, so that few digits are left; at least those of a device that counts in billionths.
-        let decimals = -((high - low) * SHARE).log10().floor();
+        let decimals = -((high - low) * ROUNDING_FRACTION).log10().floor();
         if !(-9.0..=12.0).contains(&decimals) {
             continue;
         }
@@ -92,7 +92,7 @@ mod tests {
         for (channel, span) in [(0, 24.0), (1, 4e-5), (2, 60.0)] {
             let worst =
                 rows.iter().zip(&whole).map(|(a, b)| (a[channel] - b[channel]).abs()).fold(0.0, f64::max);
-            assert!(worst <= 0.5 * SHARE * span, "channel {channel}: {worst}");
+            assert!(worst <= 0.5 * ROUNDING_FRACTION * span, "channel {channel}: {worst}");
             assert!(worst > 0.0);
         }
         assert!(rows.iter().all(|row| row[3] == 0.123_456_789 && row[4].is_nan()));
@@ -115,7 +115,7 @@ mod tests {
             grid.push(&[if k == 1234 { 99.0 } else { f64::from(k % 7) }; 64], &mut rows);
         }
         assert_eq!((rows.len() as f64, rows[0].len()), (1.6 * grid.row_hz(4000.0), 64));
-        assert!((rows.len() * 64) as f64 <= 1.6 * MOST_PER_SEC);
+        assert!((rows.len() * 64) as f64 <= 1.6 * MAX_VALUES_PER_SEC);
         assert_eq!((&rows[0], &rows[1]), (&vec![0.0; 64], &vec![6.0; 64]));
         assert_eq!(rows.iter().filter(|row| row[63] == 99.0).count(), 1);
     }

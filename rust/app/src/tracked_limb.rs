@@ -3,7 +3,7 @@
 use crate::TrackedBody;
 use nalgebra::UnitQuaternion;
 use proact_arm::{HandFit, LimbFit, LimbFitError};
-use proact_testbed::{Session, TestbedError};
+use proact_testbed::{RunningTrial, TestbedError};
 use proact_types::Pose;
 use std::str::FromStr;
 
@@ -73,14 +73,14 @@ pub enum TrackedLimbError {
 /// The limb as the arm was when it was first seen, and as it moved since.
 pub struct TrackedLimb {
     bodies: LimbBodies,
-    begun: Option<Begun>,
+    reference: Option<LimbReference>,
     /// Stamps of the poses that were taken last, s.
-    taken: [f64; 2],
-    line: String,
+    last_stamps_secs: [f64; 2],
+    status_line: String,
 }
 
 /// What began at the first sight of a trial: the fit, and `base_from_body` of each body then.
-enum Begun {
+enum LimbReference {
     Segments(LimbFit, [Option<UnitQuaternion<f64>>; 2]),
     Hand(HandFit, Pose),
 }
@@ -89,7 +89,7 @@ impl TrackedLimb {
     /// A limb that has not been seen yet.
     pub fn new(bodies: LimbBodies) -> Self {
         let line = "not seen yet".to_owned();
-        Self { bodies, begun: None, taken: [f64::NEG_INFINITY; 2], line }
+        Self { bodies, reference: None, last_stamps_secs: [f64::NEG_INFINITY; 2], status_line: line }
     }
 
     /// Another trial begins: the person holds the limb as the arm is again.
@@ -98,8 +98,8 @@ impl TrackedLimb {
     }
 
     /// How it stands, in words.
-    pub fn line(&self) -> &str {
-        &self.line
+    pub fn status_line(&self) -> &str {
+        &self.status_line
     }
 
     /// Hands the limb's angles to a trial whose base is at `tracking_from_base`. False if not all bodies were seen anew: the
@@ -107,42 +107,42 @@ impl TrackedLimb {
     ///
     /// # Errors
     /// An arm that has no such segments.
-    pub fn drive(
+    pub fn apply_to(
         &mut self,
-        session: &mut Session,
+        trial: &mut RunningTrial,
         tracking_from_base: &Pose,
         tracked: &TrackedBody,
     ) -> Result<bool, TrackedLimbError> {
-        let (mut seen, mut newest) = ([None; 2], self.taken);
+        let (mut seen, mut newest) = ([None; 2], self.last_stamps_secs);
         for (k, name) in self.bodies.names().enumerate() {
-            let Some(last) = tracked.newest_beside(name, STALE_SECS) else {
-                self.line = format!("body {name:?} is not seen");
+            let Some(last) = tracked.newest_extra_pose(name, STALE_SECS) else {
+                self.status_line = format!("body {name:?} is not seen");
                 return Ok(false);
             };
             seen[k] = Some(tracking_from_base.inv_mul(&last.pose));
             newest[k] = last.stamp_secs;
         }
         // Of several bodies one may come before the other; a body that stays away holds all of them up.
-        if (0..2).any(|k| seen[k].is_some() && newest[k] <= self.taken[k]) {
+        if (0..2).any(|k| seen[k].is_some() && newest[k] <= self.last_stamps_secs[k]) {
             return Ok(false);
         }
-        self.taken = newest;
-        let begun = match &mut self.begun {
-            Some(begun) => begun,
-            none => none.insert(Begun::new(session, &self.bodies, seen)?),
+        self.last_stamps_secs = newest;
+        let reference = match &mut self.reference {
+            Some(reference) => reference,
+            none => none.insert(LimbReference::new(trial, &self.bodies, seen)?),
         };
-        let (angles, gap) = begun.follow(seen);
-        session.person().track_limb(angles)?;
+        let (angles, gap) = reference.solve(seen);
+        trial.person_stage_mut().track_limb(angles)?;
         let names: Vec<&str> = self.bodies.names().map(String::as_str).collect();
-        self.line = format!("{} followed, within {gap}", names.join(" and "));
+        self.status_line = format!("{} followed, within {gap}", names.join(" and "));
         Ok(true)
     }
 }
 
-impl Begun {
+impl LimbReference {
     /// The limb is as the arm is now, its bodies where they were `seen`.
-    fn new(session: &Session, bodies: &LimbBodies, seen: [Option<Pose>; 2]) -> Result<Self, LimbFitError> {
-        let testbed = session.testbed();
+    fn new(trial: &RunningTrial, bodies: &LimbBodies, seen: [Option<Pose>; 2]) -> Result<Self, LimbFitError> {
+        let testbed = trial.testbed();
         let model = testbed.model();
         let angles = &testbed.plant().state().position[..model.arm_count()];
         Ok(match bodies {
@@ -154,18 +154,22 @@ impl Begun {
     }
 
     /// The angles for bodies that are `seen`, and how far off they stay, in words.
-    fn follow(&mut self, seen: [Option<Pose>; 2]) -> (&[f64], String) {
+    fn solve(&mut self, seen: [Option<Pose>; 2]) -> (&[f64], String) {
         match self {
             Self::Segments(fit, start) => {
                 let turns = [0, 1].map(|k| Some(seen[k]?.rotation * start[k]?.inverse()));
-                fit.follow(turns);
-                (fit.angles(), format!("{:.0} deg", fit.gap_rad().to_degrees()))
+                fit.update(turns);
+                (fit.angles(), format!("{:.0} deg", fit.rotation_error_rad().to_degrees()))
             }
             Self::Hand(fit, start) => {
                 let now = seen[0].unwrap_or(*start);
-                let way = now.translation.vector - start.translation.vector;
-                fit.follow(&way, &(now.rotation * start.rotation.inverse()));
-                let gap = format!("{:.0} mm and {:.0} deg", 1e3 * fit.gap_m(), fit.gap_rad().to_degrees());
+                let displacement = now.translation.vector - start.translation.vector;
+                fit.update(&displacement, &(now.rotation * start.rotation.inverse()));
+                let gap = format!(
+                    "{:.0} mm and {:.0} deg",
+                    1e3 * fit.position_error_m(),
+                    fit.rotation_error_rad().to_degrees()
+                );
                 (fit.angles(), gap)
             }
         }

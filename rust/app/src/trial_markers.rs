@@ -10,20 +10,20 @@ pub const TRIAL_ENDED: &str = "2";
 pub const EXPERIMENT_FINISHED: &str = "3";
 
 /// What sends a marker: the marker, and how long ago it was due, s.
-pub type SendMarker = Box<dyn FnMut(&str, f64)>;
+pub type MarkerSender = Box<dyn FnMut(&str, f64)>;
 
 /// Sends the markers of an experiment's trials.
 pub struct TrialMarkers {
-    send: SendMarker,
+    send: MarkerSender,
     /// A trial has begun in this experiment.
-    begun: bool,
+    experiment_started: bool,
     in_trial: bool,
 }
 
 impl TrialMarkers {
     /// Markers that `send` gets.
-    pub fn new(send: SendMarker) -> TrialMarkers {
-        TrialMarkers { send, begun: false, in_trial: false }
+    pub fn new(send: MarkerSender) -> TrialMarkers {
+        TrialMarkers { send, experiment_started: false, in_trial: false }
     }
 
     /// The time of a trial runs, and is `age_secs` after zero by now.
@@ -31,7 +31,7 @@ impl TrialMarkers {
         if std::mem::replace(&mut self.in_trial, true) {
             return;
         }
-        if !std::mem::replace(&mut self.begun, true) {
+        if !std::mem::replace(&mut self.experiment_started, true) {
             (self.send)(EXPERIMENT_STARTED, age_secs);
         }
         (self.send)(TRIAL_STARTED, age_secs);
@@ -48,7 +48,7 @@ impl TrialMarkers {
 impl Drop for TrialMarkers {
     fn drop(&mut self) {
         self.end();
-        if self.begun {
+        if self.experiment_started {
             (self.send)(EXPERIMENT_FINISHED, 0.0);
         }
     }
@@ -60,18 +60,18 @@ mod tests {
     use std::{cell::RefCell, rc::Rc};
 
     /// Markers as they came, with their ages.
-    type Heard = Rc<RefCell<Vec<(String, f64)>>>;
+    type SentMarkers = Rc<RefCell<Vec<(String, f64)>>>;
 
-    fn listened() -> (TrialMarkers, Heard) {
-        let heard = Heard::default();
-        let to = Rc::clone(&heard);
+    fn recording_markers() -> (TrialMarkers, SentMarkers) {
+        let sent_markers = SentMarkers::default();
+        let to = Rc::clone(&sent_markers);
         let send = move |marker: &str, age: f64| to.borrow_mut().push((marker.to_owned(), age));
-        (TrialMarkers::new(Box::new(send)), heard)
+        (TrialMarkers::new(Box::new(send)), sent_markers)
     }
 
     #[test]
     fn each_trial_begins_and_ends_once_between_the_experiments_start_and_end() {
-        let (mut markers, heard) = listened();
+        let (mut markers, sent_markers) = recording_markers();
         for _ in 0..2 {
             markers.begin(0.016);
             markers.begin(0.032);
@@ -79,22 +79,22 @@ mod tests {
             markers.end();
         }
         drop(markers);
-        let heard = heard.borrow();
-        let order: Vec<&str> = heard.iter().map(|(marker, _)| marker.as_str()).collect();
+        let sent_markers = sent_markers.borrow();
+        let order: Vec<&str> = sent_markers.iter().map(|(marker, _)| marker.as_str()).collect();
         assert_eq!(order, ["0", "1", "2", "1", "2", "3"]);
-        assert_eq!((heard[1].1, heard[2].1), (0.016, 0.0));
+        assert_eq!((sent_markers[1].1, sent_markers[2].1), (0.016, 0.0));
     }
 
     #[test]
     fn a_program_that_leaves_in_a_trial_ends_it_and_one_that_never_began_says_nothing() {
-        let (mut markers, heard) = listened();
+        let (mut markers, sent_markers) = recording_markers();
         markers.begin(0.0);
         drop(markers);
-        let order: Vec<String> = heard.borrow().iter().map(|(marker, _)| marker.clone()).collect();
+        let order: Vec<String> = sent_markers.borrow().iter().map(|(marker, _)| marker.clone()).collect();
         assert_eq!(order, ["0", "1", "2", "3"]);
-        let (mut markers, heard) = listened();
+        let (mut markers, sent_markers) = recording_markers();
         markers.end();
         drop(markers);
-        assert!(heard.borrow().is_empty());
+        assert!(sent_markers.borrow().is_empty());
     }
 }

@@ -1,16 +1,17 @@
 //! Where the trunk was in a trial: a file beside its record, from a body that motion capture sees on it.
 
+use proact_recording::RecordingError;
 use proact_types::{Pose, SimTime};
 use std::{error::Error, fmt::Write, fs, io, path::Path};
 
 /// The file in a trial's directory.
 pub const TRUNK_FILE: &str = "trunk.csv";
 /// Its first line: seconds since the trial's start, `world_from_trunk` in m and as x, y, z, w.
-const HEADER: &str = "time_s,x,y,z,qx,qy,qz,qw";
+const CSV_HEADER: &str = "time_s,x,y,z,qx,qy,qz,qw";
 
 /// The text of the file.
 pub fn trunk_text(poses: &[(SimTime, Pose)]) -> String {
-    let mut text = format!("{HEADER}\n");
+    let mut text = format!("{CSV_HEADER}\n");
     for (time, pose) in poses {
         // A String takes everything.
         let _ = write!(text, "{}", time.0 as f64 / 1e3);
@@ -34,22 +35,24 @@ pub fn read_trunk(dir: &Path) -> Result<Vec<(SimTime, Pose)>, Box<dyn Error>> {
         Err(error) => return Err(format!("{}: {error}", path.display()).into()),
     };
     let mut lines = text.lines().enumerate();
-    let wrong = |line: usize| format!("{}, line {line}: expected {HEADER}, a pose a line", path.display());
-    if lines.next().map(|(_, line)| line) != Some(HEADER) {
-        return Err(wrong(1).into());
+    let wrong =
+        |line: usize| format!("{}, line {line}: expected {CSV_HEADER}, a pose a line", path.display());
+    if lines.next().map(|(_, line)| line) != Some(CSV_HEADER) {
+        let reason = format!("unknown columns, expected {CSV_HEADER}");
+        return Err(RecordingError::UnknownKey { file: path, line: 1, reason }.into());
     }
-    lines.map(|(k, line)| pose(line).ok_or_else(|| wrong(k + 1).into())).collect()
+    lines.map(|(k, line)| parse_pose(line).ok_or_else(|| wrong(k + 1).into())).collect()
 }
 
-fn pose(line: &str) -> Option<(SimTime, Pose)> {
+fn parse_pose(line: &str) -> Option<(SimTime, Pose)> {
     let values: Vec<f64> = line.split(',').map(|cell| cell.parse().ok()).collect::<Option<_>>()?;
     let [secs, x, y, z, qx, qy, qz, qw] = values[..] else { return None };
     let turn = nalgebra::Quaternion::new(qw, qx, qy, qz);
     let sane =
         values.iter().all(|value| value.is_finite()) && secs >= 0.0 && (turn.norm() - 1.0).abs() < 1e-3;
-    let place = nalgebra::Translation3::new(x, y, z);
+    let translation = nalgebra::Translation3::new(x, y, z);
     let turn = nalgebra::UnitQuaternion::from_quaternion(turn);
-    sane.then(|| (SimTime((secs * 1e3).round() as u64), Pose::from_parts(place, turn)))
+    sane.then(|| (SimTime((secs * 1e3).round() as u64), Pose::from_parts(translation, turn)))
 }
 
 #[cfg(test)]
@@ -74,7 +77,7 @@ mod tests {
         }
         assert_eq!(read.len(), 3);
         for wrong in ["1,2,3", "0.1,0,0,0,0,0,0,0", "0.1,0,0,nan,0,0,0,1", "-1,0,0,0,0,0,0,1"] {
-            fs::write(&path, format!("{HEADER}\n0,0,0,0,0,0,0,1\n{wrong}\n")).unwrap();
+            fs::write(&path, format!("{CSV_HEADER}\n0,0,0,0,0,0,0,1\n{wrong}\n")).unwrap();
             let error = read_trunk(dir.path()).unwrap_err().to_string();
             assert!(error.contains("trunk.csv, line 3"), "{error}");
         }

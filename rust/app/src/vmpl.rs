@@ -1,10 +1,10 @@
 //! The method `vmpl`: a decoder that speaks to miniVIE's virtual limb drives the arm, unchanged, and gets percepts back. What it
 //! asks for is logged as the answers of an outside method are, so that a replay needs no decoder.
 
-use crate::tell;
-use proact_arm::{ArmModel, Side, is_named};
+use crate::print_status;
+use proact_arm::{ArmModel, Side, matches_short_name};
 use proact_control::{
-    FingerCommand, HandCommand, InputLine, MethodEntry, MethodProgram, MotionCommand, OutputLine,
+    FingerCommand, HandCommand, MethodEntry, MethodProgram, MethodRequest, MethodResponse, MotionCommand,
     ports::MethodProcess,
 };
 use proact_devices::{
@@ -23,11 +23,11 @@ pub const VMPL_COMMAND: &str = "proact:vmpl";
 /// The method's name.
 const VMPL_METHOD: &str = "vmpl";
 /// A decoder sends every 20 ms; after five packets that did not come the arm stops.
-const SILENCE: Duration = Duration::from_millis(100);
+const COMMAND_TIMEOUT: Duration = Duration::from_millis(100);
 /// Percepts go out every 20 ms of the trial, as commands come in.
-const PERCEPTS_EVERY_MS: u64 = 20;
+const PERCEPT_PERIOD_MS: u64 = 20;
 /// Fingers that together turn by less than this say nothing new of whether the hand opens or closes, rad.
-const FINGERS_MOVE: f64 = 0.05;
+const FINGER_MOTION_RAD: f64 = 0.05;
 
 /// Why there is no such method.
 #[derive(Debug, thiserror::Error)]
@@ -35,7 +35,7 @@ const FINGERS_MOVE: f64 = 0.05;
 pub enum VmplError {
     /// A word behind the command.
     #[error("got {got:?}, expected ADDRESS:PORT behind listen=, decoder=, ghost= or ghost_setup=")]
-    Option {
+    InvalidOption {
         /// The word.
         got: String,
     },
@@ -51,7 +51,7 @@ pub enum VmplError {
 }
 
 /// Whether a decoder drives the trial.
-pub(crate) fn is_by_decoder(config: &TrialConfig) -> bool {
+pub(crate) fn is_vmpl_trial(config: &TrialConfig) -> bool {
     let program = config.method_process.as_ref().and_then(|program| program.command.first());
     program.map_or(config.method == VMPL_METHOD, |first| first == VMPL_COMMAND)
 }
@@ -60,7 +60,7 @@ pub(crate) fn is_by_decoder(config: &TrialConfig) -> bool {
 #[derive(Debug)]
 pub struct VmplPublisher {
     socket: UdpSocket,
-    places: [Option<usize>; VMPL_JOINTS],
+    joint_indices: [Option<usize>; VMPL_JOINTS],
 }
 
 impl VmplPublisher {
@@ -69,7 +69,7 @@ impl VmplPublisher {
     /// # Errors
     /// [`VmplError::Arm`]; no socket.
     pub fn new(address: SocketAddr, model: &ArmModel) -> Result<VmplPublisher, VmplError> {
-        let places = places(model)?;
+        let indices = joint_indices(model)?;
         let here: IpAddr = match address {
             SocketAddr::V4(_) if address.ip().is_loopback() => Ipv4Addr::LOCALHOST.into(),
             SocketAddr::V6(_) if address.ip().is_loopback() => Ipv6Addr::LOCALHOST.into(),
@@ -80,14 +80,14 @@ impl VmplPublisher {
         let socket = UdpSocket::bind((here, 0)).map_err(failed)?;
         socket.set_nonblocking(true).map_err(failed)?;
         socket.connect(address).map_err(failed)?;
-        Ok(VmplPublisher { socket, places })
+        Ok(VmplPublisher { socket, joint_indices: indices })
     }
 
     /// Sends the joints of a frame, if anybody can be reached.
     pub fn send(&self, joints: &[f64]) {
         let angles = self
-            .places
-            .map(|place| place.and_then(|place| joints.get(place)).map_or(0.0, |angle| *angle as f32));
+            .joint_indices
+            .map(|index| index.and_then(|index| joints.get(index)).map_or(0.0, |angle| *angle as f32));
         let (for_arm, for_fingers) = angles.split_at(VMPL_ARM_JOINTS);
         let mut arm = [0.0; VMPL_ARM_JOINTS];
         arm.copy_from_slice(for_arm);
@@ -99,7 +99,7 @@ impl VmplPublisher {
 
 /// Where a limb listens and answers.
 #[derive(Debug)]
-pub(crate) struct Addresses {
+pub(crate) struct VmplAddresses {
     pub(crate) listen: SocketAddr,
     decoder: SocketAddr,
     /// Where the ghost arm gets its angles and its look, if the command says so.
@@ -108,37 +108,38 @@ pub(crate) struct Addresses {
 }
 
 /// What the words behind the command say: miniVIE's ports on this machine where they say nothing.
-pub(crate) fn addresses_of(words: &[String], side: Side) -> Result<Addresses, VmplError> {
+pub(crate) fn parse_addresses(words: &[String], side: Side) -> Result<VmplAddresses, VmplError> {
     let [listens, answers] = match side {
         Side::Right => VMPL_RIGHT_PORTS,
         Side::Left => VMPL_LEFT_PORTS,
     };
     let here = |port| SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), port);
-    let mut told =
-        Addresses { listen: here(listens), decoder: here(answers), ghost: None, ghost_setup: None };
+    let mut addresses =
+        VmplAddresses { listen: here(listens), decoder: here(answers), ghost: None, ghost_setup: None };
     for word in words {
-        let wrong = || VmplError::Option { got: word.clone() };
+        let wrong = || VmplError::InvalidOption { got: word.clone() };
         let (key, address) = word.split_once('=').ok_or_else(wrong)?;
         let address: SocketAddr = address.parse().map_err(|_| wrong())?;
         match key {
-            "listen" => told.listen = address,
-            "decoder" => told.decoder = address,
-            "ghost" => told.ghost = Some(address),
-            "ghost_setup" => told.ghost_setup = Some(address),
+            "listen" => addresses.listen = address,
+            "decoder" => addresses.decoder = address,
+            "ghost" => addresses.ghost = Some(address),
+            "ghost_setup" => addresses.ghost_setup = Some(address),
             _ => return Err(wrong()),
         }
     }
-    Ok(told)
+    Ok(addresses)
 }
 
 /// Where each joint of the packets is among the moving joints of `model`.
-pub(crate) fn places(model: &ArmModel) -> Result<[Option<usize>; VMPL_JOINTS], VmplError> {
-    let place = |name: &str| model.moving().position(|joint| is_named(&model.joints[joint].name, name));
-    let places = vmpl_joint_names().map(place);
-    if places[..VMPL_ARM_JOINTS].iter().all(Option::is_none) {
+pub(crate) fn joint_indices(model: &ArmModel) -> Result<[Option<usize>; VMPL_JOINTS], VmplError> {
+    let index =
+        |name: &str| model.moving().position(|joint| matches_short_name(&model.joints[joint].name, name));
+    let indices = vmpl_joint_names().map(index);
+    if indices[..VMPL_ARM_JOINTS].iter().all(Option::is_none) {
         return Err(VmplError::Arm { arm: model.name.clone() });
     }
-    Ok(places)
+    Ok(indices)
 }
 
 /// The entry of the method.
@@ -153,8 +154,8 @@ pub(crate) fn vmpl_method() -> MethodEntry {
         ..MethodInfo::default()
     };
     let program = MethodProgram::new(vec![VMPL_COMMAND.to_owned()]);
-    MethodEntry::outside(info, program).for_arms(|model| {
-        places(model)
+    MethodEntry::external(info, program).with_arm_check(|model| {
+        joint_indices(model)
             .map(drop)
             .map_err(|_| "finds none of its joints: choose an arm of the modular prosthetic limb")
     })
@@ -165,12 +166,12 @@ pub(crate) fn vmpl_method() -> MethodEntry {
 pub struct VmplMethod {
     display: VmplDisplay,
     /// Where each joint of the packets is among the moving joints; none that the arm does not have.
-    places: [Option<usize>; VMPL_JOINTS],
+    joint_indices: [Option<usize>; VMPL_JOINTS],
     /// Where each finger is among the digits.
     digits: [Option<usize>; VMPL_FINGERS],
     arm_count: usize,
     /// When the last command came; none before the first, and after a silence.
-    heard: Option<Instant>,
+    last_command: Option<Instant>,
     /// Sum of the fingers' angles when the hand last turned to open or close, rad.
     closure: f64,
 }
@@ -182,16 +183,23 @@ impl VmplMethod {
     /// # Errors
     /// [`VmplError`].
     pub fn open(words: &[String], model: &ArmModel) -> Result<VmplMethod, VmplError> {
-        let Addresses { listen, decoder, .. } = addresses_of(words, model.side)?;
+        let VmplAddresses { listen, decoder, .. } = parse_addresses(words, model.side)?;
         let moving: Vec<usize> = model.moving().collect();
-        let places = places(model)?;
-        let digit_of = model.digit_places();
+        let indices = joint_indices(model)?;
+        let digit_of = model.digit_indices();
         let digits = std::array::from_fn(|finger| {
-            let place = places[VMPL_ARM_JOINTS + 4 * finger]?;
-            digit_of[model.joints[moving[place]].child]
+            let index = indices[VMPL_ARM_JOINTS + 4 * finger]?;
+            digit_of[model.joints[moving[index]].child]
         });
         let display = VmplDisplay::bind(listen, decoder)?;
-        Ok(VmplMethod { display, places, digits, arm_count: model.arm_count(), heard: None, closure: 0.0 })
+        Ok(VmplMethod {
+            display,
+            joint_indices: indices,
+            digits,
+            arm_count: model.arm_count(),
+            last_command: None,
+            closure: 0.0,
+        })
     }
 
     /// Where it listens.
@@ -200,14 +208,14 @@ impl VmplMethod {
     }
 
     /// The percepts of one step.
-    fn percepts(&self, line: &InputLine) -> VmplPercepts {
-        let felt = &line.felt;
-        let number = |values: &JointVector, place: Option<usize>| {
-            place.and_then(|place| values.get(place)).map_or(0.0, |value| *value as f32)
+    fn percepts(&self, line: &MethodRequest) -> VmplPercepts {
+        let felt = &line.joint_states;
+        let number = |values: &JointVector, index: Option<usize>| {
+            index.and_then(|index| values.get(index)).map_or(0.0, |value| *value as f32)
         };
         VmplPercepts {
-            joints: self.places.map(|place| {
-                [&felt.position, &felt.velocity, &felt.effort].map(|values| number(values, place))
+            joints: self.joint_indices.map(|index| {
+                [&felt.position, &felt.velocity, &felt.effort].map(|values| number(values, index))
             }),
             forces: self
                 .digits
@@ -216,42 +224,48 @@ impl VmplMethod {
     }
 
     /// What a command means for the arm, at the step `line`.
-    fn carry_out(&mut self, command: &VmplCommand, line: &InputLine, answer: &mut OutputLine) {
-        let (for_arm, for_fingers) = self.places.split_at(VMPL_ARM_JOINTS);
+    fn apply_command(&mut self, command: &VmplCommand, line: &MethodRequest, answer: &mut MethodResponse) {
+        let (for_arm, for_fingers) = self.joint_indices.split_at(VMPL_ARM_JOINTS);
         let mut goal = line.commanded.clone();
-        for (angle, place) in command.arm.iter().zip(for_arm) {
-            if let Some(asked) = place.and_then(|place| goal.get_mut(place)) {
-                *asked = f64::from(*angle);
+        for (angle, index) in command.arm.iter().zip(for_arm) {
+            if let Some(goal_angle) = index.and_then(|index| goal.get_mut(index)) {
+                *goal_angle = f64::from(*angle);
             }
         }
         answer.motion = Some(MotionCommand::Goto(goal));
         let Some(fingers) = &command.fingers else { return };
-        let mut asked: JointVector = line.felt.position.iter().skip(self.arm_count).copied().collect();
-        for (angle, place) in fingers.iter().zip(for_fingers) {
-            if let Some(asked) = place.and_then(|place| asked.get_mut(place.checked_sub(self.arm_count)?)) {
-                *asked = f64::from(*angle);
+        let mut finger_goals: JointVector =
+            line.joint_states.position.iter().skip(self.arm_count).copied().collect();
+        for (angle, index) in fingers.iter().zip(for_fingers) {
+            if let Some(goal_angle) =
+                index.and_then(|index| finger_goals.get_mut(index.checked_sub(self.arm_count)?))
+            {
+                *goal_angle = f64::from(*angle);
             }
         }
-        answer.fingers = Some(FingerCommand::Goto(asked));
+        answer.fingers = Some(FingerCommand::Goto(finger_goals));
         // Spread is no closing: the first joint of each finger but the thumb is left out.
         let flexion = fingers.iter().enumerate().filter(|(joint, _)| *joint >= 16 || joint % 4 != 0);
         let closure: f64 = flexion.map(|(_, angle)| f64::from(*angle)).sum();
-        if (closure - self.closure).abs() > FINGERS_MOVE {
+        if (closure - self.closure).abs() > FINGER_MOTION_RAD {
             answer.hand = Some(if closure > self.closure { HandCommand::Close } else { HandCommand::Open });
             self.closure = closure;
         }
     }
 
-    fn answer(&mut self, line: &InputLine, now: Instant) -> OutputLine {
-        let mut answer = OutputLine { time: line.time, ..OutputLine::default() };
+    fn respond(&mut self, line: &MethodRequest, now: Instant) -> MethodResponse {
+        let mut answer = MethodResponse { time: line.time, ..MethodResponse::default() };
         match self.display.latest() {
             Some(command) => {
-                self.heard = Some(now);
-                self.carry_out(&command, line, &mut answer);
+                self.last_command = Some(now);
+                self.apply_command(&command, line, &mut answer);
             }
             // Said once.
-            None if self.heard.is_some_and(|heard| now.duration_since(heard) > SILENCE) => {
-                self.heard = None;
+            None if self
+                .last_command
+                .is_some_and(|received_at| now.duration_since(received_at) > COMMAND_TIMEOUT) =>
+            {
+                self.last_command = None;
                 answer.motion = Some(MotionCommand::Hold);
                 answer.fingers = Some(FingerCommand::Hold);
             }
@@ -263,17 +277,17 @@ impl VmplMethod {
 
 impl MethodProcess for VmplMethod {
     fn ask(&mut self, _now: SimTime, line: &str) -> MethodAnswer {
-        let line: InputLine = match serde_json::from_str(line) {
+        let line: MethodRequest = match serde_json::from_str(line) {
             Ok(line) => line,
             Err(error) => return MethodAnswer::Failed(error.to_string()),
         };
-        if line.time.0.is_multiple_of(PERCEPTS_EVERY_MS) {
+        if line.time.0.is_multiple_of(PERCEPT_PERIOD_MS) {
             self.display.send(&self.percepts(&line));
         }
         let now = Instant::now();
-        let answer = self.answer(&line, now);
+        let answer = self.respond(&line, now);
         if let Some(report) = self.display.report_refused(now) {
-            tell(format_args!("method vmpl: {report}"));
+            print_status(format_args!("method vmpl: {report}"));
         }
         serde_json::to_string(&answer).map_err(|error| error.to_string()).into()
     }
@@ -286,13 +300,13 @@ mod tests {
     /// The method of the arm that ships, and its decoder.
     fn method() -> (VmplMethod, ArmModel, UdpSocket) {
         let decoder = UdpSocket::bind("127.0.0.1:0").unwrap();
-        let model = crate::Arm::named("mpl_right").unwrap().model().as_ref().clone();
+        let model = crate::Arm::load("mpl_right").unwrap().model().as_ref().clone();
         let words = ["listen=127.0.0.1:0".to_owned(), format!("decoder={}", decoder.local_addr().unwrap())];
         (VmplMethod::open(&words, &model).unwrap(), model, decoder)
     }
 
     /// A step of an arm at rest, as the method is told of it.
-    fn line(model: &ArmModel) -> InputLine {
+    fn line(model: &ArmModel) -> MethodRequest {
         let zeros = |count: usize| vec![0.0; count];
         serde_json::from_value(serde_json::json!({
             "time": 20, "gesture": "no_motion", "message": null, "measured": zeros(7), "commanded": zeros(7),
@@ -319,18 +333,18 @@ mod tests {
         let send = |command: &VmplCommand| {
             decoder.send_to(&command.to_packet(), address).unwrap();
         };
-        assert_eq!(method.answer(&line, start).motion, None, "nobody has said anything yet");
+        assert_eq!(method.respond(&line, start).motion, None, "nobody has said anything yet");
         send(&command);
-        let first = method.answer(&line, start);
+        let first = method.respond(&line, start);
         assert!(matches!(first.motion, Some(MotionCommand::Goto(_))), "{first:?}");
         assert_eq!(first.hand, Some(HandCommand::Close), "the fingers bend");
         let after = |ms| start + Duration::from_millis(ms);
-        assert_eq!(method.answer(&line, after(100)).motion, None);
-        let silent = method.answer(&line, after(101));
+        assert_eq!(method.respond(&line, after(100)).motion, None);
+        let silent = method.respond(&line, after(101));
         assert_eq!((silent.motion, silent.fingers), (Some(MotionCommand::Hold), Some(FingerCommand::Hold)));
-        assert_eq!(method.answer(&line, after(150)).motion, None, "said once");
+        assert_eq!(method.respond(&line, after(150)).motion, None, "said once");
         send(&VmplCommand { fingers: Some([0.1; 20]), ..command });
-        let again = method.answer(&line, after(160));
+        let again = method.respond(&line, after(160));
         assert_eq!(again.hand, Some(HandCommand::Open));
         assert!(again.motion.is_some());
     }
@@ -343,15 +357,18 @@ mod tests {
         (fingers[9], fingers[13]) = (0.7, 0.2);
         let command = VmplCommand { arm: [0.0; 7], fingers: Some(fingers) };
         decoder.send_to(&command.to_packet(), method.address().unwrap()).unwrap();
-        let Some(FingerCommand::Goto(asked)) = method.answer(&line, Instant::now()).fingers else {
+        let Some(FingerCommand::Goto(finger_goals)) = method.respond(&line, Instant::now()).fingers else {
             panic!("the fingers are asked for")
         };
         let of = |name: &str| {
-            model.hand.iter().position(|&joint| is_named(&model.joints[joint].name, name)).unwrap()
+            model.hand.iter().position(|&joint| matches_short_name(&model.joints[joint].name, name)).unwrap()
         };
-        assert_eq!((asked[of("ring1")], asked[of("pinky1")]), (f64::from(0.7_f32), f64::from(0.2_f32)));
-        let place = model.arm_count() + of("pinky1");
-        line.felt.position[place] = 0.5;
+        assert_eq!(
+            (finger_goals[of("ring1")], finger_goals[of("pinky1")]),
+            (f64::from(0.7_f32), f64::from(0.2_f32))
+        );
+        let index = model.arm_count() + of("pinky1");
+        line.joint_states.position[index] = 0.5;
         let percepts = method.percepts(&line);
         assert_eq!(percepts.joints[20][0], 0.5);
         assert_eq!(percepts.forces.iter().sum::<f64>(), 1.0, "one digit presses: {:?}", percepts.forces);
@@ -363,7 +380,7 @@ mod tests {
         let publisher = VmplPublisher::new(method.address().unwrap(), &model).unwrap();
         let angles: Vec<f64> = (0..model.moving_count()).map(|joint| joint as f64 / 64.0).collect();
         publisher.send(&angles);
-        let answer = method.answer(&line(&model), Instant::now());
+        let answer = method.respond(&line(&model), Instant::now());
         let (arm, hand) = angles.split_at(model.arm_count());
         assert_eq!(answer.motion, Some(MotionCommand::Goto(proact_types::joints(arm))));
         assert_eq!(answer.fingers, Some(FingerCommand::Goto(proact_types::joints(hand))));
@@ -373,12 +390,12 @@ mod tests {
     fn a_decoder_is_known_by_its_method_and_by_its_command() {
         let config =
             |method: &str| TrialConfig::new(method, 1, proact_testbed::Setup::named("still").unwrap());
-        assert!(is_by_decoder(&config("vmpl")) && !is_by_decoder(&config("A")));
+        assert!(is_vmpl_trial(&config("vmpl")) && !is_vmpl_trial(&config("A")));
         let by = |word: &str| TrialConfig {
             method_process: Some(MethodProgram::new(vec![word.to_owned()])),
             ..config("A")
         };
-        assert!(is_by_decoder(&by(VMPL_COMMAND)) && !is_by_decoder(&by("python3")));
+        assert!(is_vmpl_trial(&by(VMPL_COMMAND)) && !is_vmpl_trial(&by("python3")));
     }
 
     #[test]
@@ -392,7 +409,7 @@ mod tests {
             let error = VmplMethod::open(&[words.to_owned()], &model).unwrap_err().to_string();
             assert!(error.contains(part), "{error}");
         }
-        let wam = crate::Arm::named("wam").unwrap();
+        let wam = crate::Arm::load("wam").unwrap();
         let error = VmplMethod::open(&[], wam.model()).unwrap_err().to_string();
         assert!(error.contains("has none of the joints shoulder"), "{error}");
     }

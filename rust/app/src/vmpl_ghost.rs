@@ -2,8 +2,8 @@
 //! recorded nor part of the digest.
 
 use crate::{
-    tell,
-    vmpl::{VmplError, addresses_of, is_by_decoder, places},
+    print_status,
+    vmpl::{VmplError, is_vmpl_trial, joint_indices, parse_addresses},
 };
 use proact_arm::{ArmModel, Side};
 use proact_bridge::GhostArm;
@@ -18,7 +18,7 @@ use std::time::Instant;
 pub struct GhostReceiver {
     ghost: VmplGhost,
     /// Where each joint of the packets is among the moving joints; none that the arm does not have.
-    places: [Option<usize>; VMPL_JOINTS],
+    joint_indices: [Option<usize>; VMPL_JOINTS],
     joint_count: usize,
 }
 
@@ -33,24 +33,24 @@ impl GhostReceiver {
             Side::Right => VMPL_RIGHT_GHOST_PORTS,
             Side::Left => VMPL_LEFT_GHOST_PORTS,
         };
-        let told = addresses_of(words, model.side)?;
-        let here = |port| (told.listen.ip(), port).into();
-        let commands = told.ghost.unwrap_or_else(|| here(ports[0]));
-        let setups = told.ghost_setup.unwrap_or_else(|| here(ports[1]));
+        let addresses = parse_addresses(words, model.side)?;
+        let here = |port| (addresses.listen.ip(), port).into();
+        let commands = addresses.ghost.unwrap_or_else(|| here(ports[0]));
+        let setups = addresses.ghost_setup.unwrap_or_else(|| here(ports[1]));
         let ghost = VmplGhost::bind(commands, setups)?;
-        Ok(GhostReceiver { ghost, places: places(model)?, joint_count: model.moving_count() })
+        Ok(GhostReceiver { ghost, joint_indices: joint_indices(model)?, joint_count: model.moving_count() })
     }
 
     /// That of a trial by a decoder; none of another trial. A port in use is said, and the trial goes on without a ghost.
-    pub(crate) fn of(testbed: &Testbed) -> Option<GhostReceiver> {
+    pub(crate) fn for_testbed(testbed: &Testbed) -> Option<GhostReceiver> {
         let config = testbed.config();
-        if !is_by_decoder(config) {
+        if !is_vmpl_trial(config) {
             return None;
         }
-        match GhostReceiver::open(words(config), testbed.model()) {
+        match GhostReceiver::open(command_words(config), testbed.model()) {
             Ok(receiver) => Some(receiver),
             Err(error) => {
-                tell(format_args!("method vmpl: no ghost arm: {error}"));
+                print_status(format_args!("method vmpl: no ghost arm: {error}"));
                 None
             }
         }
@@ -67,29 +67,29 @@ impl GhostReceiver {
     /// The ghost as it is to be shown now; none before there is one, and while it is switched off.
     pub fn latest(&mut self) -> Option<GhostArm> {
         if let Some(report) = self.ghost.report_refused(Instant::now()) {
-            tell(format_args!("method vmpl, ghost arm: {report}"));
+            print_status(format_args!("method vmpl, ghost arm: {report}"));
         }
         let (command, setup) = self.ghost.latest()?;
         let mut joints = vec![0.0; self.joint_count];
         let fingers = command.fingers.unwrap_or([0.0; VMPL_JOINTS - VMPL_ARM_JOINTS]);
-        for (angle, place) in command.arm.iter().chain(&fingers).zip(self.places) {
-            if let Some(joint) = place.and_then(|place| joints.get_mut(place)) {
+        for (angle, index) in command.arm.iter().chain(&fingers).zip(self.joint_indices) {
+            if let Some(joint) = index.and_then(|index| joints.get_mut(index)) {
                 *joint = f64::from(*angle);
             }
         }
-        Some(GhostArm { joints, colour: setup.colour.map(f64::from), alpha: f64::from(setup.alpha) })
+        Some(GhostArm { joints, color: setup.color.map(f64::from), alpha: f64::from(setup.alpha) })
     }
 }
 
 /// What follows the command's first word.
-fn words(config: &TrialConfig) -> &[String] {
+fn command_words(config: &TrialConfig) -> &[String] {
     config.method_process.as_ref().and_then(|program| program.command.get(1..)).unwrap_or_default()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proact_arm::is_named;
+    use proact_arm::matches_short_name;
     use proact_devices::VmplCommand;
     use std::net::UdpSocket;
 
@@ -102,7 +102,7 @@ mod tests {
 
     #[test]
     fn a_ghost_command_stands_at_its_joints_in_its_colour() {
-        let arm = crate::Arm::named("mpl_right").expect("the arm that ships");
+        let arm = crate::Arm::load("mpl_right").expect("the arm that ships");
         let model = arm.model();
         let mut receiver =
             GhostReceiver::open(&words(["127.0.0.1:0"; 2]), model).expect("free ports on this machine");
@@ -116,25 +116,25 @@ mod tests {
         decoder.send_to(ON, setups).expect("sent");
         let ghost = receiver.latest().expect("a ghost");
         let at = |name: &str| {
-            let place = model.moving().position(|joint| is_named(&model.joints[joint].name, name));
-            ghost.joints[place.expect("a moving joint")]
+            let index = model.moving().position(|joint| matches_short_name(&model.joints[joint].name, name));
+            ghost.joints[index.expect("a moving joint")]
         };
         assert_eq!((at("forearm"), at("ring1"), at("wristz")), (1.25, f64::from(0.7_f32), 0.0));
         assert_eq!(ghost.joints.len(), model.moving_count());
-        let look = [0.3_f32, 0.4, 0.5, 0.8].map(f64::from);
-        assert_eq!((ghost.colour.as_slice(), ghost.alpha), (&look[..3], look[3]));
+        let rgba = [0.3_f32, 0.4, 0.5, 0.8].map(f64::from);
+        assert_eq!((ghost.color.as_slice(), ghost.alpha), (&rgba[..3], rgba[3]));
         decoder.send_to(&[0xff; 20], setups).expect("sent");
         assert!(receiver.latest().is_some(), "what is no set-up changes nothing");
     }
 
     #[test]
     fn a_port_in_use_is_said_and_no_other_machine_is_listened_to_unless_told() {
-        let arm = crate::Arm::named("mpl_right").expect("the arm that ships");
+        let arm = crate::Arm::load("mpl_right").expect("the arm that ships");
         let taken = UdpSocket::bind("127.0.0.1:0").expect("a free port");
         let address = taken.local_addr().expect("bound").to_string();
         let error = GhostReceiver::open(&words([&address, "127.0.0.1:0"]), arm.model()).expect_err("taken");
         assert!(error.to_string().contains(&address), "{error}");
-        let told = addresses_of(&[], Side::Left).expect("no words");
-        assert!(told.listen.ip().is_loopback() && told.ghost.is_none());
+        let addresses = parse_addresses(&[], Side::Left).expect("no words");
+        assert!(addresses.listen.ip().is_loopback() && addresses.ghost.is_none());
     }
 }

@@ -34,31 +34,37 @@ fn record(arm: &Arm, dir: &Path) -> String {
 }
 
 fn record_of(arm: &Arm, config: TrialConfig, dir: &Path) -> String {
-    let assembled =
-        trial::simulated_with(&MethodRegistry::standard(), arm, config, &EmgOrigin::Synthetic, None).unwrap();
-    let trial::Assembly { mut session, classifier, arm, .. } = assembled;
-    let used = session.testbed().config().clone();
+    let assembled = trial::simulated_trial_with_model(
+        &MethodRegistry::standard(),
+        arm,
+        config,
+        &EmgOrigin::Synthetic,
+        None,
+    )
+    .unwrap();
+    let trial::Assembly { mut trial, classifier, arm, .. } = assembled;
+    let used = trial.testbed().config().clone();
     let mut recorder = Recorder::create(dir, &used, &arm, classifier.as_ref()).unwrap();
     loop {
-        let step = session.step(false).unwrap();
-        recorder.write(&step, session.testbed().plant().state()).unwrap();
+        let step = trial.step(false).unwrap();
+        recorder.write(&step, trial.testbed().plant().state()).unwrap();
         if step.output.finished {
             break;
         }
     }
-    recorder.finish(&session.result()).unwrap();
-    session.testbed().digest()
+    recorder.finish(&trial.result()).unwrap();
+    trial.testbed().digest()
 }
 
 #[test]
 fn a_labs_own_arm_is_recorded_with_the_trial_and_another_one_is_refused_by_name() {
-    let place = tempfile::tempdir().unwrap();
-    let (folder, dir) = (place.path().join("arm"), place.path().join("trial"));
+    let temp_dir = tempfile::tempdir().unwrap();
+    let (folder, dir) = (temp_dir.path().join("arm"), temp_dir.path().join("trial"));
     own_arm(&folder);
-    let digest = record(&Arm::named(folder.to_str().unwrap()).unwrap(), &dir);
-    let shipped = record(&Arm::named("mpl_right").unwrap(), &place.path().join("shipped"));
+    let digest = record(&Arm::load(folder.to_str().unwrap()).unwrap(), &dir);
+    let shipped = record(&Arm::load("mpl_right").unwrap(), &temp_dir.path().join("shipped"));
     assert_ne!(digest, shipped);
-    assert!(!place.path().join("shipped/arm.urdf").exists(), "the program has it");
+    assert!(!temp_dir.path().join("shipped/arm.urdf").exists(), "the program has it");
 
     // The folder may be gone: the record has what it needs.
     fs::remove_dir_all(&folder).unwrap();
@@ -68,7 +74,7 @@ fn a_labs_own_arm_is_recorded_with_the_trial_and_another_one_is_refused_by_name(
     let urdf = dir.join("arm.urdf");
     let text = fs::read_to_string(&urdf).unwrap();
     let config = TrialConfig::from_toml(&fs::read_to_string(dir.join("config.toml")).unwrap()).unwrap();
-    let folder = place.path().join("other");
+    let folder = temp_dir.path().join("other");
     fs::create_dir(&folder).unwrap();
     for file in fs::read_dir(&dir).unwrap().map(Result::unwrap) {
         if file.file_name().to_str().unwrap().starts_with("arm.") {
@@ -77,9 +83,9 @@ fn a_labs_own_arm_is_recorded_with_the_trial_and_another_one_is_refused_by_name(
     }
     let refusal = |text: &str| {
         fs::write(folder.join("arm.urdf"), text).unwrap();
-        let arm = Arm::recorded(&folder, &config).map_err(|error| error.to_string());
+        let arm = Arm::from_record(&folder, &config).map_err(|error| error.to_string());
         arm.and_then(|arm| {
-            trial::replayed(&MethodRegistry::standard(), &arm, config.clone(), None)
+            trial::replay_testbed(&MethodRegistry::standard(), &arm, config.clone(), None)
                 .map_err(|error| error.to_string())
         })
         .err()
@@ -91,7 +97,7 @@ fn a_labs_own_arm_is_recorded_with_the_trial_and_another_one_is_refused_by_name(
     let renamed = refusal(&text.replace("<robot name=\"lab_arm\">", "<robot name=\"an_arm\">"));
     assert!(renamed.contains("another one here"), "{renamed}");
     fs::remove_file(folder.join("arm.urdf")).unwrap();
-    let gone = Arm::recorded(&folder, &config).unwrap_err().to_string();
+    let gone = Arm::from_record(&folder, &config).unwrap_err().to_string();
     assert!(
         gone.contains("arm \"arm\"") && gone.contains("arm.urdf") && gone.contains("mpl_right"),
         "{gone}"
@@ -104,10 +110,10 @@ fn a_labs_own_arm_is_recorded_with_the_trial_and_another_one_is_refused_by_name(
 
 /// Runs eight seconds of a trial with every method and replays them.
 fn every_method(name: &str) {
-    let place = tempfile::tempdir().unwrap();
+    let temp_dir = tempfile::tempdir().unwrap();
     for method in ["A", "B", "C", "D"] {
-        let arm = Arm::named(name).unwrap();
-        let dir = place.path().join(method);
+        let arm = Arm::load(name).unwrap();
+        let dir = temp_dir.path().join(method);
         let config = TrialConfig::new(method, 1, Setup::named("still").unwrap());
         let mut config = config.with_arm(arm.pinned(), arm.model());
         config.limit_secs = 8.0;
@@ -130,43 +136,44 @@ fn an_arm_with_another_hand_that_stands_by_itself_runs_with_every_method_and_rep
 
 #[test]
 fn an_arm_in_a_set_up_for_the_other_side_is_refused() {
-    let arm = Arm::named("mpl_left").unwrap();
+    let arm = Arm::load("mpl_left").unwrap();
     let right = TrialConfig::new("D", 1, Setup::named("still").unwrap());
     let left = right.clone().with_arm(arm.pinned(), arm.model());
-    assert_eq!(left.setup.body.shoulder.y, -right.setup.body.shoulder.y);
+    assert_eq!(left.setup.body.shoulder_m.y, -right.setup.body.shoulder_m.y);
     let config = TrialConfig { setup: right.setup, ..left };
-    let error = trial::replayed(&MethodRegistry::standard(), &arm, config, None).err().unwrap().to_string();
+    let error =
+        trial::replay_testbed(&MethodRegistry::standard(), &arm, config, None).err().unwrap().to_string();
     assert!(error.contains("is a left arm and the set-up is for a right one"), "{error}");
 }
 
 #[test]
 fn a_former_name_is_understood_and_the_record_says_the_present_one() {
-    let arm = Arm::named("mpl_right_arm").unwrap();
+    let arm = Arm::load("mpl_right_arm").unwrap();
     let mut config = TrialConfig::new("D", 1, Setup::named("still").unwrap());
     (config.arm.name, config.arm.hash) = ("mpl_right_arm".to_owned(), None);
-    let testbed = trial::replayed(&MethodRegistry::standard(), &arm, config, None).unwrap();
+    let testbed = trial::replay_testbed(&MethodRegistry::standard(), &arm, config, None).unwrap();
     assert_eq!(testbed.config().arm, arm.pinned());
     assert_eq!(arm.pinned().name, "mpl_right");
 }
 
 #[test]
 fn an_arm_without_a_pose_is_refused_in_one_sentence_with_those_that_there_are() {
-    let place = tempfile::tempdir().unwrap();
-    own_arm(place.path());
-    let file = place.path().join("lab_arm.srdf");
+    let temp_dir = tempfile::tempdir().unwrap();
+    own_arm(temp_dir.path());
+    let file = temp_dir.path().join("lab_arm.srdf");
     let text = fs::read_to_string(&file).unwrap();
     fs::write(&file, text.replace("name=\"closed\"", "name=\"shut\"")).unwrap();
-    let error = Arm::in_folder(place.path()).unwrap_err().to_string();
+    let error = Arm::in_folder(temp_dir.path()).unwrap_err().to_string();
     assert!(error.contains("has no pose \"closed\" of the hand") && error.contains("shut (hand)"), "{error}");
     assert!(!error.contains('\n'), "{error}");
 }
 
 #[test]
 fn an_arm_that_cannot_be_used_is_told_in_one_sentence_with_what_there_is() {
-    let place = tempfile::tempdir().unwrap();
-    let folder = place.path().join("arm");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let folder = temp_dir.path().join("arm");
     let refusal = |name: &str| {
-        let error = Arm::named(name).unwrap_err().to_string();
+        let error = Arm::load(name).unwrap_err().to_string();
         assert!(!error.contains('\n'), "{error}");
         error
     };
@@ -192,6 +199,6 @@ fn an_arm_that_cannot_be_used_is_told_in_one_sentence_with_what_there_is() {
     assert!(refusal(name).ends_with("has 2 files *.urdf, expected one"));
     fs::remove_file(folder.join("other.urdf")).unwrap();
     fs::write(folder.join("lab_arm.urdf"), "<robot name=\"lab_arm\"").unwrap();
-    let error = Arm::named(name).unwrap_err().to_string();
+    let error = Arm::load(name).unwrap_err().to_string();
     assert!(error.contains(name), "{error}");
 }

@@ -3,28 +3,28 @@
 
 use proact_app::{Arm, Recorder, ReplayOptions, replay_trial, trial};
 use proact_control::MethodRegistry;
-use proact_devices::{EmgOrigin, Recordings, SyntheticEmg, SyntheticModel, evaluate, stream};
+use proact_devices::{EmgOrigin, Recordings, SyntheticEmg, SyntheticModel, evaluate, random_stream};
 use proact_emg::EmgConfig;
 use proact_testbed::{Setup, TrialConfig};
-use proact_types::{EventKind, Gesture};
+use proact_types::{Command, EventKind};
 use std::{collections::BTreeSet, fmt::Write, path::Path};
 
 /// Class numbers, names, and what they are made of: the EMG of one of the five, and channels that the band is turned by,
 /// which makes another pattern of it.
-const SEVEN: [(&str, Gesture, usize); 7] = [
-    ("wave out", Gesture::WristExtension, 0),
-    ("fist", Gesture::HandClose, 0),
-    ("relax", Gesture::NoMotion, 0),
-    ("wave in", Gesture::WristFlexion, 0),
-    ("spread", Gesture::HandOpen, 0),
-    ("point", Gesture::HandClose, 3),
-    ("pinch", Gesture::WristExtension, 3),
+const SEVEN: [(&str, Command, usize); 7] = [
+    ("wave out", Command::WristExtension, 0),
+    ("fist", Command::HandClose, 0),
+    ("relax", Command::NoMotion, 0),
+    ("wave in", Command::WristFlexion, 0),
+    ("spread", Command::HandOpen, 0),
+    ("point", Command::HandClose, 3),
+    ("pinch", Command::WristExtension, 3),
 ];
 
 /// Three repetitions of 3 s at 200 Hz, with the names in the folder's metadata.
 fn record(dir: &Path) {
     let model = SyntheticModel::shipped().unwrap();
-    let mut emg = SyntheticEmg::new(&model, 200.0, 8, 1.0, stream(1, "test")).unwrap();
+    let mut emg = SyntheticEmg::new(&model, 200.0, 8, 1.0, random_stream(1, "test")).unwrap();
     for (class, (_, made_of, turned)) in SEVEN.into_iter().enumerate() {
         for repetition in 0..3 {
             let mut text = String::new();
@@ -67,43 +67,44 @@ fn seven_gestures_are_recorded_judged_and_drive_a_trial_by_the_table() {
     let recordings = Recordings::open(&folder, None).unwrap();
     assert_eq!((recordings.gestures().len(), recordings.rest.as_str()), (7, "relax"));
     let settings = EmgConfig { rate_hz: 200.0, ..EmgConfig::default() };
-    let judged = evaluate(&recordings, &[0, 1], &[2], &settings).unwrap();
-    let classes: Vec<&str> = judged.classes.iter().map(|name| name.as_str()).collect();
+    let evaluation = evaluate(&recordings, &[0, 1], &[2], &settings).unwrap();
+    let classes: Vec<&str> = evaluation.classes.iter().map(|name| name.as_str()).collect();
     assert_eq!(classes, ["fist", "pinch", "point", "relax", "spread", "wave in", "wave out"]);
-    assert!(judged.confusion.len() == 7 && judged.confusion.iter().all(|row| row.len() == 7));
-    assert!(judged.accuracy > 0.9, "{judged:?}");
+    assert!(evaluation.confusion.len() == 7 && evaluation.confusion.iter().all(|row| row.len() == 7));
+    assert!(evaluation.accuracy > 0.9, "{evaluation:?}");
 
     let config = config(TABLE).unwrap();
-    let arm = Arm::of(&config).unwrap();
+    let arm = Arm::from_config(&config).unwrap();
     let emg = EmgOrigin::recording(&folder);
-    let trial::Assembly { mut session, classifier, arm, .. } =
-        trial::simulated_with(&MethodRegistry::standard(), &arm, config, &emg, None).unwrap();
+    let trial::Assembly { mut trial, classifier, arm, .. } =
+        trial::simulated_trial_with_model(&MethodRegistry::standard(), &arm, config, &emg, None).unwrap();
     let trial_dir = dir.path().join("trial");
-    let used = session.testbed().config().clone();
+    let used = trial.testbed().config().clone();
     assert_eq!(used.emg.as_ref().unwrap().rest.as_str(), "relax");
     let mut recorder = Recorder::create(&trial_dir, &used, &arm, classifier.as_ref()).unwrap();
     let (mut commands, mut names) = (BTreeSet::new(), BTreeSet::new());
     const TICKS: u64 = 15_000;
     for tick in 1..=TICKS {
-        let step = session.step(tick == TICKS).unwrap();
-        recorder.write(&step, session.testbed().plant().state()).unwrap();
+        let step = trial.step(tick == TICKS).unwrap();
+        recorder.write(&step, trial.testbed().plant().state()).unwrap();
         for event in &step.output.events {
             if let EventKind::GestureChanged { gesture } = event.kind {
                 commands.insert(gesture);
             }
         }
         if let Some(frame) = step.frame {
-            let does = SEVEN.iter().find(|(name, ..)| frame.recognised.as_str() == *name);
+            let does = SEVEN.iter().find(|(name, ..)| frame.recognized_gesture.as_str() == *name);
             let does =
-                does.map(|(name, made_of, _)| if *name == "pinch" { Gesture::HandClose } else { *made_of });
+                does.map(|(name, made_of, _)| if *name == "pinch" { Command::HandClose } else { *made_of });
             // Nothing is made of `point`, which has no entry.
-            let expected = if frame.recognised.as_str() == "point" { Some(Gesture::NoMotion) } else { does };
-            assert_eq!(Some(frame.gesture), expected, "{}", frame.recognised);
-            names.insert(frame.recognised.to_string());
+            let expected =
+                if frame.recognized_gesture.as_str() == "point" { Some(Command::NoMotion) } else { does };
+            assert_eq!(Some(frame.command), expected, "{}", frame.recognized_gesture);
+            names.insert(frame.recognized_gesture.to_string());
         }
     }
-    recorder.finish(&session.result()).unwrap();
-    assert!(commands.len() >= 3 && commands.contains(&Gesture::HandOpen), "{commands:?}");
+    recorder.finish(&trial.result()).unwrap();
+    assert!(commands.len() >= 3 && commands.contains(&Command::HandOpen), "{commands:?}");
     assert!(names.contains("relax") && names.contains("spread"), "{names:?}");
     let text = std::fs::read_to_string(trial_dir.join("config.toml")).unwrap();
     assert!(
@@ -120,8 +121,8 @@ fn tables_that_cannot_act_are_refused_in_one_sentence() {
     record(dir.path());
     let refused = |table: &str| {
         let config = config(table)?;
-        let arm = Arm::of(&config).unwrap();
-        let assembled = trial::simulated_with(
+        let arm = Arm::from_config(&config).unwrap();
+        let assembled = trial::simulated_trial_with_model(
             &MethodRegistry::standard(),
             &arm,
             config,
@@ -148,8 +149,8 @@ fn folders_that_do_not_say_what_a_gesture_is_are_refused() {
     let start = |metadata: &str| {
         std::fs::write(dir.path().join("metadata.json"), metadata).unwrap();
         let config = config("").unwrap();
-        let arm = Arm::of(&config).unwrap();
-        trial::simulated_with(
+        let arm = Arm::from_config(&config).unwrap();
+        trial::simulated_trial_with_model(
             &MethodRegistry::standard(),
             &arm,
             config,

@@ -2,12 +2,12 @@
 
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)] // A test of files and of real time.
 
-use proact_app::{Arm, Ended, LivePerson, LiveTrial, Recorder, TrialInputs, page_content, trial};
+use proact_app::{Arm, LiveTrial, LiveTrialEnd, Recorder, TrialInputs, UserDevices, page_content, trial};
 use proact_bridge::{ClientInput, LatencyRow, LatencyStage, PageOptions, PageServer};
 use proact_devices::FeedbackSinks;
 use proact_intent::GazeOffset;
 use proact_testbed::{Setup, TrialConfig, TrialResult};
-use proact_types::{DisplayFrame, Gesture};
+use proact_types::{Command, DisplayFrame};
 use std::{
     path::Path,
     sync::atomic::{AtomicBool, Ordering},
@@ -15,7 +15,7 @@ use std::{
 };
 
 /// A trial that does not end by itself is ended after this time.
-const PATIENCE: Duration = Duration::from_secs(20);
+const TIMEOUT: Duration = Duration::from_secs(20);
 
 /// What is asked for at the `n`th look, from 0: a trial looks before its first tick, and then before each frame.
 struct Script {
@@ -26,45 +26,47 @@ struct Script {
 
 impl TrialInputs for Script {
     fn drain(&mut self) -> Vec<ClientInput> {
-        let look = self.look;
+        let poll_index = self.look;
         self.look += 1;
-        self.asked.iter().filter(|(when, _)| *when == look).map(|(_, input)| input.clone()).collect()
+        self.asked.iter().filter(|(when, _)| *when == poll_index).map(|(_, input)| input.clone()).collect()
     }
 
-    fn shown(&mut self, _frame: &DisplayFrame) {
+    fn frame_shown(&mut self, _frame: &DisplayFrame) {
         self.frames += 1;
     }
 }
 
-/// Drives a trial of method A by the page alone, in which `asked` comes; how it ended, its result, and its frames.
-fn drive(asked: Vec<(usize, ClientInput)>, limit_secs: f64, dir: &Path) -> (Ended, TrialResult, usize) {
+/// Drives a trial of method A by the page alone, in which `script` comes; how it ended, its result, and its frames.
+fn drive(
+    script: Vec<(usize, ClientInput)>,
+    limit_secs: f64,
+    dir: &Path,
+) -> (LiveTrialEnd, TrialResult, usize) {
     let mut config = TrialConfig::new("A", 1, Setup::named("still").unwrap());
     config.limit_secs = limit_secs;
-    let arm = Arm::of(&config).unwrap();
-    let trial::Assembly { session, plans, .. } = trial::live(config).unwrap();
-    let recorder = Recorder::create(dir, session.testbed().config(), &arm, None).unwrap();
-    let content = page_content(session.testbed(), &arm);
+    let arm = Arm::from_config(&config).unwrap();
+    let trial::Assembly { trial, plans, .. } = trial::live_trial(config).unwrap();
+    let recorder = Recorder::create(dir, trial.testbed().config(), &arm, None).unwrap();
+    let content = page_content(trial.testbed(), &arm);
     let page = PageServer::start(PageOptions { port: 0, ..PageOptions::default() }, content).unwrap();
     let interrupted = AtomicBool::new(false);
-    let mut inputs = Script { look: 0, asked, frames: 0 };
+    let mut inputs = Script { look: 0, asked: script, frames: 0 };
     let (ended, result) = std::thread::scope(|scope| {
         let (done, waits) = std::sync::mpsc::channel::<()>();
         let interrupted = &interrupted;
         scope.spawn(move || {
-            if waits
-                .recv_timeout(PATIENCE)
-                .is_err_and(|end| end == std::sync::mpsc::RecvTimeoutError::Timeout)
+            if waits.recv_timeout(TIMEOUT).is_err_and(|end| end == std::sync::mpsc::RecvTimeoutError::Timeout)
             {
                 interrupted.store(true, Ordering::Relaxed);
             }
         });
         let ended = LiveTrial {
-            session,
+            trial,
             recorder: Some(recorder.with_plans(plans).unwrap()),
             dir: Some(dir.to_owned()),
             page: &page,
             inputs: &mut inputs,
-            person: &mut LivePerson::new(None, None, FeedbackSinks::default(), None),
+            devices: &mut UserDevices::new(None, None, FeedbackSinks::default(), None),
             gaze_offset: &mut GazeOffset::default(),
             results: None,
             interrupted,
@@ -78,16 +80,20 @@ fn drive(asked: Vec<(usize, ClientInput)>, limit_secs: f64, dir: &Path) -> (Ende
 }
 
 fn restart() -> ClientInput {
-    ClientInput::Restart { method: Some("B".to_owned()), again: true }
+    ClientInput::Restart { method: Some("B".to_owned()), same_seed: true }
 }
 
 // It lay there until the person's first action, for which time waits from the second frame on.
 #[test]
 fn a_choice_in_the_first_instants_of_a_trial_is_taken_at_once() {
-    for look in 0..4 {
+    for poll_index in 0..4 {
         let dir = tempfile::tempdir().unwrap();
-        let (ended, ..) = drive(vec![(look, restart())], 60.0, &dir.path().join("trial"));
-        assert_eq!(ended, Ended::Restart { method: Some("B".to_owned()), again: true }, "look {look}");
+        let (ended, ..) = drive(vec![(poll_index, restart())], 60.0, &dir.path().join("trial"));
+        assert_eq!(
+            ended,
+            LiveTrialEnd::Restart { method: Some("B".to_owned()), same_arrangement: true },
+            "look {poll_index}"
+        );
     }
 }
 
@@ -96,11 +102,11 @@ fn the_record_of_a_trial_in_real_time_says_what_each_stage_took() {
     let dir = tempfile::tempdir().unwrap();
     let trial = dir.path().join("trial");
     let acts = vec![
-        (1, ClientInput::Gesture(Gesture::WristExtension)),
-        (30, ClientInput::Gesture(Gesture::NoMotion)),
+        (1, ClientInput::Gesture(Command::WristExtension)),
+        (30, ClientInput::Gesture(Command::NoMotion)),
     ];
     let (ended, result, frames) = drive(acts, 1.0, &trial);
-    assert_eq!(ended, Ended::Finished);
+    assert_eq!(ended, LiveTrialEnd::Finished);
     assert!(frames >= 60, "{frames}");
     let text = std::fs::read_to_string(trial.join("latency.json")).unwrap();
     let table: serde_json::Value = serde_json::from_str(&text).unwrap();
@@ -129,7 +135,8 @@ fn the_record_of_a_trial_in_real_time_says_what_each_stage_took() {
     let frame = row(LatencyStage::Frame).unwrap();
     assert!(frame.count == 1 && frame.worst_ms <= 17.1, "{frame:?}");
     // No muscle, no armband, no page.
-    for stage in [LatencyStage::Recognition, LatencyStage::Queue, LatencyStage::Picture, LatencyStage::Whole]
+    for stage in
+        [LatencyStage::Recognition, LatencyStage::Queue, LatencyStage::Render, LatencyStage::EndToEnd]
     {
         assert!(row(stage).is_none(), "{stage:?}");
     }

@@ -6,26 +6,26 @@ use proact_app::{
 };
 use proact_devices::motion_capture::{CAPTURE_SCHEMES, OpenedCapture, vrpn::VrpnServer};
 use proact_localization::RawBodyPose;
-use proact_testbed::{Session, Setup, Step, TrialConfig};
-use proact_types::{EventKind, Gesture, InputSource, PlantState, StopCause, Vector};
+use proact_testbed::{RunningTrial, Setup, TrialConfig, TrialStep};
+use proact_types::{Command, EventKind, InputSource, PlantState, StopCause, Vector};
 use std::time::{Duration, Instant};
 
 /// Sockets of one machine answer within milliseconds; a loaded one may take its time.
-const PATIENCE: Duration = Duration::from_secs(20);
+const TIMEOUT: Duration = Duration::from_secs(20);
 /// A shoulder is seen at 100 Hz.
 const PERIOD: Duration = Duration::from_millis(10);
 /// What holds for every source that commands motion, ms.
 const STOPS_WITHIN_MS: u64 = 250;
 
 /// A VRPN server on a real socket, and the shoulder that follows a body of it.
-struct Lab {
+struct VrpnLab {
     server: VrpnServer,
     shoulder: TrackedShoulder,
     /// Of the next pose.
     number: i64,
 }
 
-impl Lab {
+impl VrpnLab {
     fn new(axes: &str) -> Self {
         let server = VrpnServer::bind("127.0.0.1:0", &["pad", "pad"]).unwrap();
         let name = format!("vrpn:{}/pad", server.address().unwrap()).parse().unwrap();
@@ -51,16 +51,16 @@ impl Lab {
     /// Sends what `spoil` makes of poses, in real time, until `done`; false if it never is.
     fn until(
         &mut self,
-        session: &mut Session,
+        running_trial: &mut RunningTrial,
         spoil: impl Fn(RawBodyPose) -> Vec<RawBodyPose>,
         done: impl Fn(bool, &TrackedShoulder) -> bool,
     ) -> bool {
         let start = Instant::now();
-        while start.elapsed() < PATIENCE {
+        while start.elapsed() < TIMEOUT {
             let pose = self.pose();
             self.server.send(&spoil(pose));
             std::thread::sleep(PERIOD);
-            let driven = self.shoulder.drive(session).unwrap();
+            let driven = self.shoulder.apply_to(running_trial).unwrap();
             if done(driven, &self.shoulder) {
                 return true;
             }
@@ -73,8 +73,8 @@ impl Lab {
     }
 }
 
-fn session() -> Session {
-    trial::live(TrialConfig::new("A", 1, Setup::named("still").unwrap())).unwrap().session
+fn running_trial() -> RunningTrial {
+    trial::live_trial(TrialConfig::new("A", 1, Setup::named("still").unwrap())).unwrap().trial
 }
 
 fn as_sent(pose: RawBodyPose) -> Vec<RawBodyPose> {
@@ -83,7 +83,7 @@ fn as_sent(pose: RawBodyPose) -> Vec<RawBodyPose> {
 
 /// A trial and its record.
 struct Recorded {
-    session: Session,
+    trial: RunningTrial,
     recorder: Recorder,
     /// Tracked poses that went into it.
     poses: usize,
@@ -91,58 +91,58 @@ struct Recorded {
 
 impl Recorded {
     /// Ticks one by one, each with what `before` does; events with their ticks.
-    fn ticks(&mut self, count: u64, mut before: impl FnMut(&mut Session, u64)) -> Vec<(u64, EventKind)> {
+    fn ticks(&mut self, count: u64, mut before: impl FnMut(&mut RunningTrial, u64)) -> Vec<(u64, EventKind)> {
         let mut events = Vec::new();
         for tick in 0..count {
-            before(&mut self.session, tick);
+            before(&mut self.trial, tick);
             let step = self.tick(false);
             events.extend(step.output.events.iter().map(|event| (tick, event.kind.clone())));
         }
         events
     }
 
-    fn tick(&mut self, last: bool) -> Step {
-        let step = self.session.step(last).unwrap();
-        self.recorder.write(&step, self.session.testbed().plant().state()).unwrap();
+    fn tick(&mut self, last: bool) -> TrialStep {
+        let step = self.trial.step(last).unwrap();
+        self.recorder.write(&step, self.trial.testbed().plant().state()).unwrap();
         self.poses += usize::from(step.input.shoulder.is_some());
         step
     }
 
     fn state(&self) -> &PlantState {
-        self.session.testbed().plant().state()
+        self.trial.testbed().plant().state()
     }
 }
 
 #[test]
 fn a_tracked_shoulder_carries_the_arm_stops_it_when_silent_and_replays_bit_for_bit() {
     let config = TrialConfig::new("A", 1, Setup::named("still").unwrap());
-    let arm = Arm::named(TrialConfig::DEFAULT_ARM).unwrap();
-    let assembly = trial::live(config).unwrap();
-    let (mut session, plans) = (assembly.session, assembly.plans);
+    let arm = Arm::load(TrialConfig::DEFAULT_ARM).unwrap();
+    let assembly = trial::live_trial(config).unwrap();
+    let (mut running_trial, plans) = (assembly.trial, assembly.plans);
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path().join("trial");
-    let config = session.testbed().config().clone();
+    let config = running_trial.testbed().config().clone();
     let recorder = Recorder::create(&dir, &config, &arm, assembly.classifier.as_ref())
         .unwrap()
         .with_plans(plans)
         .unwrap();
-    let home = session.testbed().plant().state().world_from_base;
-    let mut lab = Lab::new("heading_deg=90");
-    assert!(lab.until(&mut session, as_sent, |driven, _| driven), "{:?}", lab.shoulder.report());
-    let mut trial = Recorded { session, recorder, poses: 0 };
+    let home = running_trial.testbed().plant().state().world_from_base;
+    let mut lab = VrpnLab::new("heading_deg=90");
+    assert!(lab.until(&mut running_trial, as_sent, |driven, _| driven), "{:?}", lab.shoulder.report());
+    let mut recorded = Recorded { trial: running_trial, recorder, poses: 0 };
 
     // Leans by 60 mm along the y axis of the system, which is where the person looks.
-    trial.session.person().act(Gesture::WristFlexion);
-    let Lab { server, shoulder, number } = &mut lab;
-    let mut lean = |session: &mut Session, tick: u64| {
+    recorded.trial.person_stage_mut().set_command(Command::WristFlexion);
+    let VrpnLab { server, shoulder, number } = &mut lab;
+    let mut lean = |running_trial: &mut RunningTrial, tick: u64| {
         if !tick.is_multiple_of(10) {
             return;
         }
         // Stamps and arrivals are of one pace, as the filter takes them to be.
         std::thread::sleep(PERIOD);
         *number += 1;
-        let way = 0.06 * (tick.min(600) as f64 / 600.0);
-        let position = [2.0, 1.0 + way, 1.4 + 0.001 * (*number % 3) as f64];
+        let displacement = 0.06 * (tick.min(600) as f64 / 600.0);
+        let position = [2.0, 1.0 + displacement, 1.4 + 0.001 * (*number % 3) as f64];
         let (id, quaternion) = (Some(0), [0.0, 0.0, 0.6, 0.8]);
         let stamp = *number * 10_000_000;
         server.send(&[RawBodyPose {
@@ -155,38 +155,38 @@ fn a_tracked_shoulder_carries_the_arm_stops_it_when_silent_and_replays_bit_for_b
             tracked: true,
         }]);
         let start = Instant::now();
-        while !shoulder.drive(session).unwrap() {
-            assert!(start.elapsed() < PATIENCE, "{:?}", shoulder.report());
+        while !shoulder.apply_to(running_trial).unwrap() {
+            assert!(start.elapsed() < TIMEOUT, "{:?}", shoulder.report());
         }
     };
-    let events = trial.ticks(1500, &mut lean);
-    let leant = trial.state().world_from_base.translation.vector - home.translation.vector;
+    let events = recorded.ticks(1500, &mut lean);
+    let leant = recorded.state().world_from_base.translation.vector - home.translation.vector;
     assert!((leant - Vector::new(0.06, 0.0, 0.0)).norm() < 0.005, "{leant}");
     assert!(!events.iter().any(|(_, kind)| matches!(kind, EventKind::Stopped { .. })), "{events:?}");
 
     // The cameras are covered.
-    let before = trial.state().position.clone();
-    let mut quiet = |session: &mut Session, _| {
-        shoulder.drive(session).unwrap();
+    let before = recorded.state().position.clone();
+    let mut quiet = |running_trial: &mut RunningTrial, _| {
+        shoulder.apply_to(running_trial).unwrap();
     };
-    let events = trial.ticks(500, &mut quiet);
+    let events = recorded.ticks(500, &mut quiet);
     let stop = events.iter().find_map(|(tick, kind)| match kind {
         EventKind::Stopped { source: InputSource::ShoulderTracker, cause, .. } => Some((*tick, *cause)),
         _ => None,
     });
     let (tick, cause) = stop.expect("a silent tracker stops the arm");
     assert!(tick <= STOPS_WITHIN_MS && cause == StopCause::Silent, "{tick} ms, {cause:?}");
-    let stood = trial.state().position.clone();
-    trial.ticks(200, |_, _| ());
-    let creep = stood.iter().zip(&trial.state().position).map(|(a, b)| (a - b).abs());
+    let stood = recorded.state().position.clone();
+    recorded.ticks(200, |_, _| ());
+    let creep = stood.iter().zip(&recorded.state().position).map(|(a, b)| (a - b).abs());
     assert!(creep.fold(0.0, f64::max) < 0.01, "the arm stands");
     assert_ne!(before, stood);
 
     // It is seen again, 40 mm further: the arm is carried there without a kick.
-    trial.session.person().act(Gesture::NoMotion);
-    let mut last = trial.state().world_from_base.translation.vector;
+    recorded.trial.person_stage_mut().set_command(Command::NoMotion);
+    let mut last = recorded.state().world_from_base.translation.vector;
     let mut fastest = 0.0_f64;
-    let mut back = |session: &mut Session, tick: u64| {
+    let mut back = |running_trial: &mut RunningTrial, tick: u64| {
         if tick.is_multiple_of(10) {
             std::thread::sleep(PERIOD);
             *number += 1;
@@ -202,23 +202,23 @@ fn a_tracked_shoulder_carries_the_arm_stops_it_when_silent_and_replays_bit_for_b
             };
             server.send(&[pose]);
             let start = Instant::now();
-            while !shoulder.drive(session).unwrap() {
-                assert!(start.elapsed() < PATIENCE, "{:?}", shoulder.report());
+            while !shoulder.apply_to(running_trial).unwrap() {
+                assert!(start.elapsed() < TIMEOUT, "{:?}", shoulder.report());
             }
         }
-        let now = session.testbed().plant().state().world_from_base.translation.vector;
+        let now = running_trial.testbed().plant().state().world_from_base.translation.vector;
         fastest = fastest.max((now - last).norm() * 1000.0);
         last = now;
     };
-    let events = trial.ticks(1000, &mut back);
+    let events = recorded.ticks(1000, &mut back);
     assert!(events.iter().any(|(_, kind)| *kind == EventKind::Rearmed), "{events:?}");
     assert!(fastest <= config.motion.shoulder_m_per_s + 1e-6, "{fastest} m/s");
-    let leant = trial.state().world_from_base.translation.vector - home.translation.vector;
+    let leant = recorded.state().world_from_base.translation.vector - home.translation.vector;
     assert!((leant - Vector::new(0.1, 0.0, 0.0)).norm() < 0.005, "{leant}");
 
-    trial.tick(true);
-    assert!(trial.poses > 200, "{}", trial.poses);
-    trial.recorder.finish(&trial.session.result()).unwrap();
+    recorded.tick(true);
+    assert!(recorded.poses > 200, "{}", recorded.poses);
+    recorded.recorder.finish(&recorded.trial.result()).unwrap();
     assert!(replay_trial(&dir, ReplayOptions::default()).unwrap().agrees);
 }
 
@@ -245,69 +245,74 @@ fn what_a_system_gets_wrong_is_named_and_nothing_of_it_moves_the_arm() {
                 0.5 * (2.7 * t).sin(),
                 0.6 * (1.7 * t).cos(),
             );
-            let place = Vector::new(0.1, -0.3, 1.2) + turn * Vector::new(0.06, 0.02, 0.18);
+            let brace_position = Vector::new(0.1, -0.3, 1.2) + turn * Vector::new(0.06, 0.02, 0.18);
             let c = turn.coords;
             vec![RawBodyPose {
-                position: [place.x, -place.y, place.z],
+                position: [brace_position.x, -brace_position.y, brace_position.z],
                 quaternion: [c[0], c[1], c[2], c[3]],
                 ..pose
             }]
         }),
     ] {
-        let (mut lab, mut session) = (Lab::new(""), session());
-        let seen = lab
-            .until(&mut session, spoil, |_, shoulder| shoulder.report().fault_name.as_deref() == Some(name));
+        let (mut lab, mut running_trial) = (VrpnLab::new(""), running_trial());
+        let seen = lab.until(&mut running_trial, spoil, |_, shoulder| {
+            shoulder.report().fault_name.as_deref() == Some(name)
+        });
         assert!(seen, "{name}: {:?}", lab.shoulder.report());
         // For a while nothing of it gets through.
         for _ in 0..60 {
             let pose = lab.pose();
             lab.server.send(&spoil(pose));
             std::thread::sleep(PERIOD);
-            assert!(!lab.shoulder.drive(&mut session).unwrap(), "{name}");
+            assert!(!lab.shoulder.apply_to(&mut running_trial).unwrap(), "{name}");
         }
         assert!(lab.shoulder.report().fault.is_some(), "{name}");
     }
     // With the laboratory's word on its unit and axes the same poses are in order.
     for (axes, spoil) in [
         (
-            "metres_per_unit=0.001",
+            "meters_per_unit=0.001",
             &still(|p| p.map(|x| x * 1000.0)) as &dyn Fn(RawBodyPose) -> Vec<RawBodyPose>,
         ),
         ("up=y", &still(|[x, y, z]| [x, z, -y])),
     ] {
-        let (mut lab, mut session) = (Lab::new(axes), session());
-        assert!(lab.until(&mut session, spoil, |driven, _| driven), "{axes}: {:?}", lab.shoulder.report());
+        let (mut lab, mut running_trial) = (VrpnLab::new(axes), running_trial());
+        assert!(
+            lab.until(&mut running_trial, spoil, |driven, _| driven),
+            "{axes}: {:?}",
+            lab.shoulder.report()
+        );
     }
-    for wrong in ["up=w", "metres_per_unit=0", "metres_per_unit=nan", "heading_deg=1000", "y", ""] {
+    for wrong in ["up=w", "meters_per_unit=0", "meters_per_unit=nan", "heading_deg=1000", "y", ""] {
         assert!(wrong.parse::<MocapAxes>().unwrap_err().to_string().contains("up=x|y|z"), "{wrong}");
     }
 }
 
 #[test]
 fn a_stream_that_turns_bad_is_refused_and_taken_again_when_it_is_put_right() {
-    let (mut lab, mut session) = (Lab::new(""), session());
-    assert!(lab.until(&mut session, as_sent, |driven, _| driven));
+    let (mut lab, mut running_trial) = (VrpnLab::new(""), running_trial());
+    assert!(lab.until(&mut running_trial, as_sent, |driven, _| driven));
     // Time goes back: nothing more until the source is started again.
     lab.number -= 20;
-    assert!(lab.until(&mut session, as_sent, |driven, shoulder| {
+    assert!(lab.until(&mut running_trial, as_sent, |driven, shoulder| {
         assert!(!driven);
         shoulder.report().fault_name.as_deref() == Some("time_back")
     }));
     lab.server.disconnect();
     lab.number = 0;
-    assert!(lab.until(&mut session, as_sent, |driven, _| driven), "{:?}", lab.shoulder.report());
+    assert!(lab.until(&mut running_trial, as_sent, |driven, _| driven), "{:?}", lab.shoulder.report());
     // The name goes to another device.
     let renumbered = |pose| vec![RawBodyPose { id: Some(1), ..pose }];
-    assert!(lab.until(&mut session, renumbered, |_, shoulder| {
+    assert!(lab.until(&mut running_trial, renumbered, |_, shoulder| {
         shoulder.report().fault_name.as_deref() == Some("id_changed")
     }));
     assert!(lab.shoulder.report().fault.unwrap().contains("restart the source"));
     // Back to the old one: good again after a while.
-    assert!(lab.until(&mut session, as_sent, |driven, _| driven), "{}", lab.fault());
+    assert!(lab.until(&mut running_trial, as_sent, |driven, _| driven), "{}", lab.fault());
     // A server that is gone.
     lab.server.disconnect();
     let start = Instant::now();
     while lab.fault() != "waiting" {
-        assert!(start.elapsed() < PATIENCE && !lab.shoulder.drive(&mut session).unwrap());
+        assert!(start.elapsed() < TIMEOUT && !lab.shoulder.apply_to(&mut running_trial).unwrap());
     }
 }

@@ -7,27 +7,27 @@ use proact_arm::{Chain, ChainPoses, Side};
 use proact_bridge::ControllerPose;
 use proact_devices::motion_capture::{CAPTURE_SCHEMES, OpenedCapture, vrpn::VrpnServer};
 use proact_localization::RawBodyPose;
-use proact_testbed::{Session, Setup, TrialConfig};
+use proact_testbed::{RunningTrial, Setup, TrialConfig};
 use proact_types::{EventKind, InputSource, StopCause};
 use std::time::{Duration, Instant};
 
 /// Sockets of one machine answer within milliseconds; a loaded one may take its time.
-const PATIENCE: Duration = Duration::from_secs(20);
+const TIMEOUT: Duration = Duration::from_secs(20);
 const PERIOD: Duration = Duration::from_millis(10);
 
-fn session(values: &[&str]) -> Session {
+fn running_trial(values: &[&str]) -> RunningTrial {
     let config = TrialConfig::new("A", 1, Setup::named("still").unwrap());
-    trial::live(config.with_values(values).unwrap()).unwrap().session
+    trial::live_trial(config.with_overrides(values).unwrap()).unwrap().trial
 }
 
-fn pose(body: &str, number: i64, place: [f64; 3], turn: &UnitQuaternion<f64>) -> RawBodyPose {
+fn pose(body: &str, number: i64, position: [f64; 3], turn: &UnitQuaternion<f64>) -> RawBodyPose {
     let c = turn.coords;
     RawBodyPose {
         body: body.to_owned(),
         id: None,
         stamp: number * 10_000_000,
         arrival: 0,
-        position: place,
+        position,
         quaternion: [c[0], c[1], c[2], c[3]],
         tracked: true,
     }
@@ -43,9 +43,9 @@ fn the_elbow_follows_the_persons_own_and_a_forearm_that_is_not_seen_stops_the_ar
     let mut shoulder = TrackedShoulder::new(opened, MocapAxes::default(), Calibrations::default())
         .with_limb(Some(bodies))
         .with_trunk(Some("sternum".to_owned()));
-    let mut session = session(&["profile.level=below_elbow"]);
-    let model = session.testbed().model().clone();
-    let start = session.testbed().plant().state().position[..model.arm_count()].to_vec();
+    let mut trial = running_trial(&["profile.level=below_elbow"]);
+    let model = trial.testbed().model().clone();
+    let start = trial.testbed().plant().state().position[..model.arm_count()].to_vec();
     // How the segments turn when the elbow does: upper arm and forearm are what the third and the fourth joint move.
     const ELBOW: usize = 3;
     let chain = Chain::new(&model);
@@ -53,7 +53,7 @@ fn the_elbow_follows_the_persons_own_and_a_forearm_that_is_not_seen_stops_the_ar
         let mut q = start.clone();
         q[ELBOW] += elbow;
         let mut poses = ChainPoses::default();
-        chain.place(&q, &mut poses);
+        chain.link_poses_into(&q, &mut poses);
         [2, 3].map(|k: usize| poses.links[k].rotation)
     };
     // Markers sit askew on each segment.
@@ -82,31 +82,31 @@ fn the_elbow_follows_the_persons_own_and_a_forearm_that_is_not_seen_stops_the_ar
         std::thread::sleep(PERIOD);
     };
 
-    let begun = Instant::now();
+    let started = Instant::now();
     while shoulder.report().limb.is_none_or(|line| !line.contains("followed")) {
-        assert!(begun.elapsed() < PATIENCE, "{:?}", shoulder.report());
+        assert!(started.elapsed() < TIMEOUT, "{:?}", shoulder.report());
         send(0.0, true);
-        shoulder.drive(&mut session).unwrap();
+        shoulder.apply_to(&mut trial).unwrap();
     }
     let mut events = Vec::new();
     let mut run =
-        |ticks: u64, elbow: f64, all: bool, shoulder: &mut TrackedShoulder, session: &mut Session| {
+        |ticks: u64, elbow: f64, all: bool, shoulder: &mut TrackedShoulder, trial: &mut RunningTrial| {
             for tick in 0..ticks {
                 if tick.is_multiple_of(10) {
                     send(if all { elbow * (tick as f64 / 1500.0).min(1.0) } else { elbow }, all);
-                    shoulder.drive(session).unwrap();
+                    shoulder.apply_to(trial).unwrap();
                 }
-                let output = session.step(false).unwrap().output;
+                let output = trial.step(false).unwrap().output;
                 events.extend(output.events.iter().map(|event| (tick, event.kind.clone())));
             }
         };
-    run(2500, 0.3, true, &mut shoulder, &mut session);
-    let elbow = session.testbed().plant().state().position[ELBOW];
+    run(2500, 0.3, true, &mut shoulder, &mut trial);
+    let elbow = trial.testbed().plant().state().position[ELBOW];
     assert!((elbow - start[ELBOW] - 0.3).abs() < 0.03, "{} to {elbow} rad", start[ELBOW]);
     let line = shoulder.report().limb.unwrap();
     assert!(line.starts_with("upper and fore followed, within "), "{line}");
 
-    run(1000, 0.3, false, &mut shoulder, &mut session);
+    run(1000, 0.3, false, &mut shoulder, &mut trial);
     let stop = events.iter().find_map(|(tick, kind)| match kind {
         EventKind::Stopped { source: InputSource::LimbTracker, cause, .. } => Some((*tick, *cause)),
         _ => None,
@@ -117,7 +117,7 @@ fn the_elbow_follows_the_persons_own_and_a_forearm_that_is_not_seen_stops_the_ar
 
     // The trunk moved nothing, and is kept.
     let dir = tempfile::tempdir().unwrap();
-    shoulder.keep_trunk(dir.path()).unwrap();
+    shoulder.save_trunk(dir.path()).unwrap();
     let trunk = read_trunk(dir.path()).unwrap();
     let turned =
         trunk.iter().map(|(_, pose)| trunk[0].1.rotation.angle_to(&pose.rotation)).fold(0.0, f64::max);
@@ -134,40 +134,40 @@ fn the_arm_goes_where_the_persons_own_hand_goes() {
         .with_limb(Some(LimbBodies::Hand("hand".to_owned())));
     let config = TrialConfig::new("imitate", 1, Setup::named("still").unwrap());
     let methods = proact_app::Registry::standard().methods;
-    let arm = proact_app::Arm::of(&config).unwrap();
-    let mut session = trial::live_with(&methods, &arm, config, None).unwrap().session;
-    let tip = |session: &Session| {
-        let testbed = session.testbed();
+    let arm = proact_app::Arm::from_config(&config).unwrap();
+    let mut trial = trial::live_trial_with_armband(&methods, &arm, config, None).unwrap().trial;
+    let tip = |trial: &RunningTrial| {
+        let testbed = trial.testbed();
         let state = testbed.plant().state();
         testbed.model().link_poses(&state.position)[testbed.model().tip]
     };
     let mut number = 0;
-    let mut send = |way: f64| {
+    let mut send = |displacement: f64| {
         number += 1;
         let t = number as f64 * 0.01;
         let sway = 1e-4 * (20.0 * t).sin();
         let (still, turned) = (UnitQuaternion::identity(), UnitQuaternion::from_euler_angles(0.3, 0.0, 0.0));
-        let hand = pose("hand", number, [2.3 + sway, 0.8 + way, 1.2], &turned);
+        let hand = pose("hand", number, [2.3 + sway, 0.8 + displacement, 1.2], &turned);
         server.send(&[pose("pad", number, [2.0, 1.0, 1.4 + 0.002 * t.sin()], &still), hand]);
         std::thread::sleep(PERIOD);
     };
-    let begun = Instant::now();
+    let started = Instant::now();
     while shoulder.report().limb.is_none_or(|line| !line.contains("followed")) {
-        assert!(begun.elapsed() < PATIENCE, "{:?}", shoulder.report());
+        assert!(started.elapsed() < TIMEOUT, "{:?}", shoulder.report());
         send(0.0);
-        shoulder.drive(&mut session).unwrap();
+        shoulder.apply_to(&mut trial).unwrap();
     }
-    let start = tip(&session);
+    let start = tip(&trial);
     for tick in 0..3000_u64 {
         if tick.is_multiple_of(10) {
             send(0.08 * (tick as f64 / 2000.0).min(1.0));
-            shoulder.drive(&mut session).unwrap();
+            shoulder.apply_to(&mut trial).unwrap();
         }
-        session.step(false).unwrap();
+        trial.step(false).unwrap();
     }
-    let (end, line) = (tip(&session), shoulder.report().limb.unwrap());
-    let way = end.translation.vector - start.translation.vector;
-    assert!((way - nalgebra::Vector3::new(0.0, 0.08, 0.0)).norm() < 0.012, "{way}, {line}");
+    let (end, line) = (tip(&trial), shoulder.report().limb.unwrap());
+    let displacement = end.translation.vector - start.translation.vector;
+    assert!((displacement - nalgebra::Vector3::new(0.0, 0.08, 0.0)).norm() < 0.012, "{displacement}, {line}");
     assert!(end.rotation.angle_to(&start.rotation) < 0.06, "the hand did not turn");
     assert!(line.starts_with("hand followed, within "), "{line}");
 }
@@ -184,28 +184,28 @@ fn a_controller_on_the_brace_is_the_shoulder_and_one_that_is_guessed_at_or_turne
     let name = "headset:right_controller".parse().unwrap();
     let opened = OpenedCapture::open(&CAPTURE_SCHEMES, &name).unwrap();
     let mut shoulder = TrackedShoulder::new(opened, MocapAxes::default(), Calibrations::default());
-    let mut session = session(&[]);
+    let mut trial = running_trial(&[]);
     let start = Instant::now();
-    let told = |position: [f64; 3], quaternion: [f64; 4], tracked: bool| {
+    let controller_pose = |position: [f64; 3], quaternion: [f64; 4], tracked: bool| {
         std::thread::sleep(PERIOD);
         let time_ms = start.elapsed().as_secs_f64() * 1e3;
         let breath = 1e-3 * (time_ms / 200.0).sin();
         let position = [position[0], position[1], position[2] + breath];
         ControllerPose { hand: Side::Right, time_ms, position, quaternion, tracked }
     };
-    assert!(!shoulder.drive(&mut session).unwrap());
+    assert!(!shoulder.apply_to(&mut trial).unwrap());
     assert_eq!(shoulder.report().fault_name.as_deref(), Some("waiting"));
     let upright = [0.0, 0.0, 0.0, 1.0];
     let mut until = |position, quaternion, tracked, name: Option<&str>, shoulder: &mut TrackedShoulder| {
-        let begun = Instant::now();
+        let started = Instant::now();
         loop {
-            shoulder.feed(&told(position, quaternion, tracked));
-            let driven = shoulder.drive(&mut session).unwrap();
+            shoulder.inject_controller(&controller_pose(position, quaternion, tracked));
+            let driven = shoulder.apply_to(&mut trial).unwrap();
             let report = shoulder.report();
             if report.fault_name.as_deref() == name && driven == name.is_none() {
                 return report;
             }
-            assert!(begun.elapsed() < PATIENCE, "{name:?}: {report:?}");
+            assert!(started.elapsed() < TIMEOUT, "{name:?}: {report:?}");
         }
     };
     let before = until([0.2, -0.2, 1.4], upright, true, None, &mut shoulder).world_from_shoulder.unwrap();
@@ -213,11 +213,11 @@ fn a_controller_on_the_brace_is_the_shoulder_and_one_that_is_guessed_at_or_turne
     until([0.2, -0.2, 1.4], [0.0; 4], true, Some("no_rotation"), &mut shoulder);
     until([200.0, -200.0, 1400.0], upright, true, Some("millimetres"), &mut shoulder);
     let after = until([0.25, -0.2, 1.4], upright, true, None, &mut shoulder).world_from_shoulder.unwrap();
-    let way = after.translation.vector - before.translation.vector;
-    assert!((way.x - 0.05).abs() < 5e-3 && way.y.abs() < 5e-3, "{way}");
+    let displacement = after.translation.vector - before.translation.vector;
+    assert!((displacement.x - 0.05).abs() < 5e-3 && displacement.y.abs() < 5e-3, "{displacement}");
     // The other hand's is another body.
-    let other = ControllerPose { hand: Side::Left, ..told([0.0, 0.0, 1.0], upright, true) };
-    shoulder.feed(&other);
-    shoulder.listen();
+    let other = ControllerPose { hand: Side::Left, ..controller_pose([0.0, 0.0, 1.0], upright, true) };
+    shoulder.inject_controller(&other);
+    shoulder.poll_between_trials();
     assert_eq!(shoulder.report().bodies, ["left_controller", "right_controller"]);
 }

@@ -3,10 +3,10 @@
 
 use proact_app::{
     Arm, Registry, ReplayOptions,
-    digests::{Platform, Store},
-    replay_trial, retrace, trial,
+    digests::{DigestStore, Platform},
+    recompute_record, replay_trial, trial,
 };
-use proact_recording::{RECORD_FORMAT, Trial, TrialWriter, read_result};
+use proact_recording::{RECORD_FORMAT, TrialRecord, TrialWriter, read_result};
 use proact_testbed::{SpanDigest, Testbed, TrialConfig};
 use std::{
     error::Error,
@@ -31,7 +31,11 @@ fn records() -> Outcome<Vec<PathBuf>> {
 }
 
 fn options(other_versions: bool) -> ReplayOptions {
-    ReplayOptions { methods: Registry::standard().methods, other_versions, ..ReplayOptions::default() }
+    ReplayOptions {
+        methods: Registry::standard().methods,
+        allow_other_versions: other_versions,
+        ..ReplayOptions::default()
+    }
 }
 
 // Catches a change after which records of before do not replay although the format of records is the same.
@@ -39,8 +43,8 @@ fn options(other_versions: bool) -> ReplayOptions {
 fn every_stored_record_replays() -> Outcome {
     let records = records()?;
     assert_eq!(records.len(), 12, "{records:?}");
-    let platform = Platform::here();
-    let same = Store::of(&repository()).digests(&platform)?.is_some();
+    let platform = Platform::current();
+    let same = DigestStore::in_repository(&repository()).digests(&platform)?.is_some();
     if !same {
         let _ = writeln!(
             std::io::stderr(),
@@ -58,7 +62,7 @@ fn every_stored_record_replays() -> Outcome {
         } else {
             let mut score = 0.0;
             let seen = |testbed: &Testbed, _: &_| score = f64::from(testbed.task().state().score);
-            let retraced = retrace(&dir, &options(true), seen).map_err(named)?;
+            let retraced = recompute_record(&dir, &options(true), seen).map_err(named)?;
             if let Some(result) = &retraced.result {
                 assert_eq!(score, result.score, "{}", dir.display());
                 finished += 1;
@@ -72,20 +76,20 @@ fn every_stored_record_replays() -> Outcome {
 // Catches a digest of the text that today's types write: a key that came later, with a default, is in that text.
 #[test]
 fn a_record_without_a_key_that_came_later_replays_by_the_text_that_was_recorded() -> Outcome {
-    let place = tempfile::tempdir()?;
-    let original = Trial::open(&stored())?;
+    let temp_dir = tempfile::tempdir()?;
+    let original = TrialRecord::open(&stored())?;
     let text = original.header().config_toml.replace("intent_model = \"product\"\n", "");
     let config = TrialConfig::from_toml(&text)?;
     assert_ne!(config.to_toml()?, text, "the key is written today");
-    let arm = Arm::recorded(original.dir(), &config)?;
+    let arm = Arm::from_record(original.dir(), &config)?;
     let mut testbed =
-        trial::replayed(&Registry::standard().methods, &arm, config, None)?.with_recorded_config(&text);
+        trial::replay_testbed(&Registry::standard().methods, &arm, config, None)?.with_recorded_config(&text);
     let mut spans: Vec<SpanDigest> = Vec::new();
     for tick in original.ticks()? {
         let (time, input) = tick?;
-        spans.extend(testbed.tick(&input, time == original.end())?.span);
+        spans.extend(testbed.tick(&input, time == original.end())?.span_digest);
     }
-    let dir = place.path().join("earlier");
+    let dir = temp_dir.path().join("earlier");
     rewrite(&original, &dir, &text, &spans)?;
     let replayed = replay_trial(&dir, options(true))?;
     assert!(replayed.agrees, "{replayed:?}");
@@ -95,9 +99,9 @@ fn a_record_without_a_key_that_came_later_replays_by_the_text_that_was_recorded(
 
 #[test]
 fn a_key_that_is_unknown_is_refused_with_its_name_and_the_program_that_wrote_it() -> Outcome {
-    let place = tempfile::tempdir()?;
-    let dir = place.path().join("unknown");
-    let original = Trial::open(&stored())?;
+    let temp_dir = tempfile::tempdir()?;
+    let dir = temp_dir.path().join("unknown");
+    let original = TrialRecord::open(&stored())?;
     let text = format!("later_key = 1\n{}", original.header().config_toml);
     rewrite(&original, &dir, &text, &original.digests()?)?;
     let error = replay_trial(&dir, options(true)).expect_err("an unknown key").to_string();
@@ -112,7 +116,7 @@ fn stored() -> PathBuf {
 }
 
 /// A record as another program could have written it: with another text of the configuration, and these digests.
-fn rewrite(original: &Trial, to: &Path, text: &str, spans: &[SpanDigest]) -> Outcome {
+fn rewrite(original: &TrialRecord, to: &Path, text: &str, spans: &[SpanDigest]) -> Outcome {
     let mut header = original.header().clone();
     header.config_toml = text.to_owned();
     header.commit = "0123456789ab".to_owned();
@@ -126,7 +130,7 @@ fn rewrite(original: &Trial, to: &Path, text: &str, spans: &[SpanDigest]) -> Out
         spans.iter().filter(|span| span.tick == time).try_for_each(|span| writer.write_digest(span))?;
     }
     let mut result: serde_json::Value = read_result(original.dir())?;
-    result["digest"] = spans.last().map(|span| span.chain.as_str()).into();
+    result["digest"] = spans.last().map(|span| span.chain_hash.as_str()).into();
     writer.finish(original.end(), &result)?;
     Ok(())
 }
@@ -135,8 +139,8 @@ fn rewrite(original: &Trial, to: &Path, text: &str, spans: &[SpanDigest]) -> Out
 #[test]
 fn a_record_of_an_earlier_format_is_read_and_its_replay_names_the_program_that_computes_it() -> Outcome {
     let dir = repository().join("tests/records_earlier/format_7");
-    let record = Trial::open(&dir)?;
-    assert!(record.format() == 7 && record.finished() && !record.events()?.is_empty());
+    let record = TrialRecord::open(&dir)?;
+    assert!(record.format() == 7 && record.is_finished() && !record.events()?.is_empty());
     let refusal = replay_trial(&dir, options(true)).map(|_| ()).expect_err("another format").to_string();
     assert!(refusal.contains("format 7") && refusal.contains("ca6e481"), "{refusal}");
     Ok(())

@@ -10,7 +10,7 @@ use proact_control::{JogProfile, MethodRegistry, Simultaneous};
 use proact_devices::{EmgOrigin, SyntheticEmg};
 use proact_emg::{ClassifierKind, EmgConfig, EmgModel};
 use proact_testbed::{Setup, TrialConfig, ports};
-use proact_types::{DegreeOfFreedom, EmgSample, EventKind, Gesture, SimTime};
+use proact_types::{Command, DegreeOfFreedom, EmgSample, EventKind, SimTime};
 
 const TICKS: u64 = 4500;
 
@@ -24,10 +24,10 @@ fn model(classifier: ClassifierKind) -> EmgModel {
 struct Armband(SyntheticEmg);
 
 impl ports::EmgSource for Armband {
-    fn sample_at(&mut self, now: SimTime, _intended: Gesture) -> Vec<EmgSample> {
+    fn sample_at(&mut self, now: SimTime, _intended: Command) -> Vec<EmgSample> {
         let gesture = match now.0 {
-            500..2500 | 3500.. => Gesture::WristExtension,
-            _ => Gesture::NoMotion,
+            500..2500 | 3500.. => Command::WristExtension,
+            _ => Command::NoMotion,
         };
         let channels = self.0.next(gesture);
         let lost = (1500..2000).contains(&now.0);
@@ -36,30 +36,31 @@ impl ports::EmgSource for Armband {
 }
 
 fn start(config: TrialConfig, model: &EmgModel) -> Result<trial::Assembly, String> {
-    let worn = trial::Armband { trained: model, samples: Box::new(Armband(generator(2))) };
-    let arm = Arm::of(&config).unwrap();
-    trial::live_with(&MethodRegistry::standard(), &arm, config, Some(worn)).map_err(|e| e.to_string())
+    let worn = trial::TrainedArmband { trained: model, samples: Box::new(Armband(generator(2))) };
+    let arm = Arm::from_config(&config).unwrap();
+    trial::live_trial_with_armband(&MethodRegistry::standard(), &arm, config, Some(worn))
+        .map_err(|e| e.to_string())
 }
 
 #[test]
 fn a_regressor_moves_the_arm_but_not_through_a_lost_link_and_the_record_replays() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path().join("trial");
-    let trial::Assembly { mut session, classifier, arm, .. } =
+    let trial::Assembly { mut trial, classifier, arm, .. } =
         start(config(true), &model(ClassifierKind::Ridge)).unwrap();
-    let used = session.testbed().config().clone();
+    let used = trial.testbed().config().clone();
     let mut recorder = Recorder::create(&dir, &used, &arm, classifier.as_ref()).unwrap();
     let mut targets = Vec::new();
     let mut rearmed = Vec::new();
     for tick in 1..=TICKS {
-        let step = session.step(tick == TICKS).unwrap();
-        recorder.write(&step, session.testbed().plant().state()).unwrap();
-        targets.push(session.testbed().targets().to_vec());
+        let step = trial.step(tick == TICKS).unwrap();
+        recorder.write(&step, trial.testbed().plant().state()).unwrap();
+        targets.push(trial.testbed().targets().to_vec());
         rearmed.extend(
             step.output.events.iter().filter(|e| matches!(e.kind, EventKind::Rearmed)).map(|e| e.time.0),
         );
     }
-    recorder.finish(&session.result()).unwrap();
+    recorder.finish(&trial.result()).unwrap();
     let moved = |from, to| moved(&targets, from, to);
     assert!(moved(600, 1500) > 0.1, "{} rad in 0.9 s", moved(600, 1500));
     assert!(moved(1750, 3500) == 0.0, "{} rad while the link was lost or not trusted", moved(1750, 3500));
@@ -93,15 +94,15 @@ fn the_simulated_person_moves_the_arm_by_a_regressor_trained_on_the_spot() {
     let JogProfile::Time { simultaneous, .. } = &mut config.profile.jog else { panic!("by time") };
     let drives =
         [(DegreeOfFreedom::wrist(), "x".to_owned()), (DegreeOfFreedom::hand(), "z".to_owned())].into();
-    *simultaneous = Some(Simultaneous { hand_at: 0.5, hand_below: 0.3, drives });
+    *simultaneous = Some(Simultaneous { hand_on_threshold: 0.5, hand_off_threshold: 0.3, drives });
     config.emg = Some(EmgConfig { classifier: ClassifierKind::Ridge, ..EmgConfig::default() });
     config.participant = Some(Default::default());
-    let mut session = trial::simulated(config, &EmgOrigin::Synthetic).unwrap().session;
-    let start = session.testbed().targets().to_vec();
+    let mut trial = trial::simulated_trial(config, &EmgOrigin::Synthetic).unwrap().trial;
+    let start = trial.testbed().targets().to_vec();
     let mut furthest = 0.0_f64;
     for tick in 1..=10_000 {
-        session.step(tick == 10_000).unwrap();
-        let arm = session.testbed().targets().iter().zip(&start).take(7);
+        trial.step(tick == 10_000).unwrap();
+        let arm = trial.testbed().targets().iter().zip(&start).take(7);
         furthest = furthest.max(arm.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max));
     }
     println!("{furthest:.3} rad of a joint in 10 s");
@@ -110,16 +111,16 @@ fn the_simulated_person_moves_the_arm_by_a_regressor_trained_on_the_spot() {
 
 #[test]
 fn two_sites_move_the_arm_of_a_trial() {
-    let trial::Assembly { mut session, .. } = start(config(false), &model(ClassifierKind::TwoSite)).unwrap();
-    let start = session.testbed().targets().to_vec();
+    let trial::Assembly { mut trial, .. } = start(config(false), &model(ClassifierKind::TwoSite)).unwrap();
+    let start = trial.testbed().targets().to_vec();
     let mut gestures = Vec::new();
     for tick in 1..=1500 {
-        let step = session.step(tick == 1500).unwrap();
+        let step = trial.step(tick == 1500).unwrap();
         gestures.extend(step.output.emg.map(|output| output.gesture));
     }
     gestures.dedup();
-    assert_eq!(gestures, [Gesture::NoMotion, Gesture::WristExtension]);
-    assert!(session.testbed().targets().iter().zip(&start).any(|(a, b)| (a - b).abs() > 0.1));
+    assert_eq!(gestures, [Command::NoMotion, Command::WristExtension]);
+    assert!(trial.testbed().targets().iter().zip(&start).any(|(a, b)| (a - b).abs() > 0.1));
 }
 
 /// Which modes there are, and that the hand is one, is all that the person is told: nothing gives HC.
@@ -130,17 +131,17 @@ fn the_simulated_person_brings_a_block_by_two_sites_and_the_record_replays() {
     config.profile.level = "below_elbow".to_owned();
     config.profile.joint_jog.cycle = ["wristy", "wristx", "wristz", "hand"].map(str::to_owned).to_vec();
     config.emg = Some(EmgConfig { classifier: ClassifierKind::TwoSite, ..EmgConfig::default() });
-    let assembled = trial::simulated(config, &EmgOrigin::Synthetic).unwrap();
-    let trial::Assembly { mut session, classifier, arm, plans, .. } = assembled;
+    let assembled = trial::simulated_trial(config, &EmgOrigin::Synthetic).unwrap();
+    let trial::Assembly { mut trial, classifier, arm, plans, .. } = assembled;
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path().join("trial");
-    let used = session.testbed().config().clone();
+    let used = trial.testbed().config().clone();
     let recorder = Recorder::create(&dir, &used, &arm, classifier.as_ref()).unwrap();
     let mut recorder = recorder.with_plans(plans).unwrap();
     let (mut brought, mut gestures) = (0, std::collections::BTreeSet::new());
     for tick in 1..=LIMIT_MILLIS {
-        let step = session.step(tick == LIMIT_MILLIS).unwrap();
-        recorder.write(&step, session.testbed().plant().state()).unwrap();
+        let step = trial.step(tick == LIMIT_MILLIS).unwrap();
+        recorder.write(&step, trial.testbed().plant().state()).unwrap();
         for event in &step.output.events {
             match event.kind {
                 EventKind::ObjectOnTarget { .. } => brought += 1,
@@ -149,7 +150,7 @@ fn the_simulated_person_brings_a_block_by_two_sites_and_the_record_replays() {
             }
         }
     }
-    recorder.finish(&session.result()).unwrap();
+    recorder.finish(&trial.result()).unwrap();
     let gestures: Vec<&str> = gestures.iter().map(String::as_str).collect();
     assert_eq!(gestures, ["hand_open", "no_motion", "wrist_extension", "wrist_flexion"]);
     assert!(brought >= 1, "{brought} blocks in a minute");

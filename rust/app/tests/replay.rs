@@ -5,7 +5,7 @@
 
 use proact_app::{Recorder, ReplayOptions, replay_trial, trial};
 use proact_devices::EmgOrigin;
-use proact_recording::{InputRecord, RECORD_FORMAT, Trial, TrialWriter, read_result};
+use proact_recording::{InputRecord, RECORD_FORMAT, TrialRecord, TrialWriter, read_result};
 use proact_testbed::{Setup, SpanDigest, TrialConfig};
 use proact_types::{SimTime, TickInput};
 use std::{
@@ -29,9 +29,9 @@ fn config(seed: u64) -> Outcome<TrialConfig> {
 
 /// Runs a trial to its end without recording; its digest.
 fn digest(seed: u64) -> Outcome<String> {
-    let mut session = trial::simulated(config(seed)?, &EmgOrigin::Synthetic)?.session;
-    while !session.step(false)?.output.finished {}
-    Ok(session.testbed().digest())
+    let mut trial = trial::simulated_trial(config(seed)?, &EmgOrigin::Synthetic)?.trial;
+    while !trial.step(false)?.output.finished {}
+    Ok(trial.testbed().digest())
 }
 
 /// Records a trial into `dir`.
@@ -41,15 +41,15 @@ fn record(seed: u64, dir: &Path) -> Outcome {
 
 /// Records the trial of `config` into `dir`.
 fn record_of(config: TrialConfig, dir: &Path) -> Outcome {
-    let trial::Assembly { mut session, classifier, arm, plans, .. } =
-        trial::simulated(config, &EmgOrigin::Synthetic)?;
-    let config = session.testbed().config().clone();
+    let trial::Assembly { mut trial, classifier, arm, plans, .. } =
+        trial::simulated_trial(config, &EmgOrigin::Synthetic)?;
+    let config = trial.testbed().config().clone();
     let mut recorder = Recorder::create(dir, &config, &arm, classifier.as_ref())?.with_plans(plans)?;
     loop {
-        let step = session.step(false)?;
-        recorder.write(&step, session.testbed().plant().state())?;
+        let step = trial.step(false)?;
+        recorder.write(&step, trial.testbed().plant().state())?;
         if step.output.finished {
-            recorder.finish(&session.result())?;
+            recorder.finish(&trial.result())?;
             return Ok(());
         }
     }
@@ -57,7 +57,7 @@ fn record_of(config: TrialConfig, dir: &Path) -> Outcome {
 
 /// A copy of the trial in `from` whose inputs went through `change`.
 fn altered(from: &Path, to: &Path, mut change: impl FnMut(SimTime, &mut TickInput)) -> Outcome {
-    let original = Trial::open(from)?;
+    let original = TrialRecord::open(from)?;
     let mut writer = TrialWriter::create(to, original.header())?;
     let mut inputs = original.inputs()?.peekable();
     for span in original.digests::<SpanDigest>()? {
@@ -94,8 +94,8 @@ fn the_same_seed_gives_the_same_digest_alone_and_beside_another_trial_and_anothe
 
 #[test]
 fn a_recorded_trial_replays_to_the_same_digest() -> Outcome {
-    let place = tempfile::tempdir()?;
-    let dir = place.path().join("trial");
+    let temp_dir = tempfile::tempdir()?;
+    let dir = temp_dir.path().join("trial");
     record(3, &dir)?;
     let replayed = replay_trial(&dir, ReplayOptions::default())?;
     assert!(replayed.agrees && replayed.finished, "{replayed:?}");
@@ -106,13 +106,13 @@ fn a_recorded_trial_replays_to_the_same_digest() -> Outcome {
 
 #[test]
 fn a_trial_in_the_engine_ode_is_recorded_as_such_and_replays_in_it() -> Outcome {
-    let place = tempfile::tempdir()?;
-    let dir = place.path().join("trial");
-    record_of(config(3)?.with_values(&["physics.engine=ode"])?, &dir)?;
+    let temp_dir = tempfile::tempdir()?;
+    let dir = temp_dir.path().join("trial");
+    record_of(config(3)?.with_overrides(&["physics.engine=ode"])?, &dir)?;
     assert!(fs::read_to_string(dir.join("config.toml"))?.contains("engine = \"ode\""));
     let replayed = replay_trial(&dir, ReplayOptions::default())?;
     assert!(replayed.agrees && replayed.finished, "{replayed:?}");
-    let other = place.path().join("other");
+    let other = temp_dir.path().join("other");
     record(3, &other)?;
     assert_ne!(
         replay_trial(&other, ReplayOptions::default())?.digest,
@@ -124,12 +124,12 @@ fn a_trial_in_the_engine_ode_is_recorded_as_such_and_replays_in_it() -> Outcome 
 
 #[test]
 fn planning_again_gives_the_recorded_plans_and_notices_a_changed_one() -> Outcome {
-    let place = tempfile::tempdir()?;
-    let dir = place.path().join("trial");
+    let temp_dir = tempfile::tempdir()?;
+    let dir = temp_dir.path().join("trial");
     record(3, &dir)?;
     let again = replay_trial(&dir, replan())?;
     assert!(again.agrees, "{again:?}");
-    let plans = again.replanned.ok_or("it was asked for")?;
+    let plans = again.replan_result.ok_or("it was asked for")?;
     assert!(plans.equal > 0 && plans.different.is_empty(), "{plans:?}");
     // What each took stands beside the record.
     let log = fs::read_to_string(dir.join("plans.jsonl"))?;
@@ -140,11 +140,11 @@ fn planning_again_gives_the_recorded_plans_and_notices_a_changed_one() -> Outcom
         assert!(effort["wall_secs"].as_f64().is_some_and(|secs| secs > 0.0), "{effort}");
         assert_eq!(effort["timed_out"], false, "a batch is bounded by iterations: {effort}");
         // What was not found keeps none.
-        kept += usize::from(effort["clearance"].as_f64().is_some_and(|metres| metres >= 0.0));
+        kept += usize::from(effort["clearance"].as_f64().is_some_and(|meters| meters >= 0.0));
     }
     assert!(kept >= plans.equal, "each plan says what room it keeps: {log}");
 
-    let changed = place.path().join("changed");
+    let changed = temp_dir.path().join("changed");
     let mut first = None;
     altered(&dir, &changed, |_, input| {
         if let (None, Some(plan)) = (first, &mut input.plan)
@@ -154,19 +154,19 @@ fn planning_again_gives_the_recorded_plans_and_notices_a_changed_one() -> Outcom
             first = Some(plan.id);
         }
     })?;
-    let different = replay_trial(&changed, replan())?.replanned.ok_or("it was asked for")?.different;
+    let different = replay_trial(&changed, replan())?.replan_result.ok_or("it was asked for")?.different;
     assert_eq!(different.first().copied(), first, "{different:?}");
     Ok(())
 }
 
 #[test]
 fn a_changed_input_is_reported_with_its_span_and_its_stage() -> Outcome {
-    let place = tempfile::tempdir()?;
-    let dir = place.path().join("trial");
+    let temp_dir = tempfile::tempdir()?;
+    let dir = temp_dir.path().join("trial");
     record(3, &dir)?;
 
     // One EMG count at 2.345 s, by the smallest amount that a number can change.
-    let changed = place.path().join("emg");
+    let changed = temp_dir.path().join("emg");
     let mut touched = false;
     altered(&dir, &changed, |tick, input| {
         if tick.0 >= 2345
@@ -184,7 +184,7 @@ fn a_changed_input_is_reported_with_its_span_and_its_stage() -> Outcome {
     assert_eq!(divergence.fields.first().map(String::as_str), Some("input.emg"));
 
     // A plan that arrives bent: found by the plan itself and by everything that follows from it.
-    let changed = place.path().join("plan");
+    let changed = temp_dir.path().join("plan");
     let mut planned_at = None;
     altered(&dir, &changed, |tick, input| {
         if planned_at.is_none()
@@ -209,8 +209,8 @@ fn a_changed_input_is_reported_with_its_span_and_its_stage() -> Outcome {
 
 #[test]
 fn a_damaged_log_another_format_and_a_lost_classifier_are_each_told() -> Outcome {
-    let place = tempfile::tempdir()?;
-    let dir = place.path().join("trial");
+    let temp_dir = tempfile::tempdir()?;
+    let dir = temp_dir.path().join("trial");
     record(3, &dir)?;
     let log: PathBuf = dir.join("inputs.log");
     let intact = fs::read(&log)?;

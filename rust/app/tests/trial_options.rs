@@ -3,9 +3,10 @@
 
 use proact_app::trial;
 use proact_devices::EmgOrigin;
-use proact_testbed::{Session, Setup, TrialConfig};
+use proact_testbed::{RunningTrial, Setup, TrialConfig};
 use proact_types::{
-    DisplayFrame, GazeSample, Gesture, Moves, ObjectId, PlanReply, PlanStatus, PlannerView, Point, Vector,
+    Command, ControlledDof, DisplayFrame, GazeSample, ObjectId, PlanReply, PlanStatus, PlannerView, Point,
+    Vector,
 };
 use std::error::Error;
 
@@ -16,29 +17,33 @@ const FROM_ELBOW: std::ops::Range<usize> = 3..7;
 const WRIST: std::ops::Range<usize> = 4..7;
 
 fn config(method: &str, values: &[&str]) -> Outcome<TrialConfig> {
-    Ok(TrialConfig::new(method, 1, Setup::named("still")?).with_values(values)?)
+    Ok(TrialConfig::new(method, 1, Setup::named("still")?).with_overrides(values)?)
 }
 
 /// A live trial with the values of the configuration changed.
-fn live(method: &str, values: &[&str]) -> Outcome<Session> {
-    Ok(trial::live(config(method, values)?)?.session)
+fn live(method: &str, values: &[&str]) -> Outcome<RunningTrial> {
+    Ok(trial::live_trial(config(method, values)?)?.trial)
 }
 
 /// Where a block stands.
-fn block(session: &Session, block: ObjectId) -> Vector {
-    session.testbed().plant().state().objects[block.index()].pose.translation.vector
+fn block(trial: &RunningTrial, block: ObjectId) -> Vector {
+    trial.testbed().plant().state().objects[block.index()].pose.translation.vector
 }
 
 /// Makes a gesture for `ms`, looking at `point` if there is one; the last frame.
-fn make(session: &mut Session, gesture: Gesture, point: Option<Vector>, ms: u64) -> Outcome<DisplayFrame> {
+fn make(trial: &mut RunningTrial, command: Command, point: Option<Vector>, ms: u64) -> Outcome<DisplayFrame> {
     let mut last = None;
-    session.person().act(gesture);
+    trial.person_stage_mut().set_command(command);
     for tick in 0..ms {
         if let Some(point) = point.filter(|_| tick % 10 == 0) {
-            let origin = Point::from(session.head().translation.vector);
-            session.person().point(GazeSample { origin, direction: point - origin.coords, valid: true });
+            let origin = Point::from(trial.head_pose().translation.vector);
+            trial.person_stage_mut().set_pointer_gaze(GazeSample {
+                origin,
+                direction: point - origin.coords,
+                valid: true,
+            });
         }
-        last = session.step(false)?.frame.map(|frame| *frame).or(last);
+        last = trial.step(false)?.frame.map(|frame| *frame).or(last);
     }
     Ok(last.ok_or("less than one frame")?)
 }
@@ -46,7 +51,7 @@ fn make(session: &mut Session, gesture: Gesture, point: Option<Vector>, ms: u64)
 /// A whole short trial of method A with a simulated participant.
 struct ShortTrial {
     /// The greatest way of each arm joint from the start, rad.
-    way: [f64; 7],
+    joint_travel_rad: [f64; 7],
     /// All modes that were shown, ascending.
     modes: Vec<u8>,
     /// Where the limb and the arm were in the end, rad; no limb where none was tracked.
@@ -57,44 +62,50 @@ struct ShortTrial {
 fn short_trial(level: &str) -> Outcome<ShortTrial> {
     let level = format!("profile.level={level}");
     let config = config("A", &[&level, "limit_secs=25.0"])?;
-    let mut session = trial::simulated(config, &EmgOrigin::Synthetic)?.session;
-    let start = session.testbed().plant().state().position.clone();
-    let (mut way, mut modes, mut limb) = ([0.0_f64; 7], Vec::new(), None);
+    let mut trial = trial::simulated_trial(config, &EmgOrigin::Synthetic)?.trial;
+    let start = trial.testbed().plant().state().position.clone();
+    let (mut joint_travel_rad, mut modes, mut limb) = ([0.0_f64; 7], Vec::new(), None);
     loop {
-        let step = session.step(false)?;
-        let state = session.testbed().plant().state();
-        way.iter_mut().enumerate().for_each(|(k, way)| *way = way.max((state.position[k] - start[k]).abs()));
-        modes.extend(step.frame.as_ref().and_then(|frame| frame.mode.as_ref()).map(
-            |mode| match mode.moves {
-                Moves::Joint(joint) => joint,
+        let step = trial.step(false)?;
+        let state = trial.testbed().plant().state();
+        joint_travel_rad
+            .iter_mut()
+            .enumerate()
+            .for_each(|(k, travel)| *travel = travel.max((state.position[k] - start[k]).abs()));
+        modes.extend(step.frame.as_ref().and_then(|frame| frame.mode.as_ref()).map(|mode| {
+            match mode.controlled_dof {
+                ControlledDof::Joint(joint) => joint,
                 other => panic!("method A moves joints, not {other:?}"),
-            },
-        ));
+            }
+        }));
         limb = step.input.limb.map(|limb| limb.to_vec()).or(limb);
         if step.output.finished {
             modes.sort_unstable();
             modes.dedup();
             let end = state.position[..7].to_vec();
-            return Ok(ShortTrial { way, modes, limb, end });
+            return Ok(ShortTrial { joint_travel_rad, modes, limb, end });
         }
     }
 }
 
 #[test]
 fn a_whole_arm_is_driven_by_the_method_and_no_limb_is_followed() -> Outcome {
-    let ShortTrial { way, modes, limb, .. } = short_trial("shoulder")?;
+    let ShortTrial { joint_travel_rad, modes, limb, .. } = short_trial("shoulder")?;
     assert_eq!(limb, None);
-    assert!(way.iter().any(|way| *way > 0.2), "{way:?}");
+    assert!(joint_travel_rad.iter().any(|travel| *travel > 0.2), "{joint_travel_rad:?}");
     assert!(modes.iter().all(|&mode| mode < 7), "{modes:?}");
     Ok(())
 }
 
 #[test]
 fn above_the_elbow_the_shoulder_follows_the_limb_and_the_method_has_the_rest() -> Outcome {
-    let ShortTrial { way, modes, limb, end } = short_trial("above_elbow")?;
+    let ShortTrial { joint_travel_rad, modes, limb, end } = short_trial("above_elbow")?;
     let limb = limb.ok_or("a limb was tracked")?;
     assert!(modes.iter().all(|&mode| FROM_ELBOW.contains(&mode.into())), "{modes:?}");
-    assert!(way[..FROM_ELBOW.start].iter().any(|way| *way > 0.1), "the limb moved: {way:?}");
+    assert!(
+        joint_travel_rad[..FROM_ELBOW.start].iter().any(|travel| *travel > 0.1),
+        "the limb moved: {joint_travel_rad:?}"
+    );
     let off = (0..FROM_ELBOW.start).map(|k| (limb[k] - end[k]).abs()).fold(0.0, f64::max);
     assert!(off < 0.05, "the arm is {off} rad off the limb");
     Ok(())
@@ -102,10 +113,13 @@ fn above_the_elbow_the_shoulder_follows_the_limb_and_the_method_has_the_rest() -
 
 #[test]
 fn below_the_elbow_shoulder_and_elbow_follow_the_limb_and_the_method_has_the_wrist() -> Outcome {
-    let ShortTrial { way, modes, limb, end } = short_trial("below_elbow")?;
+    let ShortTrial { joint_travel_rad, modes, limb, end } = short_trial("below_elbow")?;
     let limb = limb.ok_or("a limb was tracked")?;
     assert!(modes.iter().all(|&mode| WRIST.contains(&mode.into())), "{modes:?}");
-    assert!(way[..WRIST.start].iter().any(|way| *way > 0.1), "the limb moved: {way:?}");
+    assert!(
+        joint_travel_rad[..WRIST.start].iter().any(|travel| *travel > 0.1),
+        "the limb moved: {joint_travel_rad:?}"
+    );
     let off = (0..WRIST.start).map(|k| (limb[k] - end[k]).abs()).fold(0.0, f64::max);
     assert!(off < 0.05, "the arm is {off} rad off the limb");
     Ok(())
@@ -117,10 +131,10 @@ fn below_the_elbow_shoulder_and_elbow_follow_the_limb_and_the_method_has_the_wri
 fn with_a_limb_of_its_own_a_person_brings_blocks_across_by_method_a() -> Outcome {
     for (level, seed) in [("below_elbow", 1), ("above_elbow", 2)] {
         let words = [&*format!("profile.level={level}"), "limit_secs=90.0"];
-        let config = TrialConfig::new("A", seed, Setup::named("seated")?).with_values(&words)?;
-        let mut session = trial::simulated(config, &EmgOrigin::Synthetic)?.session;
-        while !session.step(false)?.output.finished {}
-        let score = session.result().score;
+        let config = TrialConfig::new("A", seed, Setup::named("seated")?).with_overrides(&words)?;
+        let mut trial = trial::simulated_trial(config, &EmgOrigin::Synthetic)?.trial;
+        while !trial.step(false)?.output.finished {}
+        let score = trial.result().score;
         assert!(score >= 1.0, "{level}: {score} blocks on target");
     }
     Ok(())
@@ -129,14 +143,14 @@ fn with_a_limb_of_its_own_a_person_brings_blocks_across_by_method_a() -> Outcome
 /// Runs `D` with a simulated participant of this level; plans and digest.
 fn planned_trial(level: &str) -> Outcome<(Vec<PlanReply>, String, bool)> {
     let config = config("D", &[&format!("profile.level={level}"), "limit_secs=40.0"])?;
-    let mut session = trial::simulated(config, &EmgOrigin::Synthetic)?.session;
+    let mut trial = trial::simulated_trial(config, &EmgOrigin::Synthetic)?.trial;
     let (mut plans, mut limb) = (Vec::new(), false);
     loop {
-        let step = session.step(false)?;
+        let step = trial.step(false)?;
         limb |= step.input.limb.is_some();
         plans.extend(step.output.plan);
         if step.output.finished {
-            return Ok((plans, session.testbed().digest(), limb));
+            return Ok((plans, trial.testbed().digest(), limb));
         }
     }
 }
@@ -165,20 +179,20 @@ fn c_and_d_plan_for_the_joints_that_the_prosthesis_has() -> Outcome {
 
 #[test]
 fn a_persons_tracked_limb_is_followed_while_the_method_turns_the_wrist() -> Outcome {
-    let mut session = live("A", &["profile.level=below_elbow"])?;
-    let start = session.testbed().plant().state().position.clone();
+    let mut trial = live("A", &["profile.level=below_elbow"])?;
+    let start = trial.testbed().plant().state().position.clone();
     let mut limb = start[..7].to_vec();
     limb[3] += 0.3;
-    session.person().track_limb(&limb)?;
+    trial.person_stage_mut().track_limb(&limb)?;
     // At the start the wrist stands at the limit to which WE turns it.
-    make(&mut session, Gesture::WristFlexion, None, 1500)?;
+    make(&mut trial, Command::WristFlexion, None, 1500)?;
     let moved: Vec<f64> =
-        session.testbed().plant().state().position.iter().zip(&start).map(|(q, s)| q - s).collect();
+        trial.testbed().plant().state().position.iter().zip(&start).map(|(q, s)| q - s).collect();
     assert!((moved[3] - 0.3).abs() < 0.02, "the elbow follows: {moved:?}");
     assert!(moved[4].abs() > 0.3, "the method turns the wrist: {moved:?}");
     assert!(moved[..3].iter().all(|q| q.abs() < 0.02), "{moved:?}");
     for wrong in [vec![0.0; 3], vec![f64::NAN; 7]] {
-        let error = session.person().track_limb(&wrong).expect_err("no limb").to_string();
+        let error = trial.person_stage_mut().track_limb(&wrong).expect_err("no limb").to_string();
         assert!(error.contains("expected 7 finite angles"), "{error}");
     }
     Ok(())
@@ -187,9 +201,9 @@ fn a_persons_tracked_limb_is_followed_while_the_method_turns_the_wrist() -> Outc
 #[test]
 fn the_limiter_and_its_acceleration_are_options() -> Outcome {
     let speed_after_100_ms = |values: &[&str]| -> Outcome<f64> {
-        let mut session = live("A", values)?;
-        make(&mut session, Gesture::WristExtension, None, 100)?;
-        Ok(session.testbed().plant().state().velocity[0].abs())
+        let mut trial = live("A", values)?;
+        make(&mut trial, Command::WristExtension, None, 100)?;
+        Ok(trial.testbed().plant().state().velocity[0].abs())
     };
     let gentle = speed_after_100_ms(&["profile.limiter.acceleration_rad_per_s2=0.5"])?;
     let none = speed_after_100_ms(&["profile.limiter="])?;
@@ -201,15 +215,15 @@ fn the_limiter_and_its_acceleration_are_options() -> Outcome {
 #[test]
 fn the_dead_man_and_its_times_are_options() -> Outcome {
     let refusal = |values: &[&str]| -> Outcome<bool> {
-        let mut session = live("D", values)?;
-        let red = block(&session, ObjectId(0));
-        make(&mut session, Gesture::NoMotion, Some(red), 100)?;
-        let frame = make(&mut session, Gesture::WristExtension, None, 450)?;
+        let mut trial = live("D", values)?;
+        let red = block(&trial, ObjectId(0));
+        make(&mut trial, Command::NoMotion, Some(red), 100)?;
+        let frame = make(&mut trial, Command::WristExtension, None, 450)?;
         Ok(
             matches!(frame.planner, PlannerView::Failed { reason, .. } if reason.contains("eye tracker is silent")),
         )
     };
-    assert!(refusal(&["profile.dead_man.gaze_ms=200"])?);
+    assert!(refusal(&["profile.dead_man.gaze_timeout_ms=200"])?);
     assert!(!refusal(&["profile.dead_man="])?);
     Ok(())
 }
@@ -217,31 +231,31 @@ fn the_dead_man_and_its_times_are_options() -> Outcome {
 #[test]
 fn an_assistant_that_shares_the_speeds_is_an_option_of_methods_a_and_b() -> Outcome {
     let aside = |values: &[&str]| -> Outcome<f64> {
-        let mut session = live("B", values)?;
-        let place = session.testbed().plant().state().objects[0].pose.translation.vector;
-        let before = make(&mut session, Gesture::NoMotion, Some(place), 50)?;
-        let after = make(&mut session, Gesture::WristExtension, Some(place), 1000)?;
+        let mut trial = live("B", values)?;
+        let position = trial.testbed().plant().state().objects[0].pose.translation.vector;
+        let before = make(&mut trial, Command::NoMotion, Some(position), 50)?;
+        let after = make(&mut trial, Command::WristExtension, Some(position), 1000)?;
         let tip = |frame: &DisplayFrame| frame.world_from_tip.translation.vector;
         // WE moves along x; to the block it also goes down.
         Ok(tip(&before).z - tip(&after).z)
     };
-    let (alone, helped) = (aside(&[])?, aside(&["profile.blend.share=0.5"])?);
+    let (alone, helped) = (aside(&[])?, aside(&["profile.blend.assistance_share=0.5"])?);
     assert!(alone.abs() < 0.01 && helped > 0.015, "{alone} m alone, {helped} m with the assistant");
-    let error = live("D", &["profile.blend.share=0.5"]).err().ok_or("D plans")?.to_string();
+    let error = live("D", &["profile.blend.assistance_share=0.5"]).err().ok_or("D plans")?.to_string();
     assert!(error.contains("profile.blend"), "{error}");
-    let error = config("B", &["profile.blend.share=1.5"]).expect_err("over one").to_string();
-    assert!(error.contains("blend.share"), "{error}");
+    let error = config("B", &["profile.blend.assistance_share=1.5"]).expect_err("over one").to_string();
+    assert!(error.contains("blend.assistance_share"), "{error}");
     Ok(())
 }
 
 /// Looks for a second at the first red block, then for `ms` at a point on the way to the other red one.
 fn highlight_after(values: &[&str], share: f64, ms: u64) -> Outcome<Option<ObjectId>> {
-    let mut session = live("D", values)?;
-    let (first, second) = (block(&session, ObjectId(0)), block(&session, ObjectId(1)));
-    let frame = make(&mut session, Gesture::NoMotion, Some(first), 1000)?;
+    let mut trial = live("D", values)?;
+    let (first, second) = (block(&trial, ObjectId(0)), block(&trial, ObjectId(1)));
+    let frame = make(&mut trial, Command::NoMotion, Some(first), 1000)?;
     assert_eq!(frame.target.object, Some(ObjectId(0)));
     let point = first + (second - first) * share;
-    Ok(make(&mut session, Gesture::NoMotion, Some(point), ms)?.target.object)
+    Ok(make(&mut trial, Command::NoMotion, Some(point), ms)?.target.object)
 }
 
 #[test]
@@ -255,8 +269,8 @@ fn the_filtered_model_is_an_option_and_does_not_follow_a_glance() -> Outcome {
 #[test]
 fn hysteresis_is_an_option_and_keeps_the_highlight_on_a_look_between_two_blocks() -> Outcome {
     assert_eq!(highlight_after(&[], 0.55, 200)?, Some(ObjectId(1)));
-    assert_eq!(highlight_after(&["intent.hysteresis=20.0"], 0.55, 200)?, Some(ObjectId(0)));
-    assert_eq!(highlight_after(&["intent.hysteresis=20.0"], 1.0, 200)?, Some(ObjectId(1)));
+    assert_eq!(highlight_after(&["intent.highlight_hysteresis=20.0"], 0.55, 200)?, Some(ObjectId(0)));
+    assert_eq!(highlight_after(&["intent.highlight_hysteresis=20.0"], 1.0, 200)?, Some(ObjectId(1)));
     Ok(())
 }
 

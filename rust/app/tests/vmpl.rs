@@ -15,8 +15,8 @@ const COMMAND_BYTES: usize = 108;
 /// The limb as a decoder sees it, byte by byte: nothing of the program's own reader or writer.
 fn command(angles: [f32; 27]) -> [u8; COMMAND_BYTES] {
     let mut packet = [0; COMMAND_BYTES];
-    for (place, angle) in packet.chunks_exact_mut(4).zip(angles) {
-        place.copy_from_slice(&angle.to_le_bytes());
+    for (bytes_out, angle) in packet.chunks_exact_mut(4).zip(angles) {
+        bytes_out.copy_from_slice(&angle.to_le_bytes());
     }
     packet
 }
@@ -36,15 +36,15 @@ fn an_unchanged_decoder_drives_arm_and_fingers_and_its_trial_replays_without_it(
     let config = TrialConfig::new("A", 1, Setup::named("still")?);
     let config = TrialConfig { limit_secs: 4.0, method_process: Some(program), ..config };
 
-    let place = tempfile::tempdir()?;
-    let dir = place.path().join("trial");
-    let trial::Assembly { mut session, arm, classifier, .. } = trial::live(config)?;
-    let used = session.testbed().config().clone();
+    let temp_dir = tempfile::tempdir()?;
+    let dir = temp_dir.path().join("trial");
+    let trial::Assembly { mut trial, arm, classifier, .. } = trial::live_trial(config)?;
+    let used = trial.testbed().config().clone();
     let mut recorder = Recorder::create(&dir, &used, &arm, classifier.as_ref())?;
-    let (mut bytes, mut first, mut felt, mut heard) = ([0; 2048], Vec::new(), Vec::new(), 0);
+    let (mut bytes, mut first, mut felt, mut received_count) = ([0; 2048], Vec::new(), Vec::new(), 0);
     loop {
-        let step = session.step(false)?;
-        recorder.write(&step, session.testbed().plant().state())?;
+        let step = trial.step(false)?;
+        recorder.write(&step, trial.testbed().plant().state())?;
         // The double answers each packet of percepts and, as a decoder does, goes on from the first.
         while let Ok((count, limb)) = decoder.recv_from(&mut bytes) {
             assert_eq!(count, 458, "joints, contacts and forces");
@@ -52,7 +52,7 @@ fn an_unchanged_decoder_drives_arm_and_fingers_and_its_trial_replays_without_it(
             if first.is_empty() {
                 first = felt.clone();
             }
-            heard += 1;
+            received_count += 1;
             let mut angles: [f32; 27] = std::array::from_fn(|joint| angle(&first, joint));
             (angles[3], angles[8]) = (ELBOW, INDEX);
             decoder.send_to(&command(angles), limb)?;
@@ -64,25 +64,29 @@ fn an_unchanged_decoder_drives_arm_and_fingers_and_its_trial_replays_without_it(
             break;
         }
     }
-    recorder.finish(&session.result())?;
-    assert!((198..=201).contains(&heard), "percepts every 20 ms for 4 s: {heard}");
+    recorder.finish(&trial.result())?;
+    assert!((198..=201).contains(&received_count), "percepts every 20 ms for 4 s: {received_count}");
 
     // Joint by joint, as the packets name them: the elbow is the fourth of the arm, `index1` the second of the index finger.
-    let testbed = session.testbed();
+    let testbed = trial.testbed();
     let model = testbed.model();
     let position = |name: &str| {
-        let joint = model.moving().position(|joint| proact_arm::is_named(&model.joints[joint].name, name));
+        let joint =
+            model.moving().position(|joint| proact_arm::matches_short_name(&model.joints[joint].name, name));
         joint.map(|joint| testbed.plant().state().position[joint])
     };
-    for (name, number, asked) in [("forearm", 3, ELBOW), ("index1", 8, INDEX)] {
+    for (name, number, expected) in [("forearm", 3, ELBOW), ("index1", 8, INDEX)] {
         let reached = position(name).ok_or(name)?;
-        assert!((reached - f64::from(asked)).abs() < 0.05, "{name} is at {reached} rad, {asked} was asked");
+        assert!(
+            (reached - f64::from(expected)).abs() < 0.05,
+            "{name} is at {reached} rad, {expected} was asked"
+        );
         assert!((reached - f64::from(angle(&felt, number))).abs() < 0.02, "{name} is felt where it is");
     }
     let (ring, before) = (position("ring1").ok_or("ring1")?, f64::from(angle(&first, 16)));
     assert!((ring - before).abs() < 0.05, "the other fingers stay: {ring} rad, {before} before");
 
-    drop(session);
+    drop(trial);
     let replayed = replay_trial(&dir, ReplayOptions::default())?;
     assert!(replayed.agrees, "{:?}", replayed.divergence);
     Ok(())

@@ -5,7 +5,7 @@ use proact_types::{MAX_JOINTS, Point, Pose, Vector};
 
 /// One column for each joint: the twist of a point by a unit of the joint's speed, linear first, base frame; or what a
 /// task counts of it. Lives on the stack.
-pub type Columns = ArrayVec<Vector6<f64>, MAX_JOINTS>;
+pub type JacobianColumns = ArrayVec<Vector6<f64>, MAX_JOINTS>;
 
 /// The arm group from the base to the tip. Immutable; where it is at some angles goes into a [`ChainPoses`].
 ///
@@ -28,7 +28,7 @@ struct Hinge {
 
 impl Hinge {
     /// Where the link behind the hinge is, for the link before it at `pose`.
-    fn turned(&self, pose: Pose, angle: f64) -> Pose {
+    fn child_pose(&self, pose: Pose, angle: f64) -> Pose {
         pose * self.origin * UnitQuaternion::from_axis_angle(&self.axis, angle)
     }
 }
@@ -80,12 +80,12 @@ impl Chain {
     ///
     /// # Panics
     /// If `q` has fewer angles than [`Chain::joint_count`].
-    pub fn place(&self, q: &[f64], poses: &mut ChainPoses) {
+    pub fn link_poses_into(&self, q: &[f64], poses: &mut ChainPoses) {
         assert!(q.len() >= self.hinges.len(), "an angle for each joint of the chain");
         let mut pose = Pose::identity();
         poses.links.clear();
         for (hinge, angle) in self.hinges.iter().zip(q) {
-            pose = hinge.turned(pose, *angle);
+            pose = hinge.child_pose(pose, *angle);
             poses.links.push(pose);
         }
         poses.tip = pose * self.tip;
@@ -98,7 +98,7 @@ impl Chain {
     pub fn forward(&self, q: &[f64]) -> Pose {
         assert!(q.len() >= self.hinges.len(), "an angle for each joint of the chain");
         let chain = self.hinges.iter().zip(q);
-        chain.fold(Pose::identity(), |pose, (hinge, angle)| hinge.turned(pose, *angle)) * self.tip
+        chain.fold(Pose::identity(), |pose, (hinge, angle)| hinge.child_pose(pose, *angle)) * self.tip
     }
 
     /// Column of the geometric Jacobian: the twist of the point that is at `point` and moves with the tip, per unit of
@@ -106,28 +106,28 @@ impl Chain {
     ///
     /// # Panics
     /// If the chain has no such joint.
-    pub fn column(&self, poses: &ChainPoses, joint: usize, point: &Point) -> Vector6<f64> {
+    pub fn jacobian_column(&self, poses: &ChainPoses, joint: usize, point: &Point) -> Vector6<f64> {
         let link = &poses.links[joint];
         let axis = link.rotation * self.hinges[joint].axis.into_inner();
         let linear = axis.cross(&(point.coords - link.translation.vector));
         Vector6::new(linear.x, linear.y, linear.z, axis.x, axis.y, axis.z)
     }
 
-    /// The geometric Jacobian at `point`, column by column as [`Chain::column`].
-    pub fn jacobian(&self, poses: &ChainPoses, point: &Point) -> Columns {
-        (0..self.hinges.len()).map(|joint| self.column(poses, joint, point)).collect()
+    /// The geometric Jacobian at `point`, column by column as [`Chain::jacobian_column`].
+    pub fn jacobian(&self, poses: &ChainPoses, point: &Point) -> JacobianColumns {
+        (0..self.hinges.len()).map(|joint| self.jacobian_column(poses, joint, point)).collect()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doubles::{ANGLES, three_joints};
+    use crate::doubles::{ANGLE_RANGES, three_joint_arm};
     use proptest::prelude::*;
 
     #[test]
     fn the_hand_is_where_trigonometry_says() {
-        let chain = Chain::new(&three_joints());
+        let chain = Chain::new(&three_joint_arm());
         let tip = chain.forward(&[std::f64::consts::FRAC_PI_2, 0.0, 0.5]);
         assert!((tip.translation.vector - Vector::new(0.0, 0.6, 0.0)).norm() < 1e-12, "{tip}");
     }
@@ -135,12 +135,12 @@ mod tests {
     proptest! {
         // Catches a Jacobian with swapped rows, a wrong sign, or a lever to the wrong point.
         #[test]
-        fn the_jacobian_is_the_derivative_of_a_point_of_the_hand(q in ANGLES, k in 0_usize..3) {
+        fn the_jacobian_is_the_derivative_of_a_point_of_the_hand(q in ANGLE_RANGES, k in 0_usize..3) {
             const H: f64 = 1e-6;
-            let chain = Chain::new(&three_joints());
+            let chain = Chain::new(&three_joint_arm());
             let in_tip = Point::new(0.1, -0.02, 0.05);
             let mut poses = ChainPoses::default();
-            chain.place(&q, &mut poses);
+            chain.link_poses_into(&q, &mut poses);
             let column = chain.jacobian(&poses, &(poses.tip * in_tip))[k];
             let at = |h: f64| {
                 let mut q = q;
@@ -155,11 +155,11 @@ mod tests {
         }
 
         #[test]
-        fn chain_and_tree_put_every_link_at_the_same_place(q in ANGLES) {
-            let model = three_joints();
+        fn chain_and_tree_put_every_link_at_the_same_place(q in ANGLE_RANGES) {
+            let model = three_joint_arm();
             let chain = Chain::new(&model);
             let mut poses = ChainPoses::default();
-            chain.place(&q, &mut poses);
+            chain.link_poses_into(&q, &mut poses);
             let links = model.link_poses(&q);
             for (&joint, pose) in model.arm.iter().zip(&poses.links) {
                 let off = links[model.joints[joint].child].inv_mul(pose);

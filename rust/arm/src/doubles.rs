@@ -4,7 +4,7 @@ use crate::{ArmModel, Joint, JointKind, JointLimits, Link};
 use proact_types::{Pose, Vector};
 
 /// Three joints about z, y, y, each link 0.3 m along x; no hand.
-pub fn three_joints() -> ArmModel {
+pub fn three_joint_arm() -> ArmModel {
     let link = |k: usize| Link { name: format!("l{k}"), inertial: None, collisions: vec![], visuals: vec![] };
     let joint = |k: usize, axis: Vector| Joint {
         name: format!("j{k}"),
@@ -30,6 +30,6 @@ pub fn three_joints() -> ArmModel {
     }
 }
 
-/// Angles of [`three_joints`] within its limits.
+/// Angles of [`three_joint_arm`] within its limits.
 #[cfg(test)]
-pub(crate) const ANGLES: [std::ops::Range<f64>; 3] = [-2.0..2.0, -2.0..2.0, -2.0..2.0];
+pub(crate) const ANGLE_RANGES: [std::ops::Range<f64>; 3] = [-2.0..2.0, -2.0..2.0, -2.0..2.0];

@@ -7,7 +7,7 @@ use std::borrow::Cow;
 
 /// The last bone of a finger has this share of the length of the one before it. Assumed: a description says where joints
 /// are, not where fingers end.
-const LAST_BONE: f64 = 0.8;
+const DISTAL_BONE_RATIO: f64 = 0.8;
 
 /// How the hand grips what stands upright and is so wide, from above: with the grasp's centre in the middle of the object,
 /// rolled about x of the tip's frame and leaning about y. Hand, planner and simulated participants go by it.
@@ -15,10 +15,12 @@ const LAST_BONE: f64 = 0.8;
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct Grasp {
     /// Widths of the objects that it holds, metres: the smallest and the largest.
-    pub widths: [f64; 2],
+    #[serde(rename = "widths")]
+    pub width_range_m: [f64; 2],
     /// Where the centre of a grasped object lies, in the tip's frame, metres.
     #[cfg_attr(feature = "ts", ts(as = "[f64; 3]"))]
-    pub centre: Vector,
+    #[serde(rename = "centre")]
+    pub center: Vector,
     /// Pose of the hand before it closes: room for the object, and no wider than its neighbours allow.
     pub open_pose: Cow<'static, str>,
     /// Pose of the hand that it closes to; the object stops it on the way.
@@ -26,18 +28,24 @@ pub struct Grasp {
     /// Where the digits close in one direction: this direction in the tip's frame, of any length. A box is then gripped
     /// by two of its faces where the arm can.
     #[cfg_attr(feature = "ts", ts(as = "Option<[f64; 3]>"))]
-    pub closing: Option<Vector>,
+    #[serde(rename = "closing")]
+    pub closing_direction: Option<Vector>,
     /// Roll at which the fingers close best, rad: at zero z of the tip's frame is up.
-    pub roll: f64,
+    #[serde(rename = "roll")]
+    pub roll_rad: f64,
     /// Smallest and largest roll at which they close, rad.
-    pub roll_range: [f64; 2],
+    #[serde(rename = "roll_range")]
+    pub roll_range_rad: [f64; 2],
     /// Largest lean, both ways, rad.
-    pub lean: f64,
+    #[serde(rename = "lean")]
+    pub max_lean_rad: f64,
     /// An object whose centre is this near to the grasp's is between the fingers, metres.
-    pub opening: f64,
+    #[serde(rename = "opening")]
+    pub capture_radius_m: f64,
     /// Where the open hand may come off an object other than straight up: a direction in the tip's frame, of any length.
     #[cfg_attr(feature = "ts", ts(as = "[f64; 3]"))]
-    pub withdrawal: Vector,
+    #[serde(rename = "withdrawal")]
+    pub withdrawal_direction: Vector,
 }
 
 /// The hand pose that stands for open, where a grasp does not say.
@@ -47,35 +55,35 @@ pub const CLOSED_POSE: &str = "closed";
 
 /// The grasp of a hand whose description has none. The angles are those of the MPL right hand: the original's fixed grasp
 /// orientation has a roll of 25.6 degrees; the rest is assumed.
-static UNDESCRIBED: Grasp = Grasp {
-    widths: [0.0, 1.0],
-    centre: Vector::new(0.0, 0.0, 0.0),
+static DEFAULT_GRASP: Grasp = Grasp {
+    width_range_m: [0.0, 1.0],
+    center: Vector::new(0.0, 0.0, 0.0),
     open_pose: Cow::Borrowed(OPEN_POSE),
     closed_pose: Cow::Borrowed(CLOSED_POSE),
-    closing: None,
-    roll: 25.6_f64.to_radians(),
-    roll_range: [-10_f64.to_radians(), 60_f64.to_radians()],
-    lean: 15_f64.to_radians(),
-    opening: 0.07,
-    withdrawal: Vector::new(0.0, 1.0, 1.0),
+    closing_direction: None,
+    roll_rad: 25.6_f64.to_radians(),
+    roll_range_rad: [-10_f64.to_radians(), 60_f64.to_radians()],
+    max_lean_rad: 15_f64.to_radians(),
+    capture_radius_m: 0.07,
+    withdrawal_direction: Vector::new(0.0, 1.0, 1.0),
 };
 
 impl Default for Grasp {
     /// That of a hand whose description does not say: for objects of any width.
     fn default() -> Self {
-        UNDESCRIBED.clone()
+        DEFAULT_GRASP.clone()
     }
 }
 
 impl Grasp {
     /// True if it is meant for objects of this width, metres.
-    pub fn holds(&self, width: f64) -> bool {
-        self.short_of(width) == 0.0
+    pub fn fits_width(&self, width: f64) -> bool {
+        self.width_mismatch_m(width) == 0.0
     }
 
     /// How much wider or narrower its objects are at least, metres.
-    fn short_of(&self, width: f64) -> f64 {
-        (self.widths[0] - width).max(width - self.widths[1]).max(0.0)
+    fn width_mismatch_m(&self, width: f64) -> f64 {
+        (self.width_range_m[0] - width).max(width - self.width_range_m[1]).max(0.0)
     }
 }
 
@@ -86,23 +94,23 @@ pub fn upright_axis(roll: f64, lean: f64) -> Vector {
 
 /// Which hand joints follow which, by their places among the hand joints.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Couplings(Vec<Coupling>);
+pub struct MimicCouplings(Vec<MimicCoupling>);
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Coupling {
+struct MimicCoupling {
     joint: usize,
     master: usize,
     multiplier: f64,
     offset: f64,
 }
 
-impl Couplings {
+impl MimicCouplings {
     /// Puts the joints that follow others where their masters take them, rad and rad/s.
     ///
     /// # Panics
     /// If there are fewer values than hand joints.
-    pub fn follow(&self, position: &mut [f64], velocity: &mut [f64]) {
-        for Coupling { joint, master, multiplier, offset } in &self.0 {
+    pub fn apply(&self, position: &mut [f64], velocity: &mut [f64]) {
+        for MimicCoupling { joint, master, multiplier, offset } in &self.0 {
             position[*joint] = multiplier * position[*master] + offset;
             velocity[*joint] = multiplier * velocity[*master];
         }
@@ -111,30 +119,30 @@ impl Couplings {
 
 impl ArmModel {
     /// Which hand joints follow which.
-    pub fn couplings(&self) -> Couplings {
-        let place = |joint: usize| self.hand.iter().position(|&own| own == joint);
+    pub fn couplings(&self) -> MimicCouplings {
+        let hand_index = |joint: usize| self.hand.iter().position(|&own| own == joint);
         let coupling = |mimic: &Mimic| {
-            let (joint, master) = place(mimic.joint).zip(place(mimic.master))?;
-            Some(Coupling { joint, master, multiplier: mimic.multiplier, offset: mimic.offset })
+            let (joint, master) = hand_index(mimic.joint).zip(hand_index(mimic.master))?;
+            Some(MimicCoupling { joint, master, multiplier: mimic.multiplier, offset: mimic.offset })
         };
-        Couplings(self.mimics.iter().filter_map(coupling).collect())
+        MimicCouplings(self.mimics.iter().filter_map(coupling).collect())
     }
 
     /// The grasp for an object of this width, metres ([`proact_types::Shape::grip_width`]): the first that is meant for it;
-    /// where none is, the one whose objects are nearest in width, of which [`Grasp::holds`] is false.
+    /// where none is, the one whose objects are nearest in width, of which [`Grasp::fits_width`] is false.
     pub fn grasp_for(&self, width: f64) -> &Grasp {
-        let nearer = |a: &&Grasp, b: &&Grasp| a.short_of(width).total_cmp(&b.short_of(width));
-        self.grasps.iter().min_by(nearer).unwrap_or(&UNDESCRIBED)
+        let nearer = |a: &&Grasp, b: &&Grasp| a.width_mismatch_m(width).total_cmp(&b.width_mismatch_m(width));
+        self.grasps.iter().min_by(nearer).unwrap_or(&DEFAULT_GRASP)
     }
 
     /// The grasp for what `request` picks or carries; that for the widest objects where it is about none.
-    pub fn grasp_of(&self, request: &PlanRequest) -> &Grasp {
+    pub fn grasp_for_request(&self, request: &PlanRequest) -> &Grasp {
         request.grip_width().map_or_else(|| self.widest_grasp(), |width| self.grasp_for(width))
     }
 
     /// The grasp for the widest objects: where nothing is known of an object.
     pub fn widest_grasp(&self) -> &Grasp {
-        self.grasps.last().unwrap_or(&UNDESCRIBED)
+        self.grasps.last().unwrap_or(&DEFAULT_GRASP)
     }
 
     /// For each link the digit that it belongs to, named by the digit's first link: each branch behind the tip is one.
@@ -150,7 +158,7 @@ impl ArmModel {
     }
 
     /// For each link the place of its digit in the order of the digits' first links. None for arm and palm.
-    pub fn digit_places(&self) -> Vec<Option<usize>> {
+    pub fn digit_indices(&self) -> Vec<Option<usize>> {
         let first_links = self.digits();
         let mut order: Vec<usize> = first_links.iter().flatten().copied().collect();
         order.sort_unstable();
@@ -162,7 +170,7 @@ impl ArmModel {
     /// moving joints, rad; zero for those left out.
     pub fn finger_points(&self, angles: &[f64]) -> Vec<Point> {
         let mut poses = Vec::new();
-        self.place_from(self.tip, &Pose::identity(), angles, &mut poses);
+        self.link_poses_from(self.tip, &Pose::identity(), angles, &mut poses);
         let digits = self.digits();
         let mut points = Vec::new();
         for joint in self.joints.iter().filter(|joint| digits[joint.child].is_some()) {
@@ -170,7 +178,7 @@ impl ArmModel {
             points.push(Point::from((to + from) / 2.0));
             points.push(Point::from(to));
             if !self.joints.iter().any(|next| next.parent == joint.child) {
-                points.push(Point::from(to + (to - from) * LAST_BONE));
+                points.push(Point::from(to + (to - from) * DISTAL_BONE_RATIO));
             }
         }
         points
@@ -180,7 +188,7 @@ impl ArmModel {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Joint, Link, doubles::three_joints};
+    use crate::{Joint, Link, doubles::three_joint_arm};
     use nalgebra::UnitQuaternion;
 
     #[test]
@@ -194,16 +202,16 @@ mod tests {
 
     #[test]
     fn the_grasp_is_that_of_the_objects_width_and_otherwise_the_nearest() {
-        let grasp = |low: f64, high: f64| Grasp { widths: [low, high], ..Grasp::default() };
-        let mut model = three_joints();
+        let grasp = |low: f64, high: f64| Grasp { width_range_m: [low, high], ..Grasp::default() };
+        let mut model = three_joint_arm();
         assert_eq!(model.grasp_for(0.05), &Grasp::default(), "a hand that is not described");
         model.grasps = vec![grasp(0.02, 0.03), grasp(0.046, 0.1)];
         for (width, low) in
             [(0.025, 0.02), (0.05, 0.046), (0.001, 0.02), (0.035, 0.02), (0.04, 0.046), (1.0, 0.046)]
         {
             let found = model.grasp_for(width);
-            assert_eq!(found.widths[0], low, "{width} m");
-            assert_eq!(found.holds(width), width == 0.025 || width == 0.05);
+            assert_eq!(found.width_range_m[0], low, "{width} m");
+            assert_eq!(found.fits_width(width), width == 0.025 || width == 0.05);
         }
         assert_eq!(model.widest_grasp(), &model.grasps[1]);
     }
@@ -211,7 +219,7 @@ mod tests {
     #[test]
     fn the_points_of_a_finger_bend_with_it_and_do_not_move_with_the_arm() {
         // The last joint of the arm becomes a finger on the second link.
-        let mut model = three_joints();
+        let mut model = three_joint_arm();
         (model.arm, model.hand, model.tip) = (vec![0, 1], vec![2], 2);
         assert_eq!(model.digits(), [None, None, None, Some(3)]);
         // Its joint is 0.3 m ahead of the tip's own, so that this is the one bone that is known.

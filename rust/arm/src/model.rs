@@ -112,7 +112,8 @@ pub struct Visual {
     /// What is drawn.
     pub geometry: VisualGeometry,
     /// Red, green, blue, alpha, 0 to 1.
-    pub colour: [f64; 4],
+    #[serde(rename = "colour")]
+    pub color: [f64; 4],
 }
 
 /// What is drawn.
@@ -140,7 +141,7 @@ pub enum JointKind {
     Fixed,
     /// Turns about its axis, with limits.
     Revolute,
-    /// Turns about its axis for ever. Its limits are [`JointLimits::ENDLESS`] either way: angles are counted on over whole
+    /// Turns about its axis for ever. Its limits are [`JointLimits::CONTINUOUS_RANGE_RAD`] either way: angles are counted on over whole
     /// turns, and only a planner takes those a turn apart for the same.
     Continuous,
 }
@@ -194,18 +195,18 @@ pub struct Joint {
 
 impl Joint {
     /// `parent_from_child` at `angle`, rad.
-    pub fn across(&self, angle: f64) -> Pose {
-        self.origin * self.turn(angle)
+    pub fn transform_at(&self, angle: f64) -> Pose {
+        self.origin * self.rotation_at(angle)
     }
 
-    fn turn(&self, angle: f64) -> UnitQuaternion<f64> {
+    fn rotation_at(&self, angle: f64) -> UnitQuaternion<f64> {
         UnitQuaternion::from_axis_angle(&Unit::new_normalize(self.axis), angle)
     }
 }
 
 impl JointLimits {
     /// How far a continuous joint turns either way, rad: a hundred turns.
-    pub const ENDLESS: f64 = 200.0 * std::f64::consts::PI;
+    pub const CONTINUOUS_RANGE_RAD: f64 = 200.0 * std::f64::consts::PI;
 }
 
 /// Limits of a joint.
@@ -278,25 +279,25 @@ impl ArmModel {
     /// `base_from_link` of all links, in their order, at angles of the moving joints, rad; zero for those left out.
     pub fn link_poses(&self, angles: &[f64]) -> Vec<Pose> {
         let mut poses = Vec::new();
-        self.place_links(&Pose::identity(), angles, &mut poses);
+        self.link_poses_into(&Pose::identity(), angles, &mut poses);
         poses
     }
 
     /// Forward kinematics: writes `world_from_link` of all links, in their order, at angles of the moving joints, rad;
     /// zero for those left out. Allocates only where `poses` has too little room.
-    pub fn place_links(&self, world_from_base: &Pose, angles: &[f64], poses: &mut Vec<Pose>) {
-        self.place_from(0, world_from_base, angles, poses);
+    pub fn link_poses_into(&self, world_from_base: &Pose, angles: &[f64], poses: &mut Vec<Pose>) {
+        self.link_poses_from(0, world_from_base, angles, poses);
     }
 
-    /// As [`ArmModel::place_links`], with the link `first` at `pose`. The poses of links that do not hang on it mean
+    /// As [`ArmModel::link_poses_into`], with the link `first` at `pose`. The poses of links that do not hang on it mean
     /// nothing.
-    pub(crate) fn place_from(&self, first: usize, pose: &Pose, angles: &[f64], poses: &mut Vec<Pose>) {
+    pub(crate) fn link_poses_from(&self, first: usize, pose: &Pose, angles: &[f64], poses: &mut Vec<Pose>) {
         poses.clear();
         poses.resize(self.links.len(), Pose::identity());
         // Each link first waits with the turn of its joint.
         for (joint, angle) in self.moving().zip(angles) {
             let joint = &self.joints[joint];
-            poses[joint.child].rotation = joint.turn(*angle);
+            poses[joint.child].rotation = joint.rotation_at(*angle);
         }
         poses[first] = *pose;
         // Joint k moves link k + 1, and parents stand before their children.
@@ -336,12 +337,12 @@ impl ArmModel {
     /// The same arm with some of its arm joints held: `held` says which, by their positions in the arm group, and at which
     /// angles, rad. They are fixed joints then, and named poses of the arm are without them. Positions that the arm does
     /// not have are left out.
-    pub fn holding(&self, held: &[(usize, f64)]) -> Self {
+    pub fn with_held_joints(&self, held: &[(usize, f64)]) -> Self {
         let mut model = self.clone();
         for &(position, angle) in held {
             let Some(&joint) = self.arm.get(position) else { continue };
             let joint = &mut model.joints[joint];
-            joint.origin = joint.across(angle);
+            joint.origin = joint.transform_at(angle);
             joint.kind = JointKind::Fixed;
             joint.limits = JointLimits::default();
         }

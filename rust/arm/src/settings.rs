@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 /// How an arm is shown and driven where the method's profile does not say otherwise: the file `arm.toml` of its folder.
 ///
-/// Joints and links are named in full, or by what follows the last `__` of their names ([`is_named`]).
+/// Joints and links are named in full, or by what follows the last `__` of their names ([`matches_short_name`]).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(default)]
@@ -14,7 +14,8 @@ pub struct ArmSettings {
     /// As shown to people; empty is the robot's name.
     pub title: String,
     /// Arm joints that method A cycles through, in this order; empty is every driven joint, base to tip.
-    pub cycle: Vec<String>,
+    #[serde(rename = "cycle")]
+    pub joint_cycle: Vec<String>,
     /// Arm joints that the prosthesis has, by level of limb loss; an empty list is every arm joint.
     pub levels: BTreeMap<String, Vec<String>>,
     /// How joints are shown, and which way they go. Joints without an entry go by their own names.
@@ -22,9 +23,11 @@ pub struct ArmSettings {
     /// Gains of the control `original_gains`, by joint.
     pub controllers: BTreeMap<String, JointGains>,
     /// Links whose forces on an object the grasp rule `original` counts.
-    pub gripper: Vec<String>,
+    #[serde(rename = "gripper")]
+    pub grasp_contact_links: Vec<String>,
     /// Where the base stands if nobody wears the arm.
-    pub stand: Option<Stand>,
+    #[serde(rename = "stand")]
+    pub fixed_base: Option<FixedBase>,
 }
 
 /// How a joint is shown.
@@ -59,14 +62,14 @@ pub struct JointGains {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(deny_unknown_fields)]
-pub struct Stand {
+pub struct FixedBase {
     /// Where the base's origin is, `world`, metres. Its axes are those of `world`.
     #[cfg_attr(feature = "ts", ts(as = "[f64; 3]"))]
     pub xyz: Point,
 }
 
 /// True if `name` is the full name or what follows its last `__`: `my_arm__knee` is `knee`.
-pub fn is_named(full: &str, name: &str) -> bool {
+pub fn matches_short_name(full: &str, name: &str) -> bool {
     full == name || full.rsplit("__").next() == Some(name)
 }
 

@@ -1,5 +1,5 @@
 use crate::{BenchFigure, BenchReport, quantile};
-use proact_app::{Pace, trial};
+use proact_app::{RealTimePacer, trial};
 use proact_control::MethodRegistry;
 use proact_devices::EmgOrigin;
 use proact_testbed::{
@@ -7,7 +7,7 @@ use proact_testbed::{
     ports::{Plant, PlantError},
 };
 use proact_types::{
-    BodyState, GazeSample, Gesture, InputSign, InputSource, PlantCommand, PlantState, SignKind, SimTime,
+    BodyState, Command, GazeSample, Heartbeat, HeartbeatKind, InputSource, PlantCommand, PlantState, SimTime,
     TickInput,
 };
 use std::{
@@ -17,15 +17,15 @@ use std::{
 };
 
 /// What the wearer does, 600 ms each: every gesture, with rest between them.
-const GESTURES: [Gesture; 8] = [
-    Gesture::WristExtension,
-    Gesture::NoMotion,
-    Gesture::HandOpen,
-    Gesture::NoMotion,
-    Gesture::WristFlexion,
-    Gesture::NoMotion,
-    Gesture::HandClose,
-    Gesture::NoMotion,
+const GESTURES: [Command; 8] = [
+    Command::WristExtension,
+    Command::NoMotion,
+    Command::HandOpen,
+    Command::NoMotion,
+    Command::WristFlexion,
+    Command::NoMotion,
+    Command::HandClose,
+    Command::NoMotion,
 ];
 const GESTURE_TICKS: u64 = 600;
 /// Gaze at 60 Hz, as headsets give it; the shoulder at 100 Hz.
@@ -44,39 +44,46 @@ pub(crate) fn chain(ticks: u64) -> Result<BenchReport, Box<dyn Error>> {
         let times = measure(method, ticks)?;
         for (name, share) in [("median", 0.5), ("99 %", 0.99), ("worst", 1.0)] {
             let name = format!("method {method}, packet to joint target, {name}");
-            figures.push(BenchFigure::alone(&name, quantile(&times, share), "us", ""));
+            figures.push(BenchFigure::without_peer(&name, quantile(&times, share), "us", ""));
         }
         all.extend(times);
     }
     let note = format!("goal: under 1000; {} windows of four methods", all.len());
-    figures.insert(0, BenchFigure::alone("packet to joint target, 99 %", quantile(&all, 0.99), "us", &note));
+    figures.insert(
+        0,
+        BenchFigure::without_peer("packet to joint target, 99 %", quantile(&all, 0.99), "us", &note),
+    );
     Ok(BenchReport::new("chain", figures))
 }
 
 /// Microseconds from the last sample of each window to the target that the plant is handed.
 fn measure(method: &str, ticks: u64) -> Result<Vec<f64>, Box<dyn Error>> {
     let config = TrialConfig::new(method, 1, Setup::named("still")?);
-    let handed = Handed::default();
+    let handed = LastTargetTime::default();
     let noted = handed.clone();
-    let (mut testbed, mut feed) =
-        trial::bare(config, &EmgOrigin::Synthetic, |plant| Box::new(Noting { plant, handed: noted }))?;
+    let (mut testbed, mut feed) = trial::live_testbed(config, &EmgOrigin::Synthetic, |plant| {
+        Box::new(TimestampingPlant { plant, last_target_time: noted })
+    })?;
     let body = testbed.config().setup.body;
-    let (eye, shoulder) = (body.eye, body.shoulder_pose(&Default::default()));
-    let mut pace = Pace::new();
+    let (eye, shoulder) = (body.eye_m, body.shoulder_pose(&Default::default()));
+    let mut pace = RealTimePacer::new();
     let mut times = Vec::new();
     for tick in 1..=ticks {
-        pace.tick();
+        pace.wait_for_tick();
         let now = SimTime(tick);
-        let gesture = GESTURES[(tick / GESTURE_TICKS) as usize % GESTURES.len()];
+        let command = GESTURES[(tick / GESTURE_TICKS) as usize % GESTURES.len()];
         let blocks = &testbed.plant().state().objects;
-        let looked_at = blocks[(tick / (4 * GESTURE_TICKS)) as usize % blocks.len()].pose.translation.vector;
-        let gaze = GazeSample { origin: eye, direction: looked_at - eye.coords, valid: true };
+        let fixation_point =
+            blocks[(tick / (4 * GESTURE_TICKS)) as usize % blocks.len()].pose.translation.vector;
+        let gaze = GazeSample { origin: eye, direction: fixation_point - eye.coords, valid: true };
         let input = TickInput {
-            emg: feed.sample_at(now, gesture),
+            emg: feed.sample_at(now, command),
             gaze: tick.is_multiple_of(GAZE_TICKS).then_some(gaze),
             shoulder: tick.is_multiple_of(TRACKING_TICKS).then_some(shoulder),
             // The ray is that of a pointer, which may rest.
-            signs: [InputSign { source: InputSource::Page, kind: SignKind::Points }].into_iter().collect(),
+            heartbeats: [Heartbeat { source: InputSource::Page, kind: HeartbeatKind::PointingDevice }]
+                .into_iter()
+                .collect(),
             ..TickInput::default()
         };
         let begin = Instant::now();
@@ -94,17 +101,17 @@ fn measure(method: &str, ticks: u64) -> Result<Vec<f64>, Box<dyn Error>> {
 
 /// When the plant was last handed a target.
 #[derive(Clone, Debug, Default)]
-struct Handed(Arc<Mutex<Option<Instant>>>);
+struct LastTargetTime(Arc<Mutex<Option<Instant>>>);
 
 /// A plant that notes when a target arrives.
-struct Noting {
+struct TimestampingPlant {
     plant: Box<dyn Plant>,
-    handed: Handed,
+    last_target_time: LastTargetTime,
 }
 
-impl Plant for Noting {
+impl Plant for TimestampingPlant {
     fn step(&mut self, command: &PlantCommand) -> Result<(), PlantError> {
-        if let Ok(mut handed) = self.handed.0.lock() {
+        if let Ok(mut handed) = self.last_target_time.0.lock() {
             *handed = Some(Instant::now());
         }
         self.plant.step(command)

@@ -1,6 +1,6 @@
 use crate::{BenchFigure, BenchReport, quantile};
 use nalgebra::DMatrix;
-use proact_app::query::scattered;
+use proact_app::query::low_discrepancy;
 use proact_arm::ArmModel;
 use proact_kinematics::{ArmKinematics, IkOutcome, Kinematics, KinematicsError, time_raw_kdl};
 use proact_types::{JointVector, Pose, zeros};
@@ -27,28 +27,33 @@ pub fn kinematics() -> Result<BenchReport, KinematicsError> {
         .into_iter()
         .map(|(name, share)| {
             let note = if share < 1.0 { "" } else { "the machine's interruptions included" };
-            BenchFigure::alone(&format!("pose and Jacobian, {name}"), quantile(&bridge, share), "ns", note)
-                .beside(peer, quantile(&raw, share))
+            BenchFigure::without_peer(
+                &format!("pose and Jacobian, {name}"),
+                quantile(&bridge, share),
+                "ns",
+                note,
+            )
+            .with_peer(peer, quantile(&raw, share))
         })
         .collect();
     let ratio = quantile(&bridge, 0.5) / quantile(&raw, 0.5);
     figures.push(
-        BenchFigure::alone("pose and Jacobian, ratio of medians", ratio, "1", "goal: at most 1.1")
-            .beside(peer, 1.0),
+        BenchFigure::without_peer("pose and Jacobian, ratio of medians", ratio, "1", "goal: at most 1.1")
+            .with_peer(peer, 1.0),
     );
 
     let (times, solved) = inverse(&model, &mut kinematics)?;
     let note = "random reachable targets, start in the middle of the limits";
     for (name, share) in [("median", 0.5), ("99 %", 0.99), ("worst", 1.0)] {
         let name = format!("inverse kinematics, {name}");
-        figures.push(BenchFigure::alone(&name, quantile(&times, share) / 1e3, "us", note));
+        figures.push(BenchFigure::without_peer(&name, quantile(&times, share) / 1e3, "us", note));
     }
-    figures.push(BenchFigure::alone("inverse kinematics, solved", solved, "1", "goal: at least 0.99"));
+    figures.push(BenchFigure::without_peer("inverse kinematics, solved", solved, "1", "goal: at least 0.99"));
 
     let times = inverse_dynamics(&model, &mut kinematics)?;
     let note = "27 joints, same gravity from call to call";
     let median = quantile(&times, 0.5) / 1e3;
-    figures.push(BenchFigure::alone("inverse dynamics of the tree, median", median, "us", note));
+    figures.push(BenchFigure::without_peer("inverse dynamics of the tree, median", median, "us", note));
     Ok(BenchReport::new("kinematics", figures))
 }
 
@@ -117,7 +122,7 @@ fn inverse_dynamics(model: &ArmModel, kinematics: &mut Kinematics) -> Result<Vec
 /// Arm angles spread over the limits.
 fn configuration(model: &ArmModel, number: u64) -> JointVector {
     let limits = model.arm.iter().map(|&joint| &model.joints[joint].limits);
-    limits.enumerate().map(|(k, l)| l.lower + scattered(number, k) * (l.upper - l.lower)).collect()
+    limits.enumerate().map(|(k, l)| l.lower + low_discrepancy(number, k) * (l.upper - l.lower)).collect()
 }
 
 #[cfg(test)]

@@ -8,7 +8,6 @@ mod bridge;
 mod chain;
 mod dynamics;
 mod emg;
-mod growth;
 mod kinematics;
 mod localization;
 mod planning;
@@ -16,6 +15,7 @@ mod python_peer;
 #[cfg(feature = "ros")]
 mod ros;
 pub mod safety;
+mod scaling;
 mod start;
 
 use rustix::time::{ClockId, clock_gettime};
@@ -49,7 +49,7 @@ pub fn run(stage: &str, problems: PlanningBench) -> Result<BenchReport, Box<dyn 
         "bridge" => bridge::bridge(),
         "chain" => chain::chain(CHAIN_TICKS),
         "emg" => emg::emg(),
-        "growth" => growth::growth(),
+        "growth" => scaling::scaling(),
         "kinematics" => Ok(kinematics::kinematics()?),
         "localization" => localization::localization(),
         "dynamics" => dynamics::dynamics(),
@@ -128,12 +128,12 @@ impl std::fmt::Display for BenchReport {
 }
 
 impl BenchFigure {
-    pub(crate) fn alone(name: &str, value: f64, unit: &str, note: &str) -> Self {
+    pub(crate) fn without_peer(name: &str, value: f64, unit: &str, note: &str) -> Self {
         let (name, unit, note) = (name.to_owned(), unit.to_owned(), note.to_owned());
         Self { name, value, unit, peer: None, peer_value: None, note }
     }
 
-    pub(crate) fn beside(mut self, peer: &str, value: f64) -> Self {
+    pub(crate) fn with_peer(mut self, peer: &str, value: f64) -> Self {
         (self.peer, self.peer_value) = (Some(peer.to_owned()), Some(value));
         self
     }
@@ -143,12 +143,12 @@ impl BenchFigure {
 pub(crate) fn quantile(values: &[f64], share: f64) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
-    let place = (share * sorted.len() as f64).ceil() as usize;
-    sorted[place.clamp(1, sorted.len()) - 1]
+    let index = (share * sorted.len() as f64).ceil() as usize;
+    sorted[index.clamp(1, sorted.len()) - 1]
 }
 
 /// Seconds that this thread has spent on a core: what others on the machine take is not in it.
-pub(crate) fn core_secs() -> f64 {
+pub(crate) fn thread_cpu_secs() -> f64 {
     let spent = clock_gettime(ClockId::ThreadCPUTime);
     spent.tv_sec as f64 + 1e-9 * spent.tv_nsec as f64
 }

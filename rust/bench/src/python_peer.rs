@@ -8,7 +8,7 @@ use std::{
 
 /// Where peers may be: the folder that `PROACT_PEERS` names, else that of `./proact peers` in the checkout that the
 /// program runs or was built in.
-fn folders() -> Vec<PathBuf> {
+fn peer_folders() -> Vec<PathBuf> {
     if let Some(named) = std::env::var_os("PROACT_PEERS") {
         return vec![named.into()];
     }
@@ -22,8 +22,8 @@ fn folders() -> Vec<PathBuf> {
 ///
 /// # Errors
 /// No such package, or no such line: in words for the figure's note.
-pub(crate) fn answer(package: &str, program: &str, words: &[&str]) -> Result<Value, String> {
-    let python = folders().into_iter().map(|folder| folder.join("bin/python3")).find(|python| {
+pub(crate) fn run_peer(package: &str, program: &str, words: &[&str]) -> Result<Value, String> {
+    let python = peer_folders().into_iter().map(|folder| folder.join("bin/python3")).find(|python| {
         let has = Command::new(python).args(["-c", &format!("import {package}")]).output();
         has.is_ok_and(|output| output.status.success())
     });

@@ -1,7 +1,7 @@
 //! `proact bench ros`: the nodes on a master of their own, measured by a node beside them.
 
 use crate::{BenchFigure, BenchReport, quantile};
-use proact_ros::node::Measured;
+use proact_ros::node::NodeLatencies;
 use std::{
     error::Error,
     net::TcpListener,
@@ -15,9 +15,9 @@ type Outcome<T> = Result<T, Box<dyn Error>>;
 const RATE_HZ: f64 = 100.0;
 
 /// Ends its process when it goes.
-struct Running(Child);
+struct KillOnDrop(Child);
 
-impl Drop for Running {
+impl Drop for KillOnDrop {
     fn drop(&mut self) {
         // It may have ended by itself.
         let _ = self.0.kill();
@@ -29,7 +29,7 @@ impl Drop for Running {
 pub(crate) fn ros() -> Outcome<BenchReport> {
     let port = TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
     let uri = format!("http://127.0.0.1:{port}/");
-    let start = |program: &std::path::Path, words: &[&str]| -> Outcome<Running> {
+    let start = |program: &std::path::Path, words: &[&str]| -> Outcome<KillOnDrop> {
         let child = Command::new(program)
             .args(words)
             .env("ROS_MASTER_URI", &uri)
@@ -39,7 +39,7 @@ pub(crate) fn ros() -> Outcome<BenchReport> {
             .stderr(Stdio::null())
             .spawn()
             .map_err(|e| format!("{} cannot be started: {e}", program.display()))?;
-        Ok(Running(child))
+        Ok(KillOnDrop(child))
     };
     let port = port.to_string();
     let _master = start("rosmaster".as_ref(), &["--core", "-p", &port])
@@ -60,7 +60,7 @@ pub(crate) fn ros() -> Outcome<BenchReport> {
     if !meter.status.success() {
         return Err(format!("the measuring node ended with {}", meter.status).into());
     }
-    let measured: Measured = serde_json::from_slice(&meter.stdout)?;
+    let measured: NodeLatencies = serde_json::from_slice(&meter.stdout)?;
     let (after, wall) = (cpu()?, began.elapsed().as_secs_f64());
     let mut figures = figures(&measured);
     let load = std::fs::read_to_string("/proc/loadavg")?;
@@ -68,9 +68,9 @@ pub(crate) fn ros() -> Outcome<BenchReport> {
     let note = format!("of one core, over {wall:.0} s, at a load of {load:.1}");
     for (k, name) in ["sim", "method"].iter().enumerate() {
         let share = 100.0 * (after[k] - before[k]) / wall;
-        figures.push(BenchFigure::alone(&format!("node {name}, processor"), share, "%", &note));
+        figures.push(BenchFigure::without_peer(&format!("node {name}, processor"), share, "%", &note));
     }
-    figures.push(BenchFigure::alone(
+    figures.push(BenchFigure::without_peer(
         "load of the machine",
         load,
         "jobs",
@@ -101,21 +101,21 @@ fn wait_for(port: &str) -> Outcome<()> {
     Ok(())
 }
 
-fn figures(measured: &Measured) -> Vec<BenchFigure> {
+fn figures(measured: &NodeLatencies) -> Vec<BenchFigure> {
     let mut figures = Vec::new();
     let note = "emg message to joint command, both over TCP; goal: 99 % under 2 ms";
     for (name, share) in [("median", 0.5), ("99 %", 0.99), ("worst", 1.0)] {
         let name = format!("class message to joint command, {name}");
-        figures.push(BenchFigure::alone(&name, quantile(&measured.command_ms, share), "ms", note));
+        figures.push(BenchFigure::without_peer(&name, quantile(&measured.command_ms, share), "ms", note));
     }
     for (name, steps) in [("joint_states", &measured.joint_states_ms), ("tf", &measured.tf_ms)] {
         let mean = steps.iter().sum::<f64>() / steps.len() as f64;
         let note = format!("set: {RATE_HZ} Hz, over {} messages; goal: within 1 %", steps.len());
-        figures.push(BenchFigure::alone(&format!("{name}, rate"), 1e3 / mean, "Hz", &note));
+        figures.push(BenchFigure::without_peer(&format!("{name}, rate"), 1e3 / mean, "Hz", &note));
         let off: Vec<f64> = steps.iter().map(|ms| (ms - 1e3 / RATE_HZ).abs()).collect();
         for (word, share) in [("median", 0.5), ("99 %", 0.99)] {
             let name = format!("{name}, step off by, {word}");
-            figures.push(BenchFigure::alone(&name, quantile(&off, share), "ms", "as it arrives"));
+            figures.push(BenchFigure::without_peer(&name, quantile(&off, share), "ms", "as it arrives"));
         }
     }
     figures

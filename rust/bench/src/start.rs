@@ -30,24 +30,29 @@ pub(crate) fn start() -> Result<BenchReport, Box<dyn Error>> {
     for (name, share) in [("median", 0.5), ("99 %", 0.99), ("worst", 1.0)] {
         let note = if share == 0.5 { "goal: under 60" } else { "" };
         let value = quantile(&process, share) + quantile(&frame, share);
-        figures.push(BenchFigure::alone(&format!("command to first frame, {name}"), value, "ms", note));
+        figures.push(BenchFigure::without_peer(
+            &format!("command to first frame, {name}"),
+            value,
+            "ms",
+            note,
+        ));
     }
     let note = "process start and libraries alone";
-    figures.push(BenchFigure::alone("process, median", quantile(&process, 0.5), "ms", note));
+    figures.push(BenchFigure::without_peer("process, median", quantile(&process, 0.5), "ms", note));
     Ok(BenchReport::new("start", figures))
 }
 
 /// Trains, assembles, serves and runs to the first frame, as `demo` does.
 fn first_frame() -> Result<(), Box<dyn Error>> {
     let config = TrialConfig::new("D", 1, Setup::named("seated")?);
-    let Assembly { mut session, arm, .. } = trial::simulated(config, &EmgOrigin::Synthetic)?;
+    let Assembly { mut trial, arm, .. } = trial::simulated_trial(config, &EmgOrigin::Synthetic)?;
     let content = PageContent {
         title: "bench".to_owned(),
         setup: "seated".to_owned(),
         arm: arm.model().as_ref().clone(),
         meshes: arm.meshes(),
-        scene: session.testbed().task().scene().clone(),
-        briefing: session.testbed().task().briefing().clone(),
+        scene: trial.testbed().task().scene().clone(),
+        briefing: trial.testbed().task().briefing().clone(),
         interactive: false,
         lean: false,
         method: Default::default(),
@@ -55,7 +60,7 @@ fn first_frame() -> Result<(), Box<dyn Error>> {
     };
     let server = PageServer::start(PageOptions { port: 0, ..PageOptions::default() }, content)?;
     loop {
-        if let Some(frame) = session.step(false)?.frame {
+        if let Some(frame) = trial.step(false)?.frame {
             server.publish(&frame);
             return Ok(());
         }

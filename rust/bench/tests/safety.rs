@@ -6,43 +6,43 @@
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)] // A test of files.
 
 use proact_app::{Recorder, ReplayOptions, replay_trial, trial};
-use proact_bench::safety::{Case, Death, StopTime, cases, measure};
+use proact_bench::safety::{FailureMode, StopCase, StopTime, cases, measure};
 use proact_testbed::{Setup, TrialConfig};
-use proact_types::{GazeSample, Gesture, InputSource, Point, StopCause, Vector};
+use proact_types::{Command, GazeSample, InputSource, Point, StopCause, Vector};
 
 /// Runs the cases of a source; what each gave.
-fn run(source: InputSource) -> Vec<(Case, StopTime)> {
-    let of_source: Vec<Case> = cases().into_iter().filter(|case| case.source == source).collect();
+fn run(source: InputSource) -> Vec<(StopCase, StopTime)> {
+    let of_source: Vec<StopCase> = cases().into_iter().filter(|case| case.source == source).collect();
     assert!(!of_source.is_empty());
     let measured = of_source.into_iter().map(|case| {
         let found = measure(case).unwrap_or_else(|error| panic!("{case:?}: {error}"));
         println!("{case:?}: {found:?}");
         assert!(found.rest_ms <= case.limit_ms, "{case:?}: {found:?}");
-        assert!(found.noticed_ms <= found.rest_ms, "{case:?}: {found:?}");
-        assert!(found.stays, "{case:?}: a gesture held all through moved the arm again");
-        assert!(found.goes_on, "{case:?}: nothing moves after the hand was relaxed");
+        assert!(found.detection_ms <= found.rest_ms, "{case:?}: {found:?}");
+        assert!(found.stays_at_rest, "{case:?}: a gesture held all through moved the arm again");
+        assert!(found.moves_again, "{case:?}: nothing moves after the hand was relaxed");
         (case, found)
     });
     measured.collect()
 }
 
-fn causes(found: &[(Case, StopTime)]) -> Vec<(Death, StopCause)> {
-    found.iter().map(|(case, found)| (case.death, found.cause)).collect()
+fn causes(found: &[(StopCase, StopTime)]) -> Vec<(FailureMode, StopCause)> {
+    found.iter().map(|(case, found)| (case.failure, found.cause)).collect()
 }
 
 #[test]
 fn an_armband_that_dies_or_freezes_stops_the_arm() {
     let found = causes(&run(InputSource::Armband));
     for expected in [
-        (Death::Silent, StopCause::Silent),
-        (Death::Garbage, StopCause::Silent),
-        (Death::Constant, StopCause::Frozen),
-        (Death::Repeated, StopCause::Frozen),
-        (Death::Zeros, StopCause::Frozen),
-        (Death::Flat, StopCause::Flat),
-        (Death::Railed, StopCause::Railed),
-        (Death::HalfLost, StopCause::Lossy),
-        (Death::HalfRate, StopCause::WrongRate),
+        (FailureMode::Silent, StopCause::Silent),
+        (FailureMode::Garbage, StopCause::Silent),
+        (FailureMode::Constant, StopCause::Frozen),
+        (FailureMode::Repeated, StopCause::Frozen),
+        (FailureMode::Zeros, StopCause::Frozen),
+        (FailureMode::Flat, StopCause::Flat),
+        (FailureMode::Railed, StopCause::Railed),
+        (FailureMode::HalfLost, StopCause::Lossy),
+        (FailureMode::HalfRate, StopCause::WrongRate),
     ] {
         assert!(found.contains(&expected), "{expected:?} in {found:?}");
     }
@@ -51,9 +51,9 @@ fn an_armband_that_dies_or_freezes_stops_the_arm() {
 #[test]
 fn a_page_that_holds_a_gesture_and_dies_stops_the_arm_and_its_end_does_at_once() {
     for (case, found) in run(InputSource::Page) {
-        let ended = matches!(case.death, Death::Closed | Death::Killed);
+        let ended = matches!(case.failure, FailureMode::Closed | FailureMode::Killed);
         assert_eq!(found.cause, if ended { StopCause::Closed } else { StopCause::Silent }, "{case:?}");
-        assert!(!ended || found.noticed_ms <= 1, "{case:?}: {found:?}");
+        assert!(!ended || found.detection_ms <= 1, "{case:?}: {found:?}");
     }
 }
 
@@ -65,16 +65,16 @@ fn a_topic_of_gestures_that_dies_stops_the_arm() {
 #[test]
 fn an_eye_tracker_that_dies_stops_a_motion_that_follows_it() {
     let found = causes(&run(InputSource::EyeTracker));
-    assert!(found.contains(&(Death::Constant, StopCause::Frozen)), "{found:?}");
-    assert!(found.contains(&(Death::Blank, StopCause::Lost)), "{found:?}");
-    assert!(found.contains(&(Death::Silent, StopCause::Silent)), "{found:?}");
+    assert!(found.contains(&(FailureMode::Constant, StopCause::Frozen)), "{found:?}");
+    assert!(found.contains(&(FailureMode::Blank, StopCause::TrackingLost)), "{found:?}");
+    assert!(found.contains(&(FailureMode::Silent, StopCause::Silent)), "{found:?}");
 }
 
 #[test]
 fn a_tracked_limb_or_shoulder_that_dies_holds_the_arm_and_is_named() {
     for source in [InputSource::LimbTracker, InputSource::ShoulderTracker] {
         for (case, found) in run(source) {
-            let frozen = case.death == Death::Constant;
+            let frozen = case.failure == FailureMode::Constant;
             assert_eq!(found.cause, if frozen { StopCause::Frozen } else { StopCause::Silent }, "{case:?}");
             assert!(found.reason.contains(&source.to_string()), "{}", found.reason);
         }
@@ -87,18 +87,18 @@ fn a_stop_is_on_the_record_with_its_reason_and_a_replay_stops_where_the_trial_di
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path().join("trial");
     let config = TrialConfig::new("A", 1, Setup::named("still").unwrap());
-    let trial::Assembly { mut session, arm, .. } = trial::live(config).unwrap();
-    let config = session.testbed().config().clone();
+    let trial::Assembly { mut trial, arm, .. } = trial::live_trial(config).unwrap();
+    let config = trial.testbed().config().clone();
     let mut recorder = Recorder::create(&dir, &config, &arm, None).unwrap();
-    session.person().command(InputSource::Page, Gesture::WristExtension);
+    trial.person_stage_mut().set_command_from(InputSource::Page, Command::WristExtension);
     for tick in 1..=1500_u64 {
         if tick <= 400 && tick.is_multiple_of(40) {
-            session.person().hear(InputSource::Page);
+            trial.person_stage_mut().record_heartbeat(InputSource::Page);
         }
-        let step = session.step(tick == 1500).unwrap();
-        recorder.write(&step, session.testbed().plant().state()).unwrap();
+        let step = trial.step(tick == 1500).unwrap();
+        recorder.write(&step, trial.testbed().plant().state()).unwrap();
     }
-    recorder.finish(&session.result()).unwrap();
+    recorder.finish(&trial.result()).unwrap();
     let events = std::fs::read_to_string(dir.join("events.jsonl")).unwrap();
     let stopped =
         r#"{"time":601,"event":"stopped","source":"page","cause":"silent","reason":"the page is silent"}"#;
@@ -112,7 +112,7 @@ fn a_stop_is_on_the_record_with_its_reason_and_a_replay_stops_where_the_trial_di
 fn a_mouse_that_rests_may_do_so_and_an_eye_that_does_may_not() {
     let stops = |measured: bool| {
         let config = TrialConfig::new("D", 1, Setup::named("still").unwrap());
-        let mut session = trial::live(config).unwrap().session;
+        let mut trial = trial::live_trial(config).unwrap().trial;
         let ray = GazeSample {
             origin: Point::new(-0.5, 0.0, 1.6),
             direction: Vector::new(0.6, 0.1, -0.6),
@@ -121,10 +121,14 @@ fn a_mouse_that_rests_may_do_so_and_an_eye_that_does_may_not() {
         let mut stops = Vec::new();
         for tick in 1..=3000_u64 {
             if tick.is_multiple_of(20) {
-                if measured { session.person().look(ray) } else { session.person().point(ray) }
+                if measured {
+                    trial.person_stage_mut().set_gaze(ray)
+                } else {
+                    trial.person_stage_mut().set_pointer_gaze(ray)
+                }
             }
-            session.step(false).unwrap();
-            stops.extend(session.testbed().stop().map(|stop| (stop.source, stop.cause)));
+            trial.step(false).unwrap();
+            stops.extend(trial.testbed().stop().map(|stop| (stop.source, stop.cause)));
         }
         stops.dedup();
         stops

@@ -10,7 +10,7 @@ use nalgebra::{Translation3, UnitQuaternion};
 use proact_arm::ArmModel;
 use proact_bridge::{ClientInput, MeshFile, PageContent, PageOptions, PageServer};
 use proact_description::{ArmFolder, mesh_id};
-use proact_tasks::{Arrangement, TaskChoice};
+use proact_tasks::{Arrangement, TaskSpec};
 use proact_types::*;
 use std::time::{Duration, Instant};
 
@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let setup = arguments.next().unwrap_or_else(|| "still".to_owned());
     let arm = proact_description::mpl_right_arm();
     let arrangement = Some(Arrangement::numbered(9)?);
-    let task = TaskChoice { arrangement, ..TaskChoice::named("modified_bbt", 1)? }.build(false)?;
+    let task = TaskSpec { arrangement, ..TaskSpec::named("modified_bbt", 1)? }.build(false)?;
     let scene = task.scene().clone();
     let content = PageContent {
         title: "page demo".to_owned(),
@@ -53,11 +53,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let (start, mut tick) = (Instant::now(), 0_u32);
     let mut script =
-        Script { arm, scene, shoulder: shoulder(&setup), gesture: Gesture::NoMotion, gaze: None };
+        Script { arm, scene, shoulder: shoulder(&setup), gesture: Command::NoMotion, gaze: None };
     loop {
         for input in server.drain_inputs() {
             match input {
-                ClientInput::Gesture(gesture) => script.gesture = gesture,
+                ClientInput::Gesture(command) => script.gesture = command,
                 ClientInput::Gaze { origin, direction, .. } => {
                     script.gaze = Some(GazeSample { origin, direction, valid: true });
                     continue;
@@ -81,7 +81,7 @@ struct Script {
     arm: ArmModel,
     scene: Scene,
     shoulder: Point,
-    gesture: Gesture,
+    gesture: Command,
     gaze: Option<GazeSample>,
 }
 
@@ -116,10 +116,10 @@ impl Script {
         let mut blocks: Vec<Pose> = self.scene.objects.iter().map(|block| block.pose).collect();
         if holds.is_some() {
             blocks[0].translation =
-                Translation3::from((tip * Point::from(self.arm.widest_grasp().centre)).coords);
+                Translation3::from((tip * Point::from(self.arm.widest_grasp().center)).coords);
         } else if t > 11.3 {
             blocks[0].translation.vector =
-                self.scene.targets[0].centre.coords + Vector::new(0.01, 0.0, 0.025);
+                self.scene.targets[0].center.coords + Vector::new(0.01, 0.0, 0.025);
         }
         let locked = (1.5..12.0).contains(&t);
         let planner = match t {
@@ -135,8 +135,8 @@ impl Script {
             },
         };
         let eye = Point::new(-0.55, 0.0, 1.7);
-        let looks_at =
-            if holds.is_some() { self.scene.targets[0].centre } else { blocks[0] * Point::origin() };
+        let gaze_target =
+            if holds.is_some() { self.scene.targets[0].center } else { blocks[0] * Point::origin() };
         DisplayFrame {
             time: SimTime::from_secs(secs),
             method: "D".to_owned(),
@@ -152,27 +152,27 @@ impl Script {
                     _ if t < 8.0 => HandState::Closing,
                     _ => HandState::Opening,
                 },
-                holds,
+                held_object: holds,
             },
-            gaze: self.gaze.or(Some(GazeSample { origin: eye, direction: looks_at - eye, valid: true })),
+            gaze: self.gaze.or(Some(GazeSample { origin: eye, direction: gaze_target - eye, valid: true })),
             target: TargetView {
                 object: (t > 0.6 && holds.is_none()).then_some(ObjectId(0)),
-                place: holds.map(|_| self.scene.targets[0].centre + Vector::new(0.004, 0.006, 0.0)),
+                place: holds.map(|_| self.scene.targets[0].center + Vector::new(0.004, 0.006, 0.0)),
                 locked,
                 posterior: vec![0.7, 0.1, 0.15, 0.05],
             },
             planner,
             mode: None,
             stop: None,
-            gesture: self.gesture,
-            recognised: self.gesture.into(),
+            command: self.gesture,
+            recognized_gesture: self.gesture.into(),
             confidence: 0.87,
             effort: 0.5,
             emg_source: "keys".to_owned(),
             time_left_secs: 300.0 - secs % 300.0,
-            goal: None,
-            next: Some(if t > 12.0 { ObjectId(2) } else { ObjectId(0) }),
-            asked: None,
+            plan_goal: None,
+            next_object: Some(if t > 12.0 { ObjectId(2) } else { ObjectId(0) }),
+            task_goal: None,
             score: u32::from(t > 12.0),
             finished: false,
             events: self.events(secs, t),

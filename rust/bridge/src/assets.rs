@@ -1,6 +1,6 @@
 //! What is built into the binary: the page.
 
-use crate::encoding::encoded;
+use crate::encoding::encoded_response;
 use axum::{
     http::{StatusCode, header},
     response::{IntoResponse, Response},
@@ -10,19 +10,19 @@ use rust_embed::{EmbeddedFile, RustEmbed};
 /// The page as built by `npm run build`.
 #[derive(RustEmbed)]
 #[folder = "web/dist/"]
-struct Page;
+struct PageAssets;
 
 /// A file of the page, compressed if `gzip`. The empty path is its first page, and a name without an ending is the page of
 /// that name.
-pub(crate) fn page(path: &str, gzip: bool) -> Response {
+pub(crate) fn asset_response(path: &str, gzip: bool) -> Response {
     let html = match path {
         "" => "index.html".to_owned(),
         // The same page: what it may do is settled on its connection.
         "spectator" => "experimenter.html".to_owned(),
         name => format!("{name}.html"),
     };
-    match Page::get(path) {
-        None if !path.contains('.') => respond(Page::get(&html), &html, gzip),
+    match PageAssets::get(path) {
+        None if !path.contains('.') => respond(PageAssets::get(&html), &html, gzip),
         file => respond(file, path, gzip),
     }
 }
@@ -34,8 +34,8 @@ pub const FIGURES_SCRIPT: &str = include_str!("../web/dist-figures/figures.js");
 pub(crate) fn page_version() -> String {
     // Names hold hashes, but two versions may share a script.
     let mut version = [0_u8; 8];
-    for script in Page::iter().filter(|name| name.ends_with(".js")) {
-        let hash = Page::get(&script).map(|file| file.metadata.sha256_hash()).unwrap_or_default();
+    for script in PageAssets::iter().filter(|name| name.ends_with(".js")) {
+        let hash = PageAssets::get(&script).map(|file| file.metadata.sha256_hash()).unwrap_or_default();
         version.iter_mut().zip(hash).for_each(|(byte, other)| *byte ^= other);
     }
     version.iter().map(|byte| format!("{byte:02x}")).collect()
@@ -47,18 +47,21 @@ fn respond(file: Option<EmbeddedFile>, path: &str, gzip: bool) -> Response {
     };
     let headers = [
         (header::CONTENT_TYPE, content_type(path)),
-        (header::CACHE_CONTROL, if hashed(path) { "max-age=31536000, immutable" } else { "no-cache" }),
+        (
+            header::CACHE_CONTROL,
+            if has_content_hash(path) { "max-age=31536000, immutable" } else { "no-cache" },
+        ),
         (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
     ];
-    match Page::get(&format!("{path}.gz")).filter(|_| gzip) {
-        Some(small) => encoded(headers, small.data.into_owned(), true),
-        None => encoded(headers, file.data.into_owned(), false),
+    match PageAssets::get(&format!("{path}.gz")).filter(|_| gzip) {
+        Some(small) => encoded_response(headers, small.data.into_owned(), true),
+        None => encoded_response(headers, file.data.into_owned(), false),
     }
 }
 
 /// Whether the name holds the hash of the content, as the bundler gives it: `app-5QGFAMWX.js`. What has no such name may be
 /// another file after an update, so that the browser asks again each time.
-fn hashed(path: &str) -> bool {
+fn has_content_hash(path: &str) -> bool {
     let name = path.split('.').next().unwrap_or(path);
     name.rsplit_once('-').is_some_and(|(_, hash)| {
         hash.len() == 8 && hash.bytes().all(|byte| byte.is_ascii_uppercase() || byte.is_ascii_digit())
@@ -81,8 +84,8 @@ mod tests {
     use super::*;
 
     /// The scripts and styles that the first page names.
-    fn named() -> Vec<String> {
-        let html = Page::get("index.html").unwrap().data;
+    fn linked_assets() -> Vec<String> {
+        let html = PageAssets::get("index.html").unwrap().data;
         let html = String::from_utf8_lossy(&html).into_owned();
         let names = html.split('"').filter(|part| part.starts_with("/app-"));
         names.map(|name| name.trim_start_matches('/').to_owned()).collect()
@@ -90,54 +93,59 @@ mod tests {
 
     #[test]
     fn the_first_page_is_html_is_asked_for_again_and_names_files_that_are_kept() {
-        let response = page("", false);
+        let response = asset_response("", false);
         assert_eq!(response.status(), StatusCode::OK);
         assert_eq!(response.headers()[header::CONTENT_TYPE], "text/html; charset=utf-8");
         assert_eq!(response.headers()[header::CACHE_CONTROL], "no-cache");
-        let names = named();
+        let names = linked_assets();
         assert_eq!(names.len(), 2, "{names:?}");
         for name in names {
-            let response = page(&name, true);
+            let response = asset_response(&name, true);
             assert_eq!(response.status(), StatusCode::OK, "{name}");
             assert_eq!(response.headers()[header::CONTENT_ENCODING], "gzip", "{name}");
             assert!(
                 response.headers()[header::CACHE_CONTROL].to_str().unwrap().contains("immutable"),
                 "{name}"
             );
-            assert!(!page(&name, false).headers().contains_key(header::CONTENT_ENCODING), "{name}");
+            assert!(!asset_response(&name, false).headers().contains_key(header::CONTENT_ENCODING), "{name}");
         }
     }
 
     #[test]
     fn all_scripts_and_styles_are_small_on_the_line() {
-        let small =
-            |name: &str| Page::get(&format!("{name}.gz")).or_else(|| Page::get(name)).unwrap().data.len();
-        let loaded = Page::iter().filter(|name| name.ends_with(".js") || name.ends_with(".css"));
+        let small = |name: &str| {
+            PageAssets::get(&format!("{name}.gz")).or_else(|| PageAssets::get(name)).unwrap().data.len()
+        };
+        let loaded = PageAssets::iter().filter(|name| name.ends_with(".js") || name.ends_with(".css"));
         let bytes: usize = loaded.map(|name| small(&name)).sum();
-        // All pages together, and what a page loads only when it is opened (signals, scores); with arm and meshes the first load is measured in a browser, tests/page/load.mjs.
+        // All pages together, and what a page loads only when it is opened (signals, scores); with arm and meshes the first load is measured in a browser, tests/page/download_size.mjs.
         assert!(bytes < 320_000, "{bytes} bytes");
     }
 
     #[test]
     fn only_names_with_a_hash_are_kept() {
-        assert!(hashed("app-5QGFAMWX.js") && hashed("shared-OPDDIRSV.js.LEGAL.txt"));
-        assert!(!hashed("index.html") && !hashed("reference-board.html") && !hashed("icon.svg"));
+        assert!(has_content_hash("app-5QGFAMWX.js") && has_content_hash("shared-OPDDIRSV.js.LEGAL.txt"));
+        assert!(
+            !has_content_hash("index.html")
+                && !has_content_hash("reference-board.html")
+                && !has_content_hash("icon.svg")
+        );
     }
 
     #[test]
     fn each_page_has_an_address_without_an_ending() {
         for name in ["experimenter", "spectator", "replay"] {
-            let response = page(name, false);
+            let response = asset_response(name, false);
             assert_eq!(response.status(), StatusCode::OK, "{name}");
             assert_eq!(response.headers()[header::CONTENT_TYPE], "text/html; charset=utf-8");
         }
-        assert_eq!(page("nothing", true).status(), StatusCode::NOT_FOUND);
+        assert_eq!(asset_response("nothing", true).status(), StatusCode::NOT_FOUND);
     }
 
     #[test]
     fn an_unknown_file_and_a_way_out_of_the_folder_are_not_found() {
         for path in ["nothing.js", "../Cargo.toml", "/etc/passwd", "a/../../build.rs"] {
-            assert_eq!(page(path, true).status(), StatusCode::NOT_FOUND, "{path}");
+            assert_eq!(asset_response(path, true).status(), StatusCode::NOT_FOUND, "{path}");
         }
     }
 }

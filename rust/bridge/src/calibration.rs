@@ -5,9 +5,9 @@
 
 use crate::{
     BridgeError, CalibrationScreen, PageOptions, assets,
-    calibration_screen::CalibrationMessage,
-    encoding::takes_gzip,
-    places::{Place, Places, Seat, Seats},
+    calibration_view::CalibrationMessage,
+    client_slots::{ClientSlot, ClientSlots, SlotKind, SlotLimits},
+    encoding::accepts_gzip,
 };
 use axum::{
     Extension, Router,
@@ -19,8 +19,8 @@ use axum::{
     response::{IntoResponse, Response},
     routing::get,
 };
-use proact_http::{Limits, Pulse, Right, Server};
-use proact_types::GestureName;
+use proact_http::{AccessRight, ConnectionLimits, HttpServer, WebSocketLiveness};
+use proact_types::Gesture;
 use serde::Deserialize;
 use std::{
     sync::{
@@ -43,7 +43,7 @@ pub enum CalibrationCommand {
     /// This gesture again.
     RecordAgain {
         /// Which.
-        gesture: GestureName,
+        gesture: Gesture,
     },
     /// Train with what there is.
     Finish,
@@ -54,40 +54,44 @@ const MAX_MESSAGE_BYTES: usize = 1024;
 /// Commands kept until they are asked for; a page that sends more is broken.
 const MAX_COMMANDS: usize = 64;
 /// Most pages at once. Of further ones, those that only watch are refused with 503.
-const SEATS: Seats = Seats { watching: 16, driving: 16, conducting: 0 };
+const SLOT_LIMITS: SlotLimits = SlotLimits { watching: 16, driving: 16, conducting: 0 };
 /// A page that takes no byte for so long is gone or hopeless.
 const SEND_TIMEOUT: Duration = Duration::from_secs(10);
 
-struct Shared {
-    limits: Limits,
-    places: Arc<Places>,
+struct CalibrationServerState {
+    limits: ConnectionLimits,
+    slots: Arc<ClientSlots>,
     next_client: AtomicU64,
-    newest: watch::Sender<Utf8Bytes>,
+    latest_message: watch::Sender<Utf8Bytes>,
     commands: Mutex<Vec<CalibrationCommand>>,
 }
 
 /// Serves the calibration page in a thread of its own until it is dropped.
 pub struct CalibrationServer {
-    shared: Arc<Shared>,
-    server: Server,
+    shared: Arc<CalibrationServerState>,
+    server: HttpServer,
 }
 
 impl CalibrationServer {
     /// Listens and begins to serve.
     ///
     /// # Errors
-    /// As [`crate::PageServer::start`].
+    /// As [`crate::PageServer::start_server`].
     pub fn start(options: PageOptions) -> Result<CalibrationServer, BridgeError> {
-        let shared = Arc::new(Shared {
+        let shared = Arc::new(CalibrationServerState {
             limits: options.limits,
-            places: Places::new(SEATS),
+            slots: ClientSlots::new(SLOT_LIMITS),
             next_client: AtomicU64::new(1),
-            newest: watch::Sender::new(CalibrationMessage::Nothing.to_text().into()),
+            latest_message: watch::Sender::new(CalibrationMessage::Nothing.to_text().into()),
             commands: Mutex::default(),
         });
         let router = router(Arc::clone(&shared));
-        let server =
-            Server::start(options.serve("calibration-page"), router, |_| {}, std::future::pending())?;
+        let server = HttpServer::start(
+            options.server_options("calibration-page"),
+            router,
+            |_| {},
+            std::future::pending(),
+        )?;
         Ok(CalibrationServer { shared, server })
     }
 
@@ -108,22 +112,27 @@ impl CalibrationServer {
 
     /// Shows a screen on all pages, in place of the one before. Never blocks.
     pub fn publish(&self, screen: &CalibrationScreen) {
-        self.shared.newest.send_replace(CalibrationMessage::Screen(screen).to_text().into());
+        self.shared.latest_message.send_replace(CalibrationMessage::Screen(screen).to_text().into());
     }
 
     /// What the pages asked for since the last call, oldest first.
-    pub fn drain(&self) -> Vec<CalibrationCommand> {
+    pub fn drain_commands(&self) -> Vec<CalibrationCommand> {
         std::mem::take(&mut *self.shared.commands.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
 
-fn router(shared: Arc<Shared>) -> Router {
+fn router(shared: Arc<CalibrationServerState>) -> Router {
     Router::new()
-        .route("/", get(|asked: HeaderMap| async move { assets::page("calibrate.html", takes_gzip(&asked)) }))
+        .route(
+            "/",
+            get(|headers: HeaderMap| async move {
+                assets::asset_response("calibrate.html", accepts_gzip(&headers))
+            }),
+        )
         .route(
             "/{*path}",
-            get(|Path(path): Path<String>, asked: HeaderMap| async move {
-                assets::page(&path, takes_gzip(&asked))
+            get(|Path(path): Path<String>, headers: HeaderMap| async move {
+                assets::asset_response(&path, accepts_gzip(&headers))
             }),
         )
         .route("/healthz", get(|| async { "ok\n" }))
@@ -132,33 +141,38 @@ fn router(shared: Arc<Shared>) -> Router {
 }
 
 async fn connect(
-    State(shared): State<Arc<Shared>>,
-    Extension(right): Extension<Right>,
+    State(shared): State<Arc<CalibrationServerState>>,
+    Extension(right): Extension<AccessRight>,
     upgrade: WebSocketUpgrade,
 ) -> Response {
-    let seat = if right == Right::Act { Seat::Driving } else { Seat::Watching };
-    let place = match shared.places.enter(shared.next_client.fetch_add(1, Ordering::Relaxed), seat, None) {
-        Ok(place) => place,
-        Err(most) => {
-            return (StatusCode::SERVICE_UNAVAILABLE, format!("{most} pages watch already\n"))
+    let seat = if right == AccessRight::Control { SlotKind::Driving } else { SlotKind::Watching };
+    let slot = match shared.slots.acquire(shared.next_client.fetch_add(1, Ordering::Relaxed), seat, None) {
+        Ok(slot) => slot,
+        Err(limit) => {
+            return (StatusCode::SERVICE_UNAVAILABLE, format!("{limit} pages watch already\n"))
                 .into_response();
         }
     };
     upgrade
         .max_message_size(MAX_MESSAGE_BYTES)
         .max_frame_size(MAX_MESSAGE_BYTES)
-        .on_upgrade(async move |socket| serve(socket, shared, right, place).await)
+        .on_upgrade(async move |socket| serve(socket, shared, right, slot).await)
 }
 
 /// One page: sends the newest object whenever there is one, takes commands.
-async fn serve(mut socket: WebSocket, shared: Arc<Shared>, right: Right, place: Place) {
-    let mut newest = shared.newest.subscribe();
+async fn serve(
+    mut socket: WebSocket,
+    shared: Arc<CalibrationServerState>,
+    right: AccessRight,
+    slot: ClientSlot,
+) {
+    let mut newest = shared.latest_message.subscribe();
     newest.mark_changed();
-    let pulse = Pulse::new(shared.limits);
-    let mut pings = pulse.pings();
+    let liveness = WebSocketLiveness::new(shared.limits);
+    let mut pings = liveness.ping_interval();
     loop {
         let answer = tokio::select! {
-            () = place.lost() => return,
+            () = slot.wait_for_eviction() => return,
             changed = newest.changed() => {
                 if changed.is_err() {
                     return;
@@ -166,11 +180,11 @@ async fn serve(mut socket: WebSocket, shared: Arc<Shared>, right: Right, place: 
                 Message::Text(newest.borrow_and_update().clone())
             }
             message = socket.recv() => {
-                pulse.beat();
+                liveness.record_received();
                 match message {
-                    Some(Ok(Message::Text(text))) => match take(&shared, right, &text) {
+                    Some(Ok(Message::Text(text))) => match queue_command(&shared, right, &text) {
                         Ok(()) => {
-                            place.note_speech();
+                            slot.mark_active();
                             continue;
                         }
                         Err(reason) => {
@@ -181,7 +195,7 @@ async fn serve(mut socket: WebSocket, shared: Arc<Shared>, right: Right, place: 
                     Some(Ok(_)) => continue,
                 }
             }
-            _ = pings.tick() => match pulse.is_lost() {
+            _ = pings.tick() => match liveness.is_timed_out() {
                 true => return,
                 false => Message::Ping(Default::default()),
             },
@@ -192,8 +206,8 @@ async fn serve(mut socket: WebSocket, shared: Arc<Shared>, right: Right, place: 
     }
 }
 
-fn take(shared: &Shared, right: Right, text: &str) -> Result<(), String> {
-    if right < Right::Act {
+fn queue_command(shared: &CalibrationServerState, right: AccessRight, text: &str) -> Result<(), String> {
+    if right < AccessRight::Control {
         return Err(
             "message ignored: this machine may only watch; open the address with the token".to_owned()
         );

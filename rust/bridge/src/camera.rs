@@ -1,50 +1,54 @@
 //! `/camera.png` and `/camera.json`: what a simulated camera sees.
 
-use crate::server::Shared;
+use crate::server::PageServerState;
 use axum::{
     extract::{Query, State},
     http::{StatusCode, header},
     response::{IntoResponse, Response},
 };
 use base64::{Engine, engine::general_purpose::STANDARD as BASE64};
-use proact_camera::{Camera, Studio, View, png};
+use proact_camera::{Camera, CameraView, Renderer, encode_png};
 use proact_types::DisplayFrame;
 use serde::Deserialize;
 use serde_json::json;
 use std::sync::Arc;
 
 /// Smallest and largest sides of a picture, pixels.
-const SIDES: std::ops::RangeInclusive<u32> = 16..=1920;
+const SIDE_RANGE_PX: std::ops::RangeInclusive<u32> = 16..=1920;
 /// Smallest and largest angle between the upper and the lower edge, degrees.
-const ANGLES: std::ops::RangeInclusive<f64> = 5.0..=150.0;
+const FOV_RANGE_DEG: std::ops::RangeInclusive<f64> = 5.0..=150.0;
 
 /// What picture is asked for.
 #[derive(Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub(crate) struct Wanted {
-    view: View,
+pub(crate) struct CameraQuery {
+    view: CameraView,
     width: u32,
     height: u32,
     /// Degrees.
-    fov: f64,
+    #[serde(rename = "fov")]
+    fov_deg: f64,
 }
 
-impl Default for Wanted {
+impl Default for CameraQuery {
     fn default() -> Self {
-        Wanted { view: View::Head, width: 640, height: 480, fov: 60.0 }
+        CameraQuery { view: CameraView::Head, width: 640, height: 480, fov_deg: 60.0 }
     }
 }
 
 /// A picture of the latest instant.
-struct Taken {
+struct CameraPicture {
     frame: Arc<DisplayFrame>,
     camera: Camera,
     png: Vec<u8>,
 }
 
 /// `GET /camera.png?view=head|overhead&width=640&height=480&fov=60`: the latest instant.
-pub(crate) async fn picture(State(shared): State<Arc<Shared>>, Query(wanted): Query<Wanted>) -> Response {
-    match take(&shared, &wanted).await {
+pub(crate) async fn camera_png(
+    State(shared): State<Arc<PageServerState>>,
+    Query(wanted): Query<CameraQuery>,
+) -> Response {
+    match render_picture(&shared, &wanted).await {
         Ok(taken) => ([(header::CONTENT_TYPE, "image/png"), (header::CACHE_CONTROL, "no-store")], taken.png)
             .into_response(),
         Err(refused) => refused.into_response(),
@@ -53,12 +57,12 @@ pub(crate) async fn picture(State(shared): State<Arc<Shared>>, Query(wanted): Qu
 
 /// `GET /camera.json` with the same words: picture (base64 of the PNG file), time (ms), the matrix `k` and
 /// `world_from_camera`, all of one instant.
-pub(crate) async fn picture_json(
-    State(shared): State<Arc<Shared>>,
-    Query(wanted): Query<Wanted>,
+pub(crate) async fn camera_json(
+    State(shared): State<Arc<PageServerState>>,
+    Query(wanted): Query<CameraQuery>,
 ) -> Response {
-    match take(&shared, &wanted).await {
-        Ok(Taken { frame, camera, png }) => {
+    match render_picture(&shared, &wanted).await {
+        Ok(CameraPicture { frame, camera, png }) => {
             let (p, q) =
                 (camera.world_from_camera.translation.vector, camera.world_from_camera.rotation.coords);
             axum::Json(json!({
@@ -75,10 +79,13 @@ pub(crate) async fn picture_json(
     }
 }
 
-async fn take(shared: &Arc<Shared>, wanted: &Wanted) -> Result<Taken, (StatusCode, String)> {
-    let Wanted { view, width, height, fov } = *wanted;
-    if !SIDES.contains(&width) || !SIDES.contains(&height) || !ANGLES.contains(&fov) {
-        let (sides, angles) = (SIDES, ANGLES);
+async fn render_picture(
+    shared: &Arc<PageServerState>,
+    wanted: &CameraQuery,
+) -> Result<CameraPicture, (StatusCode, String)> {
+    let CameraQuery { view, width, height, fov_deg: fov } = *wanted;
+    if !SIDE_RANGE_PX.contains(&width) || !SIDE_RANGE_PX.contains(&height) || !FOV_RANGE_DEG.contains(&fov) {
+        let (sides, angles) = (SIDE_RANGE_PX, FOV_RANGE_DEG);
         let reason = format!(
             "a picture of {width} x {height} pixels and {fov} degrees; expected sides of {} to {} pixels, an angle \
              of {} to {} degrees\n",
@@ -92,14 +99,14 @@ async fn take(shared: &Arc<Shared>, wanted: &Wanted) -> Result<Taken, (StatusCod
     let Some(frame) = shared.feed.borrow().latest.clone() else {
         return Err((StatusCode::SERVICE_UNAVAILABLE, "nothing is shown yet; try again\n".to_owned()));
     };
-    let studio: Arc<Studio> = shared.studio();
+    let renderer: Arc<Renderer> = shared.renderer();
     let ends = || (StatusCode::SERVICE_UNAVAILABLE, "the server ends\n".to_owned());
     // One at a time: pictures must not take the processor from the trial.
-    let _turn = shared.one_picture.acquire().await.map_err(|_| ends())?;
+    let _turn = shared.render_permit.acquire().await.map_err(|_| ends())?;
     tokio::task::spawn_blocking(move || {
-        let camera = studio.camera(view, &frame, [width, height], fov.to_radians());
-        let png = png(width, height, &studio.take(&frame, &camera).rgb);
-        Taken { frame, camera, png }
+        let camera = renderer.camera(view, &frame, [width, height], fov.to_radians());
+        let png = encode_png(width, height, &renderer.render(&frame, &camera).rgb);
+        CameraPicture { frame, camera, png }
     })
     .await
     .map_err(|_| ends())

@@ -21,8 +21,8 @@ pub(crate) fn as_text<T: Copy + Into<Option<u64>>, S: Serializer>(
 }
 
 /// Whether the browser takes gzip.
-pub(crate) fn takes_gzip(asked: &HeaderMap) -> bool {
-    let named = asked.get_all(header::ACCEPT_ENCODING).into_iter().filter_map(|value| value.to_str().ok());
+pub(crate) fn accepts_gzip(headers: &HeaderMap) -> bool {
+    let named = headers.get_all(header::ACCEPT_ENCODING).into_iter().filter_map(|value| value.to_str().ok());
     named.flat_map(|value| value.split(',')).any(|coding| {
         let (name, quality) = coding.split_once(';').unwrap_or((coding, ""));
         name.trim() == "gzip" && !matches!(quality.trim(), "q=0" | "q=0.0" | "q=0.00" | "q=0.000")
@@ -30,19 +30,19 @@ pub(crate) fn takes_gzip(asked: &HeaderMap) -> bool {
 }
 
 /// An answer whose `body` is compressed already if `gzip` says so. Caches keep both kinds apart.
-pub(crate) fn encoded(
+pub(crate) fn encoded_response(
     headers: impl IntoIterator<Item = (header::HeaderName, &'static str)>,
     body: impl Into<Body>,
     gzip: bool,
 ) -> Response {
     let mut response = body.into().into_response();
-    let told = response.headers_mut();
+    let response_headers = response.headers_mut();
     for (name, value) in headers {
-        told.insert(name, HeaderValue::from_static(value));
+        response_headers.insert(name, HeaderValue::from_static(value));
     }
-    told.insert(header::VARY, HeaderValue::from_static("accept-encoding"));
+    response_headers.insert(header::VARY, HeaderValue::from_static("accept-encoding"));
     if gzip {
-        told.insert(header::CONTENT_ENCODING, HeaderValue::from_static("gzip"));
+        response_headers.insert(header::CONTENT_ENCODING, HeaderValue::from_static("gzip"));
     }
     response
 }
@@ -55,16 +55,16 @@ pub(crate) fn gzip(body: &[u8]) -> std::io::Result<Vec<u8>> {
 }
 
 /// The same for a `body` that is compressed now, if `gzip` asks for that.
-pub(crate) fn encode(
+pub(crate) fn encode_response(
     headers: impl IntoIterator<Item = (header::HeaderName, &'static str)>,
     body: &[u8],
     gzip: bool,
 ) -> Response {
     // Small enough for the server's only thread: a mesh takes about a millisecond.
     match gzip.then(|| self::gzip(body)) {
-        Some(Ok(small)) => encoded(headers, small, true),
+        Some(Ok(small)) => encoded_response(headers, small, true),
         // Memory takes every byte; should it not, the answer goes as it is.
-        _ => encoded(headers, body.to_vec(), false),
+        _ => encoded_response(headers, body.to_vec(), false),
     }
 }
 
@@ -74,19 +74,21 @@ mod tests {
 
     #[test]
     fn gzip_is_sent_to_who_takes_it() {
-        let asked = |value: &'static str| {
-            takes_gzip(&HeaderMap::from_iter([(header::ACCEPT_ENCODING, HeaderValue::from_static(value))]))
+        let accepts = |value: &'static str| {
+            accepts_gzip(&HeaderMap::from_iter([(header::ACCEPT_ENCODING, HeaderValue::from_static(value))]))
         };
-        assert!(asked("gzip, deflate, br") && asked("br;q=1.0, gzip;q=0.5") && asked("gzip"));
-        assert!(!asked("br") && !asked("gzip;q=0, br") && !takes_gzip(&HeaderMap::new()));
+        assert!(accepts("gzip, deflate, br") && accepts("br;q=1.0, gzip;q=0.5") && accepts("gzip"));
+        assert!(!accepts("br") && !accepts("gzip;q=0, br") && !accepts_gzip(&HeaderMap::new()));
     }
 
     #[test]
     fn what_is_compressed_is_smaller_and_says_so() {
         let body = "the same again and again, ".repeat(100);
         let headers = [(header::CONTENT_TYPE, "text/plain")];
-        let (small, plain) =
-            (encode(headers.clone(), body.as_bytes(), true), encode(headers, body.as_bytes(), false));
+        let (small, plain) = (
+            encode_response(headers.clone(), body.as_bytes(), true),
+            encode_response(headers, body.as_bytes(), false),
+        );
         assert_eq!(small.headers()[header::CONTENT_ENCODING], "gzip");
         assert!(!plain.headers().contains_key(header::CONTENT_ENCODING));
         assert_eq!(plain.headers()[header::VARY], "accept-encoding");

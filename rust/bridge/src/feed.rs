@@ -64,7 +64,8 @@ impl ServerMessage<'_> {
         let text = match self {
             Self::Frame(_) | Self::Ghost { .. } => {
                 let mut text = Vec::new();
-                let written = self.serialize(&mut serde_json::Serializer::with_formatter(&mut text, Rounded));
+                let written =
+                    self.serialize(&mut serde_json::Serializer::with_formatter(&mut text, RoundingFormatter));
                 written.map(|()| String::from_utf8(text).expect("JSON is UTF-8"))
             }
             _ => proact_types::to_json(self),
@@ -74,9 +75,9 @@ impl ServerMessage<'_> {
 }
 
 /// What is drawn needs no more than a hundredth of a millimetre, and comes sixty times a second.
-struct Rounded;
+struct RoundingFormatter;
 
-impl Formatter for Rounded {
+impl Formatter for RoundingFormatter {
     fn write_f64<W: ?Sized + io::Write>(&mut self, writer: &mut W, value: f64) -> io::Result<()> {
         // Adding zero makes a negative zero positive.
         write!(writer, "{}", (value * 1e5).round() / 1e5 + 0.0)
@@ -99,7 +100,7 @@ impl StudyMessages {
     }
 
     /// What a page of this role is told; answers are nothing for spectators.
-    pub(crate) fn of(&self, role: Role) -> Option<Utf8Bytes> {
+    pub(crate) fn for_role(&self, role: Role) -> Option<Utf8Bytes> {
         match role {
             Role::Participant => Some(self.participant.clone()),
             Role::Experimenter => Some(self.experimenter.clone()),
@@ -115,14 +116,15 @@ pub struct GhostArm {
     /// Moving joints of the arm model, in its order, rad.
     pub joints: Vec<f64>,
     /// Red, green and blue, 0 to 1.
-    pub colour: [f64; 3],
+    #[serde(rename = "colour")]
+    pub color: [f64; 3],
     /// From 0, not to be seen, to 1, solid.
     pub alpha: f64,
 }
 
 /// What all connections watch.
 #[derive(Debug, Default)]
-pub(crate) struct Feed {
+pub(crate) struct PageFeed {
     /// Grows with every new content.
     pub(crate) revision: u64,
     /// Grows with every frame.
@@ -145,7 +147,7 @@ pub(crate) struct Feed {
     events: VecDeque<(u64, Event)>,
 }
 
-impl Feed {
+impl PageFeed {
     /// Takes a new frame, already written out as `text`.
     pub(crate) fn publish(&mut self, frame: &DisplayFrame, text: Utf8Bytes) {
         self.sequence += 1;
@@ -184,7 +186,7 @@ mod tests {
     #[test]
     fn what_is_drawn_goes_over_the_line_to_the_hundredth_of_a_millimetre() {
         let ghost =
-            GhostArm { joints: vec![0.123_456_789, -1e-20, 2.0, -1.5e-5], colour: [1.0; 3], alpha: 0.5 };
+            GhostArm { joints: vec![0.123_456_789, -1e-20, 2.0, -1.5e-5], color: [1.0; 3], alpha: 0.5 };
         let text = ServerMessage::Ghost { arm: Some(&ghost) }.to_text();
         assert!(text.contains(r#""joints":[0.12346,0,2,-0.00002]"#), "{text}");
         let whole = ServerMessage::Error { message: "0.123456789" }.to_text();

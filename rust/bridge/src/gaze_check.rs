@@ -3,7 +3,7 @@ use serde::{Deserialize, Serialize};
 /// More points than any check has.
 const MAX_POINTS: usize = 32;
 /// Longest name of a gaze source, bytes.
-const MAX_NAME: usize = 64;
+const MAX_SOURCE_NAME_BYTES: usize = 64;
 /// Largest correction that a page may ask for, degrees.
 const MAX_CORRECTION_DEG: f64 = 20.0;
 
@@ -44,10 +44,10 @@ pub struct GazePoint {
 impl GazeCheck {
     /// # Errors
     /// Which number is out of its range.
-    pub(crate) fn check(&self) -> Result<(), String> {
+    pub(crate) fn validate(&self) -> Result<(), String> {
         let (name, count) = (self.source.len(), self.points.len());
-        if !(1..=MAX_NAME).contains(&name) {
-            return Err(format!("gaze source has {name} bytes, expected 1 to {MAX_NAME}"));
+        if !(1..=MAX_SOURCE_NAME_BYTES).contains(&name) {
+            return Err(format!("gaze source has {name} bytes, expected 1 to {MAX_SOURCE_NAME_BYTES}"));
         }
         if !(1..=MAX_POINTS).contains(&count) {
             return Err(format!("gaze check has {count} points, expected 1 to {MAX_POINTS} points"));
@@ -79,7 +79,7 @@ impl GazeCheck {
 pub(crate) mod tests {
     use super::*;
 
-    pub(crate) fn check() -> GazeCheck {
+    pub(crate) fn sample_check() -> GazeCheck {
         let point = GazePoint {
             accuracy_deg: Some(0.5),
             precision_deg: Some(0.1),
@@ -93,19 +93,21 @@ pub(crate) mod tests {
 
     #[test]
     fn numbers_out_of_range_are_refused_by_name() {
-        assert_eq!(check().check(), Ok(()));
-        let mut bad = check();
+        assert_eq!(sample_check().validate(), Ok(()));
+        let mut bad = sample_check();
         bad.points[0].accuracy_deg = Some(181.0);
-        assert!(bad.check().unwrap_err().contains("accuracy is 181"));
-        let mut bad = check();
+        assert!(bad.validate().unwrap_err().contains("accuracy is 181"));
+        let mut bad = sample_check();
         bad.points[0].offset_deg = Some([0.0, f64::NAN]);
-        assert!(bad.check().unwrap_err().contains("offset is NaN"));
-        let bad = GazeCheck { correction_deg: Some([0.0, -21.0]), ..check() };
-        assert!(bad.check().unwrap_err().contains("correction is -21"));
-        let mut bad = check();
+        assert!(bad.validate().unwrap_err().contains("offset is NaN"));
+        let bad = GazeCheck { correction_deg: Some([0.0, -21.0]), ..sample_check() };
+        assert!(bad.validate().unwrap_err().contains("correction is -21"));
+        let mut bad = sample_check();
         bad.points[0].lost_share = f64::NAN;
-        assert!(bad.check().unwrap_err().contains("lost share"));
-        assert!(GazeCheck { source: String::new(), ..check() }.check().unwrap_err().contains("source"));
-        assert!(GazeCheck { points: vec![], ..check() }.check().unwrap_err().contains("0 points"));
+        assert!(bad.validate().unwrap_err().contains("lost share"));
+        assert!(
+            GazeCheck { source: String::new(), ..sample_check() }.validate().unwrap_err().contains("source")
+        );
+        assert!(GazeCheck { points: vec![], ..sample_check() }.validate().unwrap_err().contains("0 points"));
     }
 }

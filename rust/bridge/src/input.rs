@@ -1,19 +1,19 @@
 //! What a browser may ask for, parsed and checked at the door.
 
 use crate::{
+    frame_latency::DisplayedFrame,
     gaze_check::GazeCheck,
-    pictures::SeenFrame,
-    study::{GivenAnswer, StudyRequest},
+    study::{AnswerInput, StudyRequest},
 };
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 use proact_arm::Side;
-use proact_types::{Gesture, Point, Pose, TrunkPosture, Vector};
+use proact_types::{Command, Point, Pose, TrunkPosture, Vector};
 use serde::{Deserialize, Serialize};
 
 /// An eye further than this from the origin of `world` is a mistake, metres.
-const MAX_DISTANCE: f64 = 100.0;
+const MAX_DISTANCE_M: f64 = 100.0;
 /// Largest trunk angle taken over, rad. A bound on nonsense: the body model has its own, tighter limits.
-const MAX_TRUNK_ANGLE: f64 = std::f64::consts::FRAC_PI_2;
+const MAX_TRUNK_ANGLE_RAD: f64 = std::f64::consts::FRAC_PI_2;
 
 /// A page that has been open for longer than thirty years is a mistake, ms.
 const MAX_TIME_MS: f64 = 1e12;
@@ -21,8 +21,8 @@ const MAX_TIME_MS: f64 = 1e12;
 /// What the person at the page does. All numbers are finite and within sane bounds.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ClientInput {
-    /// The gesture in force from now on: keys held, or [`Gesture::NoMotion`] when they are released.
-    Gesture(Gesture),
+    /// The gesture in force from now on: keys held, or [`Command::NoMotion`] when they are released.
+    Gesture(Command),
     /// Where the person looks, in `world`.
     Gaze {
         /// The eye, metres.
@@ -44,7 +44,7 @@ pub enum ClientInput {
         /// one.
         method: Option<String>,
         /// With the same seed, so that the blocks stand where they stood at the start of this one.
-        again: bool,
+        same_seed: bool,
     },
     /// What the experimenter asks for.
     Study(StudyAction),
@@ -53,11 +53,11 @@ pub enum ClientInput {
     /// Simulated time stands still from now on, or goes on: the person who drives reads a dialog.
     Hold(bool),
     /// What comes after a trial that was shown.
-    After(AfterTrial),
+    After(PostTrialAction),
     /// What whoever conducts a study asks for.
     Conduct(StudyRequest),
     /// A question of a study was answered.
-    Answer(GivenAnswer),
+    Answer(AnswerInput),
     /// The questionnaire at this step of the session is filled in.
     Submit {
         /// The step.
@@ -105,7 +105,7 @@ pub enum StudyAction {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(rename_all = "snake_case")]
-pub enum AfterTrial {
+pub enum PostTrialAction {
     /// The same trial once more.
     WatchAgain,
     /// To drive the arm.
@@ -118,7 +118,7 @@ pub enum AfterTrial {
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 pub(crate) enum ClientMessage {
     Gesture {
-        gesture: Gesture,
+        gesture: Command,
     },
     Gaze {
         origin: [f64; 3],
@@ -144,7 +144,8 @@ pub(crate) enum ClientMessage {
         method: Option<String>,
         #[serde(default)]
         #[cfg_attr(feature = "ts", ts(as = "Option<bool>", optional))]
-        again: bool,
+        #[serde(rename = "again")]
+        same_seed: bool,
     },
     Study {
         action: StudyAction,
@@ -168,11 +169,11 @@ pub(crate) enum ClientMessage {
     },
     /// The trial that was shown is over.
     After {
-        ask: AfterTrial,
+        ask: PostTrialAction,
     },
     /// Of a study.
     Conduct(StudyRequest),
-    Answer(GivenAnswer),
+    Answer(AnswerInput),
     Submit {
         step: usize,
     },
@@ -180,7 +181,7 @@ pub(crate) enum ClientMessage {
     Alive {},
     /// Frames that were on a picture since the last message of this kind.
     Seen {
-        frames: Vec<SeenFrame>,
+        frames: Vec<DisplayedFrame>,
     },
     /// To be answered with a `pong` of the same number.
     Ping {
@@ -190,7 +191,7 @@ pub(crate) enum ClientMessage {
 
 /// A checked message.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Parsed {
+pub(crate) enum ParsedMessage {
     /// For the testbed.
     Input(ClientInput),
     /// Who is here.
@@ -204,7 +205,7 @@ pub(crate) enum Parsed {
     /// Signals are wanted, or no longer.
     Watch(bool),
     /// Frames were on a picture.
-    Seen(Vec<SeenFrame>),
+    Seen(Vec<DisplayedFrame>),
     /// To be answered.
     Ping(u32),
 }
@@ -213,7 +214,7 @@ pub(crate) enum Parsed {
 ///
 /// # Errors
 /// One sentence for the person who wrote the client: what was wrong, got, expected.
-pub(crate) fn parse(text: &str) -> Result<Parsed, String> {
+pub(crate) fn parse(text: &str) -> Result<ParsedMessage, String> {
     let message: ClientMessage = serde_json::from_str(text).map_err(|error| {
         format!(
             "message ignored: {error}; expected a JSON object with type gesture, gaze, trunk, head, controller, restart, study, \
@@ -221,53 +222,57 @@ pub(crate) fn parse(text: &str) -> Result<Parsed, String> {
         )
     })?;
     match message {
-        ClientMessage::Gesture { gesture } => Ok(Parsed::Input(ClientInput::Gesture(gesture))),
+        ClientMessage::Gesture { gesture } => Ok(ParsedMessage::Input(ClientInput::Gesture(gesture))),
         ClientMessage::Gaze { origin, direction, measured } => {
-            gaze(origin, direction, measured).map(Parsed::Input)
+            parse_gaze(origin, direction, measured).map(ParsedMessage::Input)
         }
-        ClientMessage::Head { position, quaternion } => head(position, quaternion).map(Parsed::Input),
-        ClientMessage::Controller(pose) => controller(pose).map(Parsed::Input),
+        ClientMessage::Head { position, quaternion } => {
+            parse_head(position, quaternion).map(ParsedMessage::Input)
+        }
+        ClientMessage::Controller(pose) => parse_controller(pose).map(ParsedMessage::Input),
         ClientMessage::Trunk { forward, lateral, axial } => {
             for (name, angle) in [("forward", forward), ("lateral", lateral), ("axial", axial)] {
-                let sane = angle.abs() <= MAX_TRUNK_ANGLE;
+                let sane = angle.abs() <= MAX_TRUNK_ANGLE_RAD;
                 if !sane {
                     return Err(format!(
-                        "message ignored: trunk {name} is {angle}, expected at most {MAX_TRUNK_ANGLE:.3} rad"
+                        "message ignored: trunk {name} is {angle}, expected at most {MAX_TRUNK_ANGLE_RAD:.3} rad"
                     ));
                 }
             }
-            Ok(Parsed::Input(ClientInput::Trunk(TrunkPosture { forward, lateral, axial })))
+            Ok(ParsedMessage::Input(ClientInput::Trunk(TrunkPosture { forward, lateral, axial })))
         }
-        ClientMessage::Restart { method, again } => Ok(Parsed::Input(ClientInput::Restart { method, again })),
-        ClientMessage::Study { action } => Ok(Parsed::Input(ClientInput::Study(action))),
+        ClientMessage::Restart { method, same_seed: again } => {
+            Ok(ParsedMessage::Input(ClientInput::Restart { method, same_seed: again }))
+        }
+        ClientMessage::Study { action } => Ok(ParsedMessage::Input(ClientInput::Study(action))),
         ClientMessage::GazeCheck(check) => {
-            check.check().map_err(|reason| format!("message ignored: {reason}"))?;
-            Ok(Parsed::Input(ClientInput::GazeCheck(check)))
+            check.validate().map_err(|reason| format!("message ignored: {reason}"))?;
+            Ok(ParsedMessage::Input(ClientInput::GazeCheck(check)))
         }
-        ClientMessage::Join { name } => Ok(Parsed::Join(name)),
-        ClientMessage::Hold { on } => Ok(Parsed::Input(ClientInput::Hold(on))),
-        ClientMessage::Watch { signals } => Ok(Parsed::Watch(signals)),
-        ClientMessage::After { ask } => Ok(Parsed::Input(ClientInput::After(ask))),
-        ClientMessage::Conduct(request) => Ok(Parsed::Input(ClientInput::Conduct(request))),
-        ClientMessage::Answer(given) => Ok(Parsed::Input(ClientInput::Answer(given))),
-        ClientMessage::Submit { step } => Ok(Parsed::Input(ClientInput::Submit { step })),
-        ClientMessage::Drawn {} => Ok(Parsed::Drawn),
-        ClientMessage::TakeOver {} => Ok(Parsed::TakeOver),
-        ClientMessage::Alive {} => Ok(Parsed::Alive),
-        ClientMessage::Seen { frames } => Ok(Parsed::Seen(frames)),
-        ClientMessage::Ping { id } => Ok(Parsed::Ping(id)),
+        ClientMessage::Join { name } => Ok(ParsedMessage::Join(name)),
+        ClientMessage::Hold { on } => Ok(ParsedMessage::Input(ClientInput::Hold(on))),
+        ClientMessage::Watch { signals } => Ok(ParsedMessage::Watch(signals)),
+        ClientMessage::After { ask } => Ok(ParsedMessage::Input(ClientInput::After(ask))),
+        ClientMessage::Conduct(request) => Ok(ParsedMessage::Input(ClientInput::Conduct(request))),
+        ClientMessage::Answer(given) => Ok(ParsedMessage::Input(ClientInput::Answer(given))),
+        ClientMessage::Submit { step } => Ok(ParsedMessage::Input(ClientInput::Submit { step })),
+        ClientMessage::Drawn {} => Ok(ParsedMessage::Drawn),
+        ClientMessage::TakeOver {} => Ok(ParsedMessage::TakeOver),
+        ClientMessage::Alive {} => Ok(ParsedMessage::Alive),
+        ClientMessage::Seen { frames } => Ok(ParsedMessage::Seen(frames)),
+        ClientMessage::Ping { id } => Ok(ParsedMessage::Ping(id)),
     }
 }
 
-fn near(name: &str, point: [f64; 3]) -> Result<Point, String> {
-    if point.iter().all(|x| x.abs() <= MAX_DISTANCE) {
+fn check_position(name: &str, point: [f64; 3]) -> Result<Point, String> {
+    if point.iter().all(|x| x.abs() <= MAX_DISTANCE_M) {
         return Ok(Point::from(point));
     }
-    Err(format!("message ignored: {name} is {point:?}, expected coordinates up to {MAX_DISTANCE} m"))
+    Err(format!("message ignored: {name} is {point:?}, expected coordinates up to {MAX_DISTANCE_M} m"))
 }
 
-fn head(position: [f64; 3], quaternion: [f64; 4]) -> Result<ClientInput, String> {
-    let position = near("head position", position)?;
+fn parse_head(position: [f64; 3], quaternion: [f64; 4]) -> Result<ClientInput, String> {
+    let position = check_position("head position", position)?;
     let rotation = Quaternion::from(quaternion);
     let length = rotation.norm();
     if !(length.is_finite() && (length - 1.0).abs() < 1e-3) {
@@ -280,8 +285,8 @@ fn head(position: [f64; 3], quaternion: [f64; 4]) -> Result<ClientInput, String>
 }
 
 /// What is no rotation is for whoever follows the controller to name.
-fn controller(pose: ControllerPose) -> Result<ClientInput, String> {
-    near("controller position", pose.position)?;
+fn parse_controller(pose: ControllerPose) -> Result<ClientInput, String> {
+    check_position("controller position", pose.position)?;
     if !(pose.time_ms >= 0.0 && pose.time_ms < MAX_TIME_MS) {
         return Err(format!(
             "message ignored: controller time_ms is {}, expected 0 to {MAX_TIME_MS:e}",
@@ -291,8 +296,8 @@ fn controller(pose: ControllerPose) -> Result<ClientInput, String> {
     Ok(ClientInput::Controller(pose))
 }
 
-fn gaze(origin: [f64; 3], direction: [f64; 3], measured: bool) -> Result<ClientInput, String> {
-    let origin = near("gaze origin", origin)?;
+fn parse_gaze(origin: [f64; 3], direction: [f64; 3], measured: bool) -> Result<ClientInput, String> {
+    let origin = check_position("gaze origin", origin)?;
     let vector = Vector::from(direction);
     let length = vector.norm();
     if !(length.is_finite() && length > 1e-6) {
@@ -322,7 +327,7 @@ mod tests {
             ),
             (
                 r#"{"type":"gesture","gesture":"wrist_extension"}"#,
-                Some(ClientInput::Gesture(Gesture::WristExtension)),
+                Some(ClientInput::Gesture(Command::WristExtension)),
             ),
             (
                 r#"{"type":"gaze","origin":[0,0,1],"direction":[0,0,-2]}"#,
@@ -344,10 +349,10 @@ mod tests {
                 r#"{"type":"trunk","forward":0.1,"lateral":-0.2,"axial":0.3}"#,
                 Some(ClientInput::Trunk(TrunkPosture { forward: 0.1, lateral: -0.2, axial: 0.3 })),
             ),
-            (r#"{"type":"restart"}"#, Some(ClientInput::Restart { method: None, again: false })),
+            (r#"{"type":"restart"}"#, Some(ClientInput::Restart { method: None, same_seed: false })),
             (
                 r#"{"type":"restart","method":"B","again":true}"#,
-                Some(ClientInput::Restart { method: Some("B".to_owned()), again: true }),
+                Some(ClientInput::Restart { method: Some("B".to_owned()), same_seed: true }),
             ),
             (r#"{"type":"study","action":"pause"}"#, Some(ClientInput::Study(StudyAction::Pause))),
             (
@@ -360,15 +365,19 @@ mod tests {
                     "offset_deg":[0.4,-0.3],"lost_share":0,"blinks":1,"samples":60}],"correction_deg":[0.4,-0.3]}"#,
                 Some(ClientInput::GazeCheck(GazeCheck {
                     correction_deg: Some([0.4, -0.3]),
-                    ..crate::gaze_check::tests::check()
+                    ..crate::gaze_check::tests::sample_check()
                 })),
             ),
         ];
         for (text, expected) in cases {
-            assert_eq!(parse(text).unwrap(), expected.map_or(Parsed::Alive, Parsed::Input), "{text}");
+            assert_eq!(
+                parse(text).unwrap(),
+                expected.map_or(ParsedMessage::Alive, ParsedMessage::Input),
+                "{text}"
+            );
         }
-        assert_eq!(parse(r#"{"type":"ping","id":7}"#).unwrap(), Parsed::Ping(7));
-        assert_eq!(parse(r#"{"type":"watch","signals":true}"#).unwrap(), Parsed::Watch(true));
+        assert_eq!(parse(r#"{"type":"ping","id":7}"#).unwrap(), ParsedMessage::Ping(7));
+        assert_eq!(parse(r#"{"type":"watch","signals":true}"#).unwrap(), ParsedMessage::Watch(true));
     }
 
     #[test]

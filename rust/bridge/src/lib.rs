@@ -36,20 +36,20 @@
 mod assets;
 pub use assets::FIGURES_SCRIPT;
 mod calibration;
-mod calibration_screen;
+mod calibration_view;
 mod camera;
+mod client_slots;
 mod encoding;
 mod error;
 mod feed;
+mod frame_latency;
 mod gaze_check;
 mod input;
 mod input_arbiter;
-mod line_delay;
 pub mod live;
 mod meshes;
-mod pictures;
-mod places;
 mod recorded_signals;
+mod round_trip;
 mod server;
 mod signals;
 mod study;
@@ -59,26 +59,26 @@ mod trials;
 mod typescript;
 
 pub use calibration::{CalibrationCommand, CalibrationServer};
-pub use calibration_screen::{
-    CalibrationScreen, CalibrationView, ChannelLight, GestureTest, TacAxisState, TestKind,
+pub use calibration_view::{
+    CalibrationScreen, CalibrationView, ElectrodeView, GestureTest, TacAxisState, TestKind,
 };
 pub use error::BridgeError;
 pub use feed::GhostArm;
+pub use frame_latency::FrameLatency;
 pub use gaze_check::{GazeCheck, GazePoint};
-pub use input::{AfterTrial, ClientInput, ControllerPose, StudyAction};
-pub use input_arbiter::Heard;
+pub use input::{ClientInput, ControllerPose, PostTrialAction, StudyAction};
+pub use input_arbiter::PageHeartbeat;
 pub use meshes::MeshFile;
-pub use pictures::PictureAge;
 pub use recorded_signals::{RecordedEmg, RecordedWindow};
 pub use server::{PageContent, PageOptions, PageServer};
 pub use signals::{
-    ChannelSpectrum, InertialValue, Intent, IntentOver, LatencyRow, LatencyStage, Recognition, ResultCard,
-    ResultLine, Signals, TrialStatus,
+    ChannelSpectrum, InertialValue, IntentDomain, IntentEstimate, LatencyRow, LatencyStage, ObjectResultRow,
+    Recognition, ResultCard, Signals, TrialStatus,
 };
 pub use study::{
-    ExperimenterScreen, FormPair, FormScreen, GivenAnswer, NextSession, NowScreen, NowWhat, ParticipantLine,
-    ParticipantScreen, PromptScreen, RefusedAnswer, SessionScreen, StepLine, StudyButton, StudyRequest,
-    StudyScreen,
+    AnswerInput, CurrentStepScreen, ExperimenterScreen, FormPair, FormScreen, NextSession, ParticipantRow,
+    ParticipantScreen, PromptScreen, RefusedAnswer, SessionScreen, StepActivity, StepRow, StudyButton,
+    StudyRequest, StudyScreen,
 };
-pub use tracking::{CalibrationInUse, ReachPicture, ReachSpot, StreamFigures, TrackingReport};
+pub use tracking::{ActiveCalibration, PoseStreamStatistics, ReachGrid, ReachPoint, TrackingReport};
 pub use trials::{RecordedTrial, TrialLibrary, TrialSummary};

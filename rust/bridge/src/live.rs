@@ -9,10 +9,10 @@
 //! drives; `delay {ms}` while the round trip of this client's line is longer than the trial allows, null when it no longer is.
 //!
 //! The server measures the round trip by WebSocket pings, every 50 ms while a client drives. What comes over a line that is delayed
-//! by more than `profile.dead_man.delay_ms` does not move the arm. A client whose library answers no ping is not judged.
+//! by more than `profile.dead_man.max_delay_ms` does not move the arm until its round trips are below 0.8 of that. A client whose library answers no ping is not judged.
 //!
-//! 64 clients may watch, 64 may drive and 16 conduct; further ones that may drive or conduct take the place of the one of their kind
-//! that came first and does not drive, whose connection is closed with code 1013.
+//! 64 clients may watch, 64 may drive and 16 conduct. A further one that may drive or conduct takes the place of the first of its kind that
+//! does not drive and never answered a ping, whose connection is closed with code 1013. If all answer, it is refused with 503.
 //!
 //! One client drives: the first that says `join {name}` or sends anything, until its connection ends or another says
 //! `take_over`. What the others send is ignored, but for a relaxed gesture: a stop is taken from everybody.
@@ -36,20 +36,20 @@
 //! [act](proact_http::Right), whatever the role.
 
 use crate::{
-    feed::{Feed, ServerMessage},
-    input::{self, ClientInput, Parsed},
+    client_slots::ClientSlot,
+    feed::{PageFeed, ServerMessage},
+    input::{self, ClientInput, ParsedMessage},
     input_arbiter::ClientId,
-    line_delay::ECHO_PERIOD,
-    places::Place,
-    server::Shared,
+    round_trip::PING_PERIOD,
+    server::PageServerState,
 };
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
 use futures_util::{
     SinkExt, StreamExt,
     stream::{SplitSink, SplitStream},
 };
-use proact_http::{Pulse, Right};
-use proact_types::Gesture;
+use proact_http::{AccessRight, WebSocketLiveness};
+use proact_types::Command;
 use serde::Deserialize;
 use std::{
     sync::{
@@ -63,9 +63,9 @@ use tokio::{sync::mpsc, sync::watch, time};
 /// Longest message taken from a client, bytes: the longest answer in free words, each byte written as an escape of six.
 pub(crate) const MAX_MESSAGE_BYTES: usize = 64 * 1024;
 /// Malformed messages that a connection survives.
-const MAX_BAD_MESSAGES: usize = 100;
+const MAX_MALFORMED_MESSAGES: usize = 100;
 /// How often a page is told how much its line is delayed, while it is.
-const DELAY_TOLD_EVERY: Duration = Duration::from_millis(500);
+const DELAY_REPORT_PERIOD: Duration = Duration::from_millis(500);
 /// A client that takes no byte for so long is gone or hopeless.
 const SEND_TIMEOUT: Duration = Duration::from_secs(10);
 
@@ -85,9 +85,14 @@ pub(crate) enum Role {
 
 impl Role {
     /// Whether `input` may come from it.
-    fn may(self, input: &ClientInput, right: Right, interactive: bool) -> Result<(), &'static str> {
+    fn check_permission(
+        self,
+        input: &ClientInput,
+        right: AccessRight,
+        interactive: bool,
+    ) -> Result<(), &'static str> {
         match (self, input) {
-            _ if right < Right::Act => Err(
+            _ if right < AccessRight::Control => Err(
                 "message ignored: this machine may only watch; open the address with the token, or start proact with \
                  --page-allow ADDRESS=act",
             ),
@@ -101,7 +106,7 @@ impl Role {
                 | ClientInput::Submit { .. },
             ) => Ok(()),
             // A stop is taken from everybody.
-            (Role::Experimenter, ClientInput::Gesture(Gesture::NoMotion)) if interactive => Ok(()),
+            (Role::Experimenter, ClientInput::Gesture(Command::NoMotion)) if interactive => Ok(()),
             (Role::Experimenter, _) => Err(DOES_NOT_DRIVE),
             (_, ClientInput::Study(_)) => {
                 Err("message ignored: this is for the experimenter's page, /live?role=experimenter")
@@ -119,9 +124,9 @@ impl Role {
 const DOES_NOT_DRIVE: &str = "message ignored: this role does not drive; open the participant's page";
 
 /// Whether a client may drive.
-fn drives(role: Role, right: Right, interactive: bool) -> Result<(), &'static str> {
+fn check_may_drive(role: Role, right: AccessRight, interactive: bool) -> Result<(), &'static str> {
     match role {
-        Role::Participant => role.may(&ClientInput::Disconnected, right, interactive),
+        Role::Participant => role.check_permission(&ClientInput::Disconnected, right, interactive),
         _ => Err(DOES_NOT_DRIVE),
     }
 }
@@ -129,67 +134,89 @@ fn drives(role: Role, right: Right, interactive: bool) -> Result<(), &'static st
 type Outgoing = SplitSink<WebSocket, Message>;
 
 /// Serves one connection until it ends.
-pub(crate) async fn serve(socket: WebSocket, shared: Arc<Shared>, role: Role, right: Right, place: Place) {
-    let client = place.client;
-    shared.enter();
+pub(crate) async fn serve(
+    socket: WebSocket,
+    shared: Arc<PageServerState>,
+    role: Role,
+    right: AccessRight,
+    slot: ClientSlot,
+) {
+    let client = slot.client;
+    shared.count_connection();
     let (outgoing, incoming) = socket.split();
     // Reading and writing are apart: a stop must come in while a slow line is still busy with a frame.
     // Few replies are kept: a client that floods us with errors and does not read gets no more of them.
     let (replies, reply_queue) = mpsc::channel(8);
     let updates = shared.feed.subscribe();
-    let pulse = Pulse::new(shared.limits);
+    let liveness = WebSocketLiveness::new(shared.limits);
     let watches = AtomicBool::new(role != Role::Participant);
-    let reader =
-        Reader { client, role, right, shared: &shared, pulse: &pulse, watches: &watches, place: &place };
-    let writer =
-        Writer { client, role, right, shared: &shared, pulse: &pulse, watches: &watches, place: &place };
+    let reader = ClientReader {
+        client,
+        role,
+        right,
+        shared: &shared,
+        pulse: &liveness,
+        wants_signals: &watches,
+        slot: &slot,
+    };
+    let writer = ClientWriter {
+        client,
+        role,
+        right,
+        shared: &shared,
+        pulse: &liveness,
+        wants_signals: &watches,
+        slot: &slot,
+    };
     tokio::select! {
         () = reader.read(incoming, replies) => {}
         () = writer.write(outgoing, updates, reply_queue) => {}
     }
-    shared.leave(client);
+    shared.disconnect(client);
 }
 
 /// Whose messages are read, and what they may bring.
-struct Reader<'a> {
+struct ClientReader<'a> {
     client: u64,
     role: Role,
-    right: Right,
-    shared: &'a Shared,
-    pulse: &'a Pulse,
+    right: AccessRight,
+    shared: &'a PageServerState,
+    pulse: &'a WebSocketLiveness,
     /// Signals are wanted.
-    watches: &'a AtomicBool,
-    place: &'a Place,
+    wants_signals: &'a AtomicBool,
+    slot: &'a ClientSlot,
 }
 
-impl Reader<'_> {
-    async fn read(self, mut incoming: SplitStream<WebSocket>, replies: mpsc::Sender<Reply>) {
-        let Reader { client, role, right, shared, pulse, watches, place } = self;
+impl ClientReader<'_> {
+    async fn read(self, mut incoming: SplitStream<WebSocket>, replies: mpsc::Sender<ClientReply>) {
+        let ClientReader { client, role, right, shared, pulse: liveness, wants_signals: watches, slot } =
+            self;
         let mut bad_messages = 0;
         while let Some(message) = incoming.next().await {
-            pulse.beat();
+            liveness.record_received();
             let parsed = match message {
                 Ok(Message::Text(text)) => input::parse(&text).and_then(|parsed| match &parsed {
-                    Parsed::Input(input) => role
-                        .may(input, right, shared.interactive())
+                    ParsedMessage::Input(input) => role
+                        .check_permission(input, right, shared.interactive())
                         .map_err(str::to_owned)
-                        .and_then(|()| shared.offers(input))
+                        .and_then(|()| shared.check_offered(input))
                         .map(|()| parsed),
-                    Parsed::TakeOver => {
-                        drives(role, right, shared.interactive()).map(|()| parsed).map_err(str::to_owned)
-                    }
-                    Parsed::Join(_)
-                    | Parsed::Drawn
-                    | Parsed::Alive
-                    | Parsed::Watch(_)
-                    | Parsed::Seen(_)
-                    | Parsed::Ping(_) => Ok(parsed),
+                    ParsedMessage::TakeOver => check_may_drive(role, right, shared.interactive())
+                        .map(|()| parsed)
+                        .map_err(str::to_owned),
+                    ParsedMessage::Join(_)
+                    | ParsedMessage::Drawn
+                    | ParsedMessage::Alive
+                    | ParsedMessage::Watch(_)
+                    | ParsedMessage::Seen(_)
+                    | ParsedMessage::Ping(_) => Ok(parsed),
                 }),
                 Ok(Message::Binary(data)) => {
                     Err(format!("message ignored: got {} binary bytes, expected JSON text", data.len()))
                 }
                 Ok(Message::Pong(carried)) => {
-                    shared.input_arbiter().line(client).answer(&carried, Instant::now());
+                    shared.input_arbiter().round_trip(client).record_pong(&carried, Instant::now());
+                    slot.mark_responsive();
                     continue;
                 }
                 Ok(Message::Ping(_)) => continue,
@@ -197,72 +224,76 @@ impl Reader<'_> {
                 Err(error) => {
                     // Too long, not UTF-8, or the line is dead; the protocol cannot go on after any of them.
                     let reason = format!("connection closed: {error}");
-                    return end(replies, close_code::SIZE, reason).await;
+                    return close_connection(replies, close_code::SIZE, reason).await;
                 }
             };
             if parsed.is_ok() {
-                place.note_speech();
+                slot.mark_active();
             }
             match parsed {
-                Ok(Parsed::Drawn) => shared.note_drawn(),
-                Ok(Parsed::Input(
+                Ok(ParsedMessage::Drawn) => shared.mark_drawn(),
+                Ok(ParsedMessage::Input(
                     input @ (ClientInput::Study(_)
                     | ClientInput::After(_)
                     | ClientInput::Conduct(_)
                     | ClientInput::Answer(_)
                     | ClientInput::Submit { .. }),
-                )) => shared.arbitrate(|arbiter| arbiter.command(input)),
-                Ok(Parsed::Input(input @ ClientInput::Restart { .. })) if role == Role::Experimenter => {
-                    shared.arbitrate(|arbiter| arbiter.command(input))
+                )) => shared.with_arbiter(|arbiter| arbiter.accept_command(input)),
+                Ok(ParsedMessage::Input(input @ ClientInput::Restart { .. }))
+                    if role == Role::Experimenter =>
+                {
+                    shared.with_arbiter(|arbiter| arbiter.accept_command(input))
                 }
-                Ok(Parsed::Input(input)) => {
-                    let asks = !matches!(
+                Ok(ParsedMessage::Input(input)) => {
+                    let is_request = !matches!(
                         input,
                         ClientInput::Gaze { .. } | ClientInput::Head(_) | ClientInput::Controller(_)
                     );
                     let taken =
-                        shared.arbitrate(|arbiter| arbiter.accept(client, Instant::now(), Some(input)));
-                    if asks && !taken {
+                        shared.with_arbiter(|arbiter| arbiter.accept(client, Instant::now(), Some(input)));
+                    if is_request && !taken {
                         let driver =
                             shared.input_arbiter().driver().1.map_or_else(String::new, |(_, name)| name);
                         let reason = format!("message ignored: {driver} drives; take_over comes first");
-                        let _ = replies.try_send(Reply::Error(reason));
+                        let _ = replies.try_send(ClientReply::Error(reason));
                     }
                 }
-                Ok(Parsed::Join(name)) => {
-                    let may = drives(role, right, shared.interactive()).is_ok();
-                    shared.arbitrate(|arbiter| {
-                        arbiter.name(client, &name);
+                Ok(ParsedMessage::Join(name)) => {
+                    let may = check_may_drive(role, right, shared.interactive()).is_ok();
+                    shared.with_arbiter(|arbiter| {
+                        arbiter.set_name(client, &name);
                         if may {
                             arbiter.join(client, Instant::now());
                         }
                     });
                 }
-                Ok(Parsed::TakeOver) => shared.arbitrate(|arbiter| arbiter.take_over(client, Instant::now())),
-                Ok(Parsed::Alive) => {
-                    shared.arbitrate(|arbiter| arbiter.accept(client, Instant::now(), None));
+                Ok(ParsedMessage::TakeOver) => {
+                    shared.with_arbiter(|arbiter| arbiter.take_over(client, Instant::now()))
                 }
-                Ok(Parsed::Watch(signals)) => watches.store(signals, Ordering::Relaxed),
-                Ok(Parsed::Seen(frames)) => {
+                Ok(ParsedMessage::Alive) => {
+                    shared.with_arbiter(|arbiter| arbiter.accept(client, Instant::now(), None));
+                }
+                Ok(ParsedMessage::Watch(signals)) => watches.store(signals, Ordering::Relaxed),
+                Ok(ParsedMessage::Seen(frames)) => {
                     // Of several screens, that of whoever drives.
                     let driver = shared.input_arbiter().driver().1.map(|(driver, _)| driver);
                     if role == Role::Participant && driver.is_none_or(|driver| driver == client) {
-                        shared.pictures().see(&frames);
+                        shared.frame_latency().record_displayed(&frames);
                     }
                 }
                 // As with errors: who does not read gets no answers.
-                Ok(Parsed::Ping(id)) => {
-                    let clock_ms = shared.pictures().clock_ms(Instant::now());
-                    let _ = replies.try_send(Reply::Pong { id, clock_ms });
+                Ok(ParsedMessage::Ping(id)) => {
+                    let clock_ms = shared.frame_latency().clock_ms(Instant::now());
+                    let _ = replies.try_send(ClientReply::Pong { id, clock_ms });
                 }
                 Err(reason) => {
                     bad_messages += 1;
-                    if bad_messages == MAX_BAD_MESSAGES {
+                    if bad_messages == MAX_MALFORMED_MESSAGES {
                         let reason = format!("connection closed after {bad_messages} malformed messages");
-                        return end(replies, close_code::POLICY, reason).await;
+                        return close_connection(replies, close_code::POLICY, reason).await;
                     }
                     // A full queue means that the client does not read: it has enough answers.
-                    let _ = replies.try_send(Reply::Error(reason));
+                    let _ = replies.try_send(ClientReply::Error(reason));
                 }
             }
         }
@@ -270,73 +301,73 @@ impl Reader<'_> {
 }
 
 /// Something to tell this client alone.
-enum Reply {
+enum ClientReply {
     Pong { id: u32, clock_ms: f64 },
     Error(String),
     Close(CloseFrame),
 }
 
 /// Has the writer close the connection, and waits for the writer to end it, which cancels this.
-async fn end(replies: mpsc::Sender<Reply>, code: u16, mut reason: String) {
+async fn close_connection(replies: mpsc::Sender<ClientReply>, code: u16, mut reason: String) {
     // The standard allows 123 bytes; the texts are ASCII.
     reason.truncate(120);
     let frame = CloseFrame { code, reason: reason.into() };
-    if replies.send(Reply::Close(frame)).await.is_ok() {
+    if replies.send(ClientReply::Close(frame)).await.is_ok() {
         replies.closed().await;
     }
 }
 
 /// To whom the news go.
-struct Writer<'a> {
+struct ClientWriter<'a> {
     client: u64,
     role: Role,
-    right: Right,
-    shared: &'a Shared,
-    pulse: &'a Pulse,
+    right: AccessRight,
+    shared: &'a PageServerState,
+    pulse: &'a WebSocketLiveness,
     /// Signals are wanted.
-    watches: &'a AtomicBool,
-    place: &'a Place,
+    wants_signals: &'a AtomicBool,
+    slot: &'a ClientSlot,
 }
 
-impl Writer<'_> {
+impl ClientWriter<'_> {
     async fn write(
         self,
         mut outgoing: Outgoing,
-        mut updates: watch::Receiver<Feed>,
-        mut replies: mpsc::Receiver<Reply>,
+        mut updates: watch::Receiver<PageFeed>,
+        mut replies: mpsc::Receiver<ClientReply>,
     ) {
-        let Writer { role, shared, pulse, watches, place, .. } = self;
+        let ClientWriter { role, shared, pulse: liveness, wants_signals: watches, slot, .. } = self;
         let (page_version, brace_controller) = (&*shared.page_version, shared.brace_controller);
-        let mut ping = pulse.pings();
+        let mut ping = liveness.ping_interval();
         // A client that comes late is told the whole trial's events: its score and list are then right.
-        let mut seen = Seen { revision: updates.borrow().revision, ..Seen::default() };
+        let mut seen = FeedCursor { revision: updates.borrow().revision, ..FeedCursor::default() };
         let revision = seen.revision;
         let hello = ServerMessage::Hello { page_version, revision, brace_controller }.to_text();
         if send(&mut outgoing, Message::Text(hello)).await.is_err() {
             return;
         }
         updates.mark_changed();
-        let mut echoes = time::interval(ECHO_PERIOD);
+        let mut echoes = time::interval(PING_PERIOD);
         echoes.set_missed_tick_behavior(time::MissedTickBehavior::Delay);
-        let mut line = Line::default();
+        let mut line = RoundTripReporter::default();
         loop {
             let sent = tokio::select! {
                 biased;
-                () = place.lost() => {
+                () = slot.wait_for_eviction() => {
                     let reason = Utf8Bytes::from_static("another page needed the place");
                     let _ = send(&mut outgoing, Message::Close(Some(CloseFrame { code: close_code::AGAIN, reason }))).await;
                     return;
                 }
-                _ = echoes.tick() => send_each(&mut outgoing, line.look(&self, Instant::now())).await,
+                _ = echoes.tick() => send_each(&mut outgoing, line.poll(&self, Instant::now())).await,
                 reply = replies.recv() => match reply {
-                    Some(Reply::Pong { id, clock_ms }) => {
+                    Some(ClientReply::Pong { id, clock_ms }) => {
                         send(&mut outgoing, Message::Text(ServerMessage::Pong { id, clock_ms }.to_text())).await
                     }
-                    Some(Reply::Error(message)) => {
+                    Some(ClientReply::Error(message)) => {
                         let text = ServerMessage::Error { message: &message }.to_text();
                         send(&mut outgoing, Message::Text(text)).await
                     }
-                    Some(Reply::Close(frame)) => {
+                    Some(ClientReply::Close(frame)) => {
                         let _ = send(&mut outgoing, Message::Close(Some(frame))).await;
                         return;
                     }
@@ -348,16 +379,16 @@ impl Writer<'_> {
                     }
                     let (mut messages, driver) = {
                         let feed = updates.borrow_and_update();
-                        (seen.news(&feed, role, watches.load(Ordering::Relaxed)), (feed.driver.0 != seen.driver).then(|| feed.driver.clone()))
+                        (seen.pending_messages(&feed, role, watches.load(Ordering::Relaxed)), (feed.driver.0 != seen.driver).then(|| feed.driver.clone()))
                     };
                     if let Some((changes, driver)) = driver {
                         seen.driver = changes;
-                        messages.push(self.tell(driver));
+                        messages.push(self.driver_message(driver));
                     }
                     send_all(&mut outgoing, messages).await
                 }
-                _ = ping.tick() => match pulse.is_lost() {
-                    true => Err(Lost),
+                _ = ping.tick() => match liveness.is_timed_out() {
+                    true => Err(ClientLost),
                     false => send(&mut outgoing, Message::Ping(Default::default())).await,
                 },
             };
@@ -368,8 +399,8 @@ impl Writer<'_> {
     }
 
     /// Who drives, as this client is told.
-    fn tell(&self, driver: Option<(ClientId, String)>) -> Utf8Bytes {
-        let may_drive = drives(self.role, self.right, self.shared.interactive()).is_ok();
+    fn driver_message(&self, driver: Option<(ClientId, String)>) -> Utf8Bytes {
+        let may_drive = check_may_drive(self.role, self.right, self.shared.interactive()).is_ok();
         let you = driver.as_ref().is_some_and(|(client, _)| *client == self.client);
         let name = driver.as_ref().map(|(_, name)| name.as_str());
         ServerMessage::Driver { name, you, may_drive }.to_text()
@@ -378,33 +409,36 @@ impl Writer<'_> {
 
 /// What a client was told of its line.
 #[derive(Debug, Default)]
-struct Line {
-    asked: bool,
+struct RoundTripReporter {
+    ping_sent: bool,
     /// When it was told a delay last; none while it knows of none.
-    told: Option<Instant>,
+    last_report: Option<Instant>,
 }
 
-impl Line {
-    /// A ping if one is due: once to whoever may drive, to learn whether it answers, then as long as it drives. And the delay, when
-    /// it comes, goes on and ends.
-    fn look(&mut self, writer: &Writer<'_>, now: Instant) -> Vec<Message> {
-        let Writer { client, role, right, shared, .. } = writer;
-        if drives(*role, *right, shared.interactive()).is_err() {
+impl RoundTripReporter {
+    /// A ping if one is due: once to each client, to learn whether it answers, then as long as it drives. And the delay, when it
+    /// comes, goes on and ends.
+    fn poll(&mut self, writer: &ClientWriter<'_>, now: Instant) -> Vec<Message> {
+        let ClientWriter { client, role, right, shared, .. } = writer;
+        let may_drive = check_may_drive(*role, *right, shared.interactive()).is_ok();
+        if self.ping_sent && !may_drive {
             return Vec::new();
         }
         let mut arbiter = shared.input_arbiter();
         let mut messages = Vec::new();
-        if !self.asked || arbiter.drives(*client) {
-            self.asked = true;
-            messages.extend(arbiter.line(*client).ask(now).map(|carried| Message::Ping(carried.into())));
+        if !self.ping_sent || arbiter.is_driver(*client) {
+            self.ping_sent = true;
+            messages.extend(
+                arbiter.round_trip(*client).next_ping(now).map(|carried| Message::Ping(carried.into())),
+            );
         }
-        let delay = arbiter.delay(*client, now);
-        let due = match (delay, self.told) {
-            (Some(_), Some(told)) => now.duration_since(told) >= DELAY_TOLD_EVERY,
-            (delay, told) => delay.is_some() != told.is_some(),
+        let delay = arbiter.excess_delay(*client, now);
+        let due = match (delay, self.last_report) {
+            (Some(_), Some(reported_at)) => now.duration_since(reported_at) >= DELAY_REPORT_PERIOD,
+            (delay, reported_at) => delay.is_some() != reported_at.is_some(),
         };
         if due {
-            self.told = delay.map(|_| now);
+            self.last_report = delay.map(|_| now);
             let ms = delay.map(|delay| delay.as_secs_f64() * 1e3);
             messages.push(Message::Text(ServerMessage::Delay { ms }.to_text()));
         }
@@ -414,7 +448,7 @@ impl Line {
 
 /// How much of the feed a client has seen.
 #[derive(Debug, Default)]
-struct Seen {
+struct FeedCursor {
     revision: u64,
     sequence: u64,
     status: u64,
@@ -424,9 +458,9 @@ struct Seen {
     driver: u64,
 }
 
-impl Seen {
+impl FeedCursor {
     /// What it has not seen yet, at most seven messages.
-    fn news(&mut self, feed: &Feed, role: Role, watches: bool) -> Vec<Utf8Bytes> {
+    fn pending_messages(&mut self, feed: &PageFeed, role: Role, watches: bool) -> Vec<Utf8Bytes> {
         let mut messages = Vec::with_capacity(7);
         if feed.revision != self.revision {
             self.revision = feed.revision;
@@ -438,7 +472,7 @@ impl Seen {
         }
         if feed.study.0 != self.study {
             self.study = feed.study.0;
-            messages.extend(feed.study.1.as_ref().and_then(|study| study.of(role)));
+            messages.extend(feed.study.1.as_ref().and_then(|study| study.for_role(role)));
         }
         if feed.sequence != self.sequence {
             messages.extend(feed.missed_events(self.sequence));
@@ -458,22 +492,25 @@ impl Seen {
 }
 
 /// The connection is of no use any more.
-struct Lost;
+struct ClientLost;
 
-async fn send_all(outgoing: &mut Outgoing, messages: Vec<Utf8Bytes>) -> Result<(), Lost> {
+async fn send_all(outgoing: &mut Outgoing, messages: Vec<Utf8Bytes>) -> Result<(), ClientLost> {
     send_each(outgoing, messages.into_iter().map(Message::Text)).await
 }
 
-async fn send_each(outgoing: &mut Outgoing, messages: impl IntoIterator<Item = Message>) -> Result<(), Lost> {
+async fn send_each(
+    outgoing: &mut Outgoing,
+    messages: impl IntoIterator<Item = Message>,
+) -> Result<(), ClientLost> {
     for message in messages {
         send(outgoing, message).await?;
     }
     Ok(())
 }
 
-async fn send(outgoing: &mut Outgoing, message: Message) -> Result<(), Lost> {
+async fn send(outgoing: &mut Outgoing, message: Message) -> Result<(), ClientLost> {
     match time::timeout(SEND_TIMEOUT, outgoing.send(message)).await {
         Ok(Ok(())) => Ok(()),
-        _ => Err(Lost),
+        _ => Err(ClientLost),
     }
 }

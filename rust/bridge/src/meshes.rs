@@ -1,4 +1,4 @@
-use crate::encoding::encode;
+use crate::encoding::encode_response;
 use axum::{
     http::{StatusCode, header},
     response::{IntoResponse, Response},
@@ -24,7 +24,7 @@ pub struct MeshFile {
 pub(crate) type MeshesById = BTreeMap<String, Arc<[u8]>>;
 
 /// By hash what the pages may ask for.
-pub(crate) fn by_id<'a>(meshes: impl IntoIterator<Item = &'a MeshFile>) -> MeshesById {
+pub(crate) fn meshes_by_id<'a>(meshes: impl IntoIterator<Item = &'a MeshFile>) -> MeshesById {
     meshes.into_iter().map(|mesh| (mesh.id.clone(), Arc::clone(&mesh.bytes))).collect()
 }
 
@@ -39,5 +39,5 @@ pub(crate) fn respond(found: Option<Arc<[u8]>>, id: &str, gzip: bool) -> Respons
         (header::CACHE_CONTROL, "max-age=31536000, immutable"),
         (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
     ];
-    encode(headers, &bytes, gzip)
+    encode_response(headers, &bytes, gzip)
 }

@@ -1,6 +1,6 @@
 //! What the muscles said in a recorded trial, for plots over time beside the replay.
 
-use proact_types::{GestureName, SimTime};
+use proact_types::{Gesture, SimTime};
 use serde::Serialize;
 
 /// EMG of a recorded trial, thinned for a picture, and what the EMG model made of it.
@@ -17,7 +17,7 @@ pub struct RecordedEmg {
     /// The highest ones.
     pub highest: Vec<Vec<f64>>,
     /// The gestures that the model tells apart.
-    pub gestures: Vec<GestureName>,
+    pub gestures: Vec<Gesture>,
     /// What it made of each window, times ascending.
     pub windows: Vec<RecordedWindow>,
 }
@@ -31,7 +31,7 @@ pub struct RecordedWindow {
     /// Probability of each gesture, in the order of [`RecordedEmg::gestures`]; zeros while the stream is dead.
     pub posterior: Vec<f64>,
     /// The gesture in force then, by the decision rule.
-    pub in_force: GestureName,
+    pub in_force: Gesture,
     /// How hard it is made, 0 to 1.
     pub effort: f64,
 }

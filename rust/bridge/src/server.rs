@@ -1,12 +1,12 @@
 use crate::{
     BridgeError, ClientInput, Signals, StudyScreen, TrackingReport, TrialStatus, assets, camera,
-    encoding::{encode, takes_gzip},
-    feed::{Feed, GhostArm, ServerMessage, StudyMessages},
-    input_arbiter::{ClientId, Heard, InputArbiter},
+    client_slots::{ClientSlot, ClientSlots, SlotKind, SlotLimits},
+    encoding::{accepts_gzip, encode_response},
+    feed::{GhostArm, PageFeed, ServerMessage, StudyMessages},
+    frame_latency::{FrameLatency, FrameLatencyTracker},
+    input_arbiter::{ClientId, InputArbiter, PageHeartbeat},
     live::{self, Role},
     meshes::{self, MeshFile, MeshesById},
-    pictures::{PictureAge, Pictures},
-    places::{Place, Places, Seat, Seats},
     trials::{self, StoredTrials, TrialLibrary},
 };
 use axum::{
@@ -18,9 +18,11 @@ use axum::{
     routing::get,
 };
 use proact_arm::{ArmModel, Side};
-use proact_camera::Studio;
-use proact_http::{Access, Limits, Options, Pages, Right, Server};
-use proact_types::{Briefing, DisplayFrame, MOST_METHOD_NAME_BYTES, MethodInfo, Scene};
+use proact_camera::Renderer;
+use proact_http::{
+    AccessConfig, AccessRight, AllowedOrigins, ConnectionLimits, HttpServer, HttpServerOptions,
+};
+use proact_types::{Briefing, DisplayFrame, MAX_METHOD_NAME_BYTES, MethodInfo, Scene};
 use serde::{Deserialize, Serialize};
 use std::{
     net::{IpAddr, Ipv4Addr},
@@ -33,9 +35,9 @@ use std::{
 use tokio::sync::{Semaphore, watch};
 
 /// How many ports after the first one are tried.
-const PORTS_TRIED: u16 = 20;
+const MAX_FURTHER_PORTS: u16 = 20;
 /// Most pages at once. Of further ones, those that only watch are refused with 503.
-const SEATS: Seats = Seats { watching: 64, driving: 64, conducting: 16 };
+const SLOT_LIMITS: SlotLimits = SlotLimits { watching: 64, driving: 64, conducting: 16 };
 /// What the system may hold back for one connection, bytes: about 20 frames, a third of a second.
 const SEND_BUFFER_BYTES: u32 = 64 * 1024;
 /// How often it is checked whether the driving client fell silent.
@@ -47,15 +49,15 @@ pub struct PageOptions {
     /// TCP port; zero lets the system choose.
     pub port: u16,
     /// If the port is taken, try the next twenty.
-    pub allow_next: bool,
+    pub allow_next_port: bool,
     /// Address to listen on. On a loopback address only this machine can connect.
     pub bind: IpAddr,
     /// Serve HTTPS with a certificate of our own making.
     pub https: bool,
     /// Who may connect.
-    pub access: Access,
+    pub access: AccessConfig,
     /// How long a connection may dawdle, and how many there may be.
-    pub limits: Limits,
+    pub limits: ConnectionLimits,
     /// A headset's controller that is strapped to the brace: its page sends where it is.
     pub brace_controller: Option<Side>,
 }
@@ -65,11 +67,11 @@ impl Default for PageOptions {
     fn default() -> Self {
         PageOptions {
             port: 8090,
-            allow_next: true,
+            allow_next_port: true,
             bind: Ipv4Addr::LOCALHOST.into(),
             https: false,
-            access: Access::default(),
-            limits: Limits::default(),
+            access: AccessConfig::default(),
+            limits: ConnectionLimits::default(),
             brace_controller: None,
         }
     }
@@ -77,16 +79,16 @@ impl Default for PageOptions {
 
 impl PageOptions {
     /// As a server in a thread of that name takes them.
-    pub(crate) fn serve(self, name: &'static str) -> Options {
-        Options {
+    pub(crate) fn server_options(self, name: &'static str) -> HttpServerOptions {
+        HttpServerOptions {
             name,
             port: self.port,
-            further_ports: if self.allow_next { PORTS_TRIED } else { 0 },
+            further_ports: if self.allow_next_port { MAX_FURTHER_PORTS } else { 0 },
             port_option: "--port",
             bind: self.bind,
             https: self.https,
             access: self.access,
-            pages: Pages::Own,
+            allowed_origins: AllowedOrigins::SameServer,
             send_buffer_bytes: SEND_BUFFER_BYTES,
             limits: self.limits,
         }
@@ -120,29 +122,29 @@ pub struct PageContent {
 }
 
 /// State shared by the owner's thread and the server's.
-pub(crate) struct Shared {
-    pub(crate) feed: watch::Sender<Feed>,
+pub(crate) struct PageServerState {
+    pub(crate) feed: watch::Sender<PageFeed>,
     pub(crate) page_version: String,
     pub(crate) brace_controller: Option<Side>,
     input_arbiter: Mutex<InputArbiter>,
     content: Mutex<StoredContent>,
-    pub(crate) limits: Limits,
-    places: Arc<Places>,
-    clients: AtomicUsize,
+    pub(crate) limits: ConnectionLimits,
+    slots: Arc<ClientSlots>,
+    client_count: AtomicUsize,
     /// A page has drawn.
     drawn: AtomicBool,
     /// How often a gaze check, and a calibration, was asked for.
     gaze_requests: [AtomicU32; 2],
     /// Why what was chosen on the page did not begin.
-    refused: Mutex<Option<String>>,
+    start_error: Mutex<Option<String>>,
     next_client: AtomicU64,
     trials: Mutex<Arc<StoredTrials>>,
     /// What tracking sources there are, as JSON.
     tracking: Mutex<Bytes>,
     /// When frames were on a screen.
-    pictures: Mutex<Pictures>,
+    frame_latency: Mutex<FrameLatencyTracker>,
     /// Pictures are taken one after the other.
-    pub(crate) one_picture: Semaphore,
+    pub(crate) render_permit: Semaphore,
 }
 
 struct StoredContent {
@@ -150,34 +152,34 @@ struct StoredContent {
     interactive: bool,
     methods: Vec<String>,
     meshes: MeshesById,
-    studio: Arc<Studio>,
+    renderer: Arc<Renderer>,
 }
 
-impl Shared {
+impl PageServerState {
     /// A place for a page of this role and right.
-    fn place(&self, role: Role, right: Right) -> Result<Place, usize> {
+    fn acquire_slot(&self, role: Role, right: AccessRight) -> Result<ClientSlot, usize> {
         let seat = match role {
-            Role::Participant if right == Right::Act => Seat::Driving,
-            Role::Experimenter if right == Right::Act => Seat::Conducting,
-            _ => Seat::Watching,
+            Role::Participant if right == AccessRight::Control => SlotKind::Driving,
+            Role::Experimenter if right == AccessRight::Control => SlotKind::Conducting,
+            _ => SlotKind::Watching,
         };
         let driver = self.input_arbiter().driver().1.map(|(driver, _)| driver);
-        self.places.enter(self.next_client.fetch_add(1, Ordering::Relaxed), seat, driver)
+        self.slots.acquire(self.next_client.fetch_add(1, Ordering::Relaxed), seat, driver)
     }
 
     /// Counts a connection in.
-    pub(crate) fn enter(&self) {
-        self.clients.fetch_add(1, Ordering::Relaxed);
+    pub(crate) fn count_connection(&self) {
+        self.client_count.fetch_add(1, Ordering::Relaxed);
     }
 
     /// Counts a connection out; if it drove, the arm stops.
-    pub(crate) fn leave(&self, client: ClientId) {
-        self.clients.fetch_sub(1, Ordering::Relaxed);
-        self.arbitrate(|arbiter| arbiter.leave(client));
+    pub(crate) fn disconnect(&self, client: ClientId) {
+        self.client_count.fetch_sub(1, Ordering::Relaxed);
+        self.with_arbiter(|arbiter| arbiter.disconnect(client));
     }
 
     /// Does something with the arbiter, and tells all pages if another one drives then.
-    pub(crate) fn arbitrate<T>(&self, act: impl FnOnce(&mut InputArbiter) -> T) -> T {
+    pub(crate) fn with_arbiter<T>(&self, act: impl FnOnce(&mut InputArbiter) -> T) -> T {
         let mut arbiter = self.input_arbiter();
         let before = arbiter.driver().0;
         let done = act(&mut arbiter);
@@ -195,7 +197,7 @@ impl Shared {
     }
 
     /// A page has the trial's first picture on its screen.
-    pub(crate) fn note_drawn(&self) {
+    pub(crate) fn mark_drawn(&self) {
         self.drawn.store(true, Ordering::Relaxed);
     }
 
@@ -204,26 +206,26 @@ impl Shared {
     }
 
     /// Whether `input` asks for nothing but what there is.
-    pub(crate) fn offers(&self, input: &ClientInput) -> Result<(), String> {
+    pub(crate) fn check_offered(&self, input: &ClientInput) -> Result<(), String> {
         let ClientInput::Restart { method: Some(name), .. } = input else { return Ok(()) };
         let known = &self.content().methods;
         if known.contains(name) {
             return Ok(());
         }
-        let name: String = name.chars().take(MOST_METHOD_NAME_BYTES).collect();
+        let name: String = name.chars().take(MAX_METHOD_NAME_BYTES).collect();
         Err(format!("message ignored: method is {name:?}, expected one of {}", known.join(", ")))
     }
 
-    pub(crate) fn studio(&self) -> Arc<Studio> {
-        Arc::clone(&self.content().studio)
+    pub(crate) fn renderer(&self) -> Arc<Renderer> {
+        Arc::clone(&self.content().renderer)
     }
 
     pub(crate) fn trials(&self) -> Arc<StoredTrials> {
         Arc::clone(&self.trials.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    pub(crate) fn pictures(&self) -> MutexGuard<'_, Pictures> {
-        self.pictures.lock().unwrap_or_else(PoisonError::into_inner)
+    pub(crate) fn frame_latency(&self) -> MutexGuard<'_, FrameLatencyTracker> {
+        self.frame_latency.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn tracking(&self) -> MutexGuard<'_, Bytes> {
@@ -237,8 +239,8 @@ impl Shared {
 
 /// The page's web server. Runs in its own thread until it is dropped.
 pub struct PageServer {
-    shared: Arc<Shared>,
-    server: Server,
+    shared: Arc<PageServerState>,
+    server: HttpServer,
 }
 
 impl PageServer {
@@ -248,27 +250,27 @@ impl PageServer {
     /// [`BridgeError::Serve`] if the port is taken, the address is not ours, or the system refuses otherwise,
     /// [`BridgeError::Content`] if arm and scene do not fit together.
     pub fn start(options: PageOptions, page: PageContent) -> Result<PageServer, BridgeError> {
-        let shared = Arc::new(Shared {
-            feed: watch::Sender::new(Feed::default()),
+        let shared = Arc::new(PageServerState {
+            feed: watch::Sender::new(PageFeed::default()),
             page_version: assets::page_version(),
             brace_controller: options.brace_controller,
             input_arbiter: Mutex::default(),
-            content: Mutex::new(store(&page)?),
+            content: Mutex::new(prepare_content(&page)?),
             limits: options.limits,
-            places: Places::new(SEATS),
-            clients: AtomicUsize::new(0),
+            slots: ClientSlots::new(SLOT_LIMITS),
+            client_count: AtomicUsize::new(0),
             drawn: AtomicBool::new(false),
             gaze_requests: Default::default(),
-            refused: Mutex::default(),
+            start_error: Mutex::default(),
             next_client: AtomicU64::new(1),
             trials: Mutex::new(Arc::new(StoredTrials::new(Arc::new(Vec::new()))?)),
             tracking: Mutex::new(Bytes::from_static(b"[]")),
-            pictures: Mutex::default(),
-            one_picture: Semaphore::new(1),
+            frame_latency: Mutex::default(),
+            render_permit: Semaphore::new(1),
         });
-        let (router, watchdog) = (router(Arc::clone(&shared)), watch_silence(Arc::clone(&shared)));
+        let (router, watchdog) = (router(Arc::clone(&shared)), run_watchdog(Arc::clone(&shared)));
         // Whoever is refused is told so by the browser.
-        let server = Server::start(options.serve("page-server"), router, |_| {}, watchdog)?;
+        let server = HttpServer::start(options.server_options("page-server"), router, |_| {}, watchdog)?;
         Ok(PageServer { shared, server })
     }
 
@@ -291,33 +293,33 @@ impl PageServer {
     /// latest next, and the events of those between.
     pub fn publish(&self, frame: &DisplayFrame) {
         let text = ServerMessage::Frame(frame).to_text();
-        self.shared.pictures().send(frame.time, Instant::now());
+        self.shared.frame_latency().record_sent(frame.time, Instant::now());
         self.shared.feed.send_modify(|feed| feed.publish(frame, text));
     }
 
     /// When frames were on the screen of whoever drives, or watches where nobody does, as pages have told since the last call;
     /// of each trial on its own clock.
-    pub fn take_picture_ages(&self) -> Vec<PictureAge> {
-        self.shared.pictures().take()
+    pub fn take_frame_latencies(&self) -> Vec<FrameLatency> {
+        self.shared.frame_latency().drain()
     }
 
     /// Asks the participant's page for a gaze check, or for a calibration; the next status says so. Counted as long as this server
     /// runs, whatever trial is on: a page that is busy or was told of another trial in between misses none.
-    pub fn ask_for_gaze(&self, calibration: bool) {
+    pub fn request_gaze_check(&self, calibration: bool) {
         self.shared.gaze_requests[usize::from(calibration)].fetch_add(1, Ordering::Relaxed);
     }
 
     /// Why what was chosen on the page does not begin, as a sentence; none when it does. The next status says so.
-    pub fn set_refused(&self, reason: Option<String>) {
-        *self.shared.refused.lock().unwrap_or_else(PoisonError::into_inner) = reason;
+    pub fn set_start_error(&self, reason: Option<String>) {
+        *self.shared.start_error.lock().unwrap_or_else(PoisonError::into_inner) = reason;
     }
 
     /// Tells all pages whether the trial goes on. How often the gaze was asked for, and what was refused, is this server's to say.
     pub fn set_status(&self, status: &TrialStatus) {
         let [gaze_checks, gaze_calibrations] =
             [0, 1].map(|kind: usize| self.shared.gaze_requests[kind].load(Ordering::Relaxed));
-        let refused = self.shared.refused.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let status = &TrialStatus { gaze_checks, gaze_calibrations, refused, ..status.clone() };
+        let refused = self.shared.start_error.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let status = &TrialStatus { gaze_checks, gaze_calibrations, start_error: refused, ..status.clone() };
         let text = ServerMessage::Status(status).to_text();
         self.shared.feed.send_modify(|feed| feed.status = (feed.status.0 + 1, Some(text)));
     }
@@ -326,11 +328,11 @@ impl PageServer {
     pub fn publish_study(&self, screen: &StudyScreen) {
         let messages = StudyMessages::new(screen);
         self.shared.feed.send_if_modified(|feed| {
-            let news = feed.study.1.as_ref() != Some(&messages);
-            if news {
+            let has_changed = feed.study.1.as_ref() != Some(&messages);
+            if has_changed {
                 feed.study = (feed.study.0 + 1, Some(messages));
             }
-            news
+            has_changed
         });
     }
 
@@ -339,11 +341,11 @@ impl PageServer {
         let text = ServerMessage::Ghost { arm }.to_text();
         self.shared.feed.send_if_modified(|feed| {
             let before = feed.ghost.1.as_ref();
-            let news = before.map_or(arm.is_some(), |before| *before != text);
-            if news {
+            let has_changed = before.map_or(arm.is_some(), |before| *before != text);
+            if has_changed {
                 feed.ghost = (feed.ghost.0 + 1, Some(text));
             }
-            news
+            has_changed
         });
     }
 
@@ -368,8 +370,8 @@ impl PageServer {
 
     /// What the page in control said of its gesture since the last call, if only that it still holds it. Over a line with a longer
     /// round trip than `delay_limit`, nothing that it says moves the arm, and the page warns.
-    pub fn take_heard(&self, delay_limit: Option<Duration>) -> Option<Heard> {
-        self.shared.input_arbiter().take_heard(Instant::now(), delay_limit)
+    pub fn take_heartbeat(&self, delay_limit: Option<Duration>) -> Option<PageHeartbeat> {
+        self.shared.input_arbiter().take_heartbeat(Instant::now(), delay_limit)
     }
 
     /// Shows another arm, scene or trial from now on; open pages fetch it by themselves.
@@ -377,9 +379,9 @@ impl PageServer {
     /// # Errors
     /// [`BridgeError::Content`]; the old content then stays.
     pub fn set_content(&self, page: PageContent) -> Result<(), BridgeError> {
-        let stored = store(&page)?;
+        let stored = prepare_content(&page)?;
         *self.shared.content() = stored;
-        self.shared.feed.send_modify(Feed::reset);
+        self.shared.feed.send_modify(PageFeed::reset);
         Ok(())
     }
 
@@ -400,12 +402,12 @@ impl PageServer {
 
     /// Number of pages that are connected.
     pub fn client_count(&self) -> usize {
-        self.shared.clients.load(Ordering::Relaxed)
+        self.shared.client_count.load(Ordering::Relaxed)
     }
 }
 
 /// Checks what the page relies on and writes it out once for all clients.
-fn store(page: &PageContent) -> Result<StoredContent, BridgeError> {
+fn prepare_content(page: &PageContent) -> Result<StoredContent, BridgeError> {
     let refuse = |what: String| Err(BridgeError::Content { what });
     let (links, joints) = (page.arm.links.len(), page.arm.joints.len());
     if links != joints + 1 {
@@ -428,82 +430,91 @@ fn store(page: &PageContent) -> Result<StoredContent, BridgeError> {
     }
     let json =
         proact_types::to_json(page).map_err(|error| BridgeError::Content { what: error.to_string() })?;
-    let studio = Arc::new(Studio::new(&page.arm, &page.scene));
+    let renderer = Arc::new(Renderer::new(&page.arm, &page.scene));
     let methods = page.methods.iter().map(|method| method.name.clone()).collect();
-    let meshes = meshes::by_id(&page.meshes);
-    Ok(StoredContent { json, interactive: page.interactive, methods, meshes, studio })
+    let meshes = meshes::meshes_by_id(&page.meshes);
+    Ok(StoredContent { json, interactive: page.interactive, methods, meshes, renderer })
 }
 
-async fn watch_silence(shared: Arc<Shared>) {
+async fn run_watchdog(shared: Arc<PageServerState>) {
     let mut ticks = tokio::time::interval(WATCHDOG_PERIOD);
     loop {
         ticks.tick().await;
-        shared.input_arbiter().check_silence(Instant::now());
+        shared.input_arbiter().check_timeout(Instant::now());
     }
 }
 
-fn router(shared: Arc<Shared>) -> Router {
+fn router(shared: Arc<PageServerState>) -> Router {
     Router::new()
-        .route("/", get(|asked: HeaderMap| async move { assets::page("", takes_gzip(&asked)) }))
+        .route(
+            "/",
+            get(|request_headers: HeaderMap| async move {
+                assets::asset_response("", accepts_gzip(&request_headers))
+            }),
+        )
         .route("/{*path}", get(file))
         .route("/meshes/{id}", get(mesh))
         .route("/healthz", get(|| async { "ok\n" }))
         .route("/api/content", get(content))
         .route("/live", get(connect))
-        .route("/camera.png", get(camera::picture))
-        .route("/camera.json", get(camera::picture_json))
+        .route("/camera.png", get(camera::camera_png))
+        .route("/camera.json", get(camera::camera_json))
         .route("/api/tracking", get(tracking))
         .route("/report", get(trials::report))
         .route("/api/trials", get(trials::list))
-        .route("/api/trials/{number}", get(trials::one))
+        .route("/api/trials/{number}", get(trials::get_trial))
         .with_state(shared)
 }
 
-async fn file(Path(path): Path<String>, asked: HeaderMap) -> Response {
-    assets::page(&path, takes_gzip(&asked))
+async fn file(Path(path): Path<String>, request_headers: HeaderMap) -> Response {
+    assets::asset_response(&path, accepts_gzip(&request_headers))
 }
 
-async fn content(State(shared): State<Arc<Shared>>, asked: HeaderMap) -> Response {
+async fn content(State(shared): State<Arc<PageServerState>>, request_headers: HeaderMap) -> Response {
     let content = shared.content().json.clone();
     let headers = [(header::CONTENT_TYPE, "application/json"), (header::CACHE_CONTROL, "no-store")];
-    encode(headers, content.as_bytes(), takes_gzip(&asked))
+    encode_response(headers, content.as_bytes(), accepts_gzip(&request_headers))
 }
 
-async fn mesh(State(shared): State<Arc<Shared>>, Path(id): Path<String>, asked: HeaderMap) -> Response {
-    let shown = shared.content().meshes.get(&id).cloned();
+async fn mesh(
+    State(shared): State<Arc<PageServerState>>,
+    Path(id): Path<String>,
+    request_headers: HeaderMap,
+) -> Response {
+    let mesh = shared.content().meshes.get(&id).cloned();
     let trials = shared.trials();
     let replayed = || trials.meshes.lock().unwrap_or_else(PoisonError::into_inner).get(&id).cloned();
-    let found = shown.or_else(replayed);
-    meshes::respond(found, &id, takes_gzip(&asked))
+    let found = mesh.or_else(replayed);
+    meshes::respond(found, &id, accepts_gzip(&request_headers))
 }
 
-async fn tracking(State(shared): State<Arc<Shared>>) -> Response {
-    json(shared.tracking().clone())
+async fn tracking(State(shared): State<Arc<PageServerState>>) -> Response {
+    json_response(shared.tracking().clone())
 }
 
-pub(crate) fn json(body: Bytes) -> Response {
+pub(crate) fn json_response(body: Bytes) -> Response {
     ([(header::CONTENT_TYPE, "application/json"), (header::CACHE_CONTROL, "no-store")], body).into_response()
 }
 
 /// What `/live` may be asked with.
 #[derive(Deserialize)]
-struct Connection {
+struct LiveQuery {
     #[serde(default)]
     role: Role,
 }
 
 async fn connect(
-    State(shared): State<Arc<Shared>>,
-    Extension(right): Extension<Right>,
-    Query(connection): Query<Connection>,
+    State(shared): State<Arc<PageServerState>>,
+    Extension(right): Extension<AccessRight>,
+    Query(connection): Query<LiveQuery>,
     upgrade: WebSocketUpgrade,
 ) -> Response {
     // Taken here and not when the page begins to talk: a crowd must not slip in between.
-    let place = match shared.place(connection.role, right) {
-        Ok(place) => place,
-        Err(most) => {
-            return (StatusCode::SERVICE_UNAVAILABLE, format!("{most} pages watch already\n"))
-                .into_response();
+    let slot = match shared.acquire_slot(connection.role, right) {
+        Ok(slot) => slot,
+        Err(limit) => {
+            let refusal = format!("{limit} pages of this kind are connected already: close one of them\n");
+            return (StatusCode::SERVICE_UNAVAILABLE, refusal).into_response();
         }
     };
     upgrade
@@ -511,5 +522,5 @@ async fn connect(
         .max_frame_size(live::MAX_MESSAGE_BYTES)
         // Written at once, or the "latest" frame would wait behind older ones.
         .write_buffer_size(0)
-        .on_upgrade(async move |socket| live::serve(socket, shared, connection.role, right, place).await)
+        .on_upgrade(async move |socket| live::serve(socket, shared, connection.role, right, slot).await)
 }

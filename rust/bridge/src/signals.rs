@@ -1,5 +1,5 @@
-use crate::AfterTrial;
-use proact_types::{GestureName, SimTime};
+use crate::PostTrialAction;
+use proact_types::{Gesture, SimTime};
 use serde::{Deserialize, Serialize};
 
 /// Whether the trial goes on, and what the record of it is called.
@@ -15,9 +15,11 @@ pub struct TrialStatus {
     /// Simulated time has not begun: it waits for the person's first action.
     pub waiting: bool,
     /// Simulated time stands still, because who drives reads a dialog.
-    pub held: bool,
+    #[serde(rename = "held")]
+    pub paused_by_dialog: bool,
     /// What may be asked for when the trial is over.
-    pub offers: Vec<AfterTrial>,
+    #[serde(rename = "offers")]
+    pub post_trial_actions: Vec<PostTrialAction>,
     /// Results of this trial, once it is over, and of those before it, the newest first.
     pub results: Vec<ResultCard>,
     /// Seed of the trial, as text: JavaScript has no whole numbers above 2^53.
@@ -33,7 +35,8 @@ pub struct TrialStatus {
     /// The same for a calibration of the gaze.
     pub gaze_calibrations: u32,
     /// Why what was chosen on the page did not begin, as a sentence; none if it did.
-    pub refused: Option<String>,
+    #[serde(rename = "refused")]
+    pub start_error: Option<String>,
 }
 
 /// How a trial went, for whoever drove or watched.
@@ -41,13 +44,15 @@ pub struct TrialStatus {
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct ResultCard {
     /// Who drove, such as `You`.
-    pub who: String,
+    #[serde(rename = "who")]
+    pub driver: String,
     /// Name of the method.
     pub method: String,
     /// What the task counts.
     pub score: f64,
     /// The most that it can be; none if there is no bound.
-    pub most: Option<u32>,
+    #[serde(rename = "most")]
+    pub max_score: Option<u32>,
     /// What the score is, such as `blocks on target`.
     pub score_name: String,
     /// Length of the trial, simulated seconds.
@@ -57,7 +62,7 @@ pub struct ResultCard {
     /// How often the hand closed to take something.
     pub attempts: u32,
     /// What became of each object, for tasks that tell.
-    pub objects: Vec<ResultLine>,
+    pub objects: Vec<ObjectResultRow>,
     /// What people with two sound hands reach, a line each, where that is known.
     #[serde(default)]
     pub norms: Vec<String>,
@@ -69,7 +74,7 @@ pub struct ResultCard {
 /// What became of one object, as a line of a [`ResultCard`].
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
-pub struct ResultLine {
+pub struct ObjectResultRow {
     /// Its name.
     pub name: String,
     /// What became of it, such as `on_target`.
@@ -87,14 +92,14 @@ pub struct ResultLine {
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct Recognition {
     /// The gestures that the model tells apart.
-    pub gestures: Vec<GestureName>,
+    pub gestures: Vec<Gesture>,
     /// Probability of each in the newest window, in the order of `gestures`; empty before the first window, zeros while the
     /// stream is dead.
     pub posterior: Vec<f64>,
     /// The gesture in force, by the decision rule.
-    pub in_force: GestureName,
+    pub in_force: Gesture,
     /// What the newest window gave to the decision rule; none if it was rejected, or there is none.
-    pub window_class: Option<GestureName>,
+    pub window_class: Option<Gesture>,
     /// How hard it is made, 0 to 1.
     pub effort: f64,
     /// Gestures act: no relaxed hand is waited for.
@@ -127,25 +132,27 @@ pub struct InertialValue {
     pub value: Option<f64>,
 }
 
-/// What an [`Intent`] is spread over.
+/// What an [`IntentEstimate`] is spread over.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(rename_all = "snake_case")]
-pub enum IntentOver {
+pub enum IntentDomain {
     /// The objects of the scene, while the hand is empty.
     #[default]
     Objects,
     /// The targets of the scene, while something is held. This is for display: methods take the place that is looked at.
-    Places,
+    #[serde(rename = "places")]
+    Targets,
 }
 
 /// What gaze and task say of what is meant, each for itself and both together. Lists have the order of the scene and sum to
 /// one, rounded.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
-pub struct Intent {
+pub struct IntentEstimate {
     /// Of what.
-    pub over: IntentOver,
+    #[serde(rename = "over")]
+    pub domain: IntentDomain,
     /// By the gaze alone, without task context: what method C goes by.
     pub likelihood: Vec<f64>,
     /// By the task alone.
@@ -172,7 +179,8 @@ pub enum LatencyStage {
     /// Joint targets.
     Actuation,
     /// From the beginning of a tick in which a window ends to its joint targets: the four above together.
-    Target,
+    #[serde(rename = "target")]
+    JointTarget,
     /// Physics.
     World,
     /// The task's rules, cues and digest.
@@ -184,11 +192,14 @@ pub enum LatencyStage {
     /// From there to the next frame, trial time.
     Frame,
     /// From the server to the page.
-    Line,
+    #[serde(rename = "line")]
+    Network,
     /// From there to the screen, with the delay by which the page smooths motion.
-    Picture,
+    #[serde(rename = "picture")]
+    Render,
     /// From the change of what a simulated person makes to the picture on which a joint has moved.
-    Whole,
+    #[serde(rename = "whole")]
+    EndToEnd,
 }
 
 /// How long one stage took so far in the trial.
@@ -226,7 +237,8 @@ pub struct Signals {
     /// Newest values of an inertial measurement unit; empty without one.
     pub inertial: Vec<InertialValue>,
     /// One light a channel: `green`, `amber`, `red`.
-    pub lights: Vec<String>,
+    #[serde(rename = "lights")]
+    pub channel_status: Vec<String>,
     /// What is wrong with a channel, for each, such as `flat` or `mains`; none if nothing is.
     pub faults: Vec<Option<String>>,
     /// Share of samples that were lost, 0 to 1.
@@ -234,7 +246,7 @@ pub struct Signals {
     /// What the muscles say; none without an armband.
     pub recognition: Option<Recognition>,
     /// What gaze and task say; none for methods that do not go by the gaze, and while there is nothing to mean.
-    pub intent: Option<Intent>,
+    pub intent: Option<IntentEstimate>,
     /// Milliseconds since the last valid gaze; none if there was none yet.
     #[cfg_attr(feature = "ts", ts(type = "number | null"))]
     pub gaze_age_ms: Option<u64>,
@@ -247,9 +259,11 @@ pub struct Signals {
     /// Longest one since the message before, microseconds.
     pub tick_max_us: f64,
     /// Simulated over real time since the message before; 1 is in step.
-    pub pace: f64,
+    #[serde(rename = "pace")]
+    pub real_time_factor: f64,
     /// What the way from muscle to light takes, stage by stage; what was not measured yet is not there.
     pub latency: Vec<LatencyRow>,
     /// Pages connected.
-    pub pages: usize,
+    #[serde(rename = "pages")]
+    pub page_count: usize,
 }

@@ -1,8 +1,8 @@
 //! What the pages of a study show, and what they may ask for. All that there is to show comes with each message, so that a page
 //! that reloads loses nothing; what was answered or asked counts once it comes back.
 
-use proact_study::{Answer, Deviation, Form, ReadinessCheck, StepOutcome};
-use proact_types::GestureName;
+use proact_study::{Deviation, Form, FormAnswer, ReadinessCheck, StepOutcome};
+use proact_types::Gesture;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -29,7 +29,8 @@ pub enum ParticipantScreen {
     /// A break.
     Rest {
         /// Until its planned end, seconds; zero from then on.
-        left_secs: f64,
+        #[serde(rename = "left_secs")]
+        remaining_secs: f64,
     },
     /// Gestures are made as prompted.
     Train(PromptScreen),
@@ -59,7 +60,7 @@ pub struct FormScreen {
     /// What it is about; none if about the whole session.
     pub about: Option<String>,
     /// Answers that are kept, by key.
-    pub answers: BTreeMap<String, Answer>,
+    pub answers: BTreeMap<String, FormAnswer>,
     /// Keys that have no answer yet and should have one.
     pub missing: Vec<String>,
     /// The last answer that was refused, and why.
@@ -93,23 +94,28 @@ pub struct RefusedAnswer {
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct PromptScreen {
     /// What to make now.
-    pub gesture: GestureName,
+    pub gesture: Gesture,
     /// What to do, in a few words.
     pub text: String,
     /// Share of the gesture or of the test that is over, 0 to 1.
-    pub share: f64,
+    #[serde(rename = "share")]
+    pub progress: f64,
     /// Muscles are being recorded.
     pub recording: bool,
     /// What is recognised now; none while nothing is.
-    pub recognised: Option<GestureName>,
+    #[serde(rename = "recognised")]
+    pub recognized: Option<Gesture>,
     /// Sequences in a row without a mistake.
-    pub in_a_row: usize,
+    #[serde(rename = "in_a_row")]
+    pub consecutive_sequences: usize,
     /// How many of them pass; none if the experimenter judges.
-    pub wanted: Option<usize>,
+    #[serde(rename = "wanted")]
+    pub required_sequences: Option<usize>,
     /// It is passed.
     pub passed: bool,
     /// The page's own keys make the gestures, and no armband does.
-    pub keys: bool,
+    #[serde(rename = "keys")]
+    pub uses_keyboard: bool,
 }
 
 /// What whoever conducts a study sees.
@@ -123,15 +129,17 @@ pub struct ExperimenterScreen {
     /// Trials that are over, and all of the plan.
     pub trials: [usize; 2],
     /// Who takes part.
-    pub participants: Vec<ParticipantLine>,
+    pub participants: Vec<ParticipantRow>,
     /// Whose turn it is; none while a session is under way, and when all are over.
     pub next: Option<NextSession>,
     /// The session under way.
     pub session: Option<SessionScreen>,
     /// What may be asked for now.
-    pub can: Vec<StudyButton>,
+    #[serde(rename = "can")]
+    pub available_buttons: Vec<StudyButton>,
     /// What came of the last request, or what was found; empty if there is nothing to say.
-    pub told: String,
+    #[serde(rename = "told")]
+    pub notice: String,
     /// Notes of the session, oldest first.
     pub notes: Vec<String>,
 }
@@ -139,7 +147,7 @@ pub struct ExperimenterScreen {
 /// A place in the plan.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
-pub struct ParticipantLine {
+pub struct ParticipantRow {
     /// From 1.
     pub participant: usize,
     /// Pseudonym; none for a place that nobody has.
@@ -163,7 +171,8 @@ pub struct NextSession {
     /// It was begun before.
     pub begun: bool,
     /// What departs from the plan if it goes on today; empty if nothing does.
-    pub departs: String,
+    #[serde(rename = "departs")]
+    pub plan_deviation: String,
 }
 
 /// A session under way.
@@ -177,17 +186,19 @@ pub struct SessionScreen {
     /// Its name.
     pub session: String,
     /// What happens in it.
-    pub steps: Vec<StepLine>,
+    pub steps: Vec<StepRow>,
     /// What happens now; none if all of it is over.
-    pub now: Option<NowScreen>,
+    #[serde(rename = "now")]
+    pub current_step: Option<CurrentStepScreen>,
     /// What is left of it takes at most so long by the plan, minutes.
-    pub minutes_left: f64,
+    #[serde(rename = "minutes_left")]
+    pub remaining_minutes: f64,
 }
 
 /// A step of a session.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
-pub struct StepLine {
+pub struct StepRow {
     /// From 1.
     pub step: usize,
     /// In a few words.
@@ -205,7 +216,7 @@ pub struct StepLine {
 /// The step that is to be done, or is being done.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
-pub struct NowScreen {
+pub struct CurrentStepScreen {
     /// Which.
     pub step: usize,
     /// In a few words.
@@ -213,16 +224,18 @@ pub struct NowScreen {
     /// It was begun, and goes on.
     pub running: bool,
     /// Since it was begun, seconds.
-    pub since_secs: f64,
+    #[serde(rename = "since_secs")]
+    pub elapsed_secs: f64,
     /// What it is.
-    pub what: NowWhat,
+    #[serde(rename = "what")]
+    pub activity: StepActivity,
 }
 
 /// What happens in a session now.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(tag = "is", rename_all = "snake_case")]
-pub enum NowWhat {
+pub enum StepActivity {
     /// Words to say.
     Say {
         /// The words.
@@ -242,14 +255,17 @@ pub enum NowWhat {
     /// The participant tries the method.
     Practise {
         /// Objects that were carried.
-        carried: usize,
+        #[serde(rename = "carried")]
+        transferred: usize,
         /// How many were planned.
-        transfers: usize,
+        #[serde(rename = "transfers")]
+        planned_transfers: usize,
     },
     /// A break.
     Rest {
         /// Until its planned end, seconds; zero from then on.
-        left_secs: f64,
+        #[serde(rename = "left_secs")]
+        remaining_secs: f64,
     },
     /// A trial.
     Trial {
@@ -258,7 +274,8 @@ pub enum NowWhat {
         /// Number among the session's trials, and how many there are.
         number: [usize; 2],
         /// How the trial before went; empty before the first.
-        before: String,
+        #[serde(rename = "before")]
+        previous_result: String,
     },
 }
 
@@ -345,11 +362,11 @@ pub enum StudyRequest {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(deny_unknown_fields)]
-pub struct GivenAnswer {
+pub struct AnswerInput {
     /// The step of the session.
     pub step: usize,
     /// Key of the item, or of the choice between two.
     pub key: String,
     /// What was answered.
-    pub answer: Option<Answer>,
+    pub answer: Option<FormAnswer>,
 }

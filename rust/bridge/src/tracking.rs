@@ -4,7 +4,7 @@ use serde::Serialize;
 /// How steady a stream of poses was in the last ten seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
-pub struct StreamFigures {
+pub struct PoseStreamStatistics {
     /// How much later than the quickest pose half of them arrive, s.
     pub lag_secs: f64,
     /// The same for one in a hundred, less the lag, s.
@@ -12,19 +12,22 @@ pub struct StreamFigures {
     /// Gaps: poses that the system left out.
     pub dropouts: u32,
     /// The longest gap, s.
-    pub longest_secs: f64,
+    #[serde(rename = "longest_secs")]
+    pub longest_gap_secs: f64,
     /// Share of the time that was missing, 0 to 1.
-    pub missing: f64,
+    #[serde(rename = "missing")]
+    pub missing_fraction: f64,
 }
 
 /// A calibration that is in use.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
-pub struct CalibrationInUse {
+pub struct ActiveCalibration {
     /// `shoulder` or `headset`.
     pub kind: String,
     /// Date, residual and verdict.
-    pub line: String,
+    #[serde(rename = "line")]
+    pub summary: String,
     /// Whether a trial may rest on it.
     pub usable: bool,
 }
@@ -32,7 +35,7 @@ pub struct CalibrationInUse {
 /// One place of the box in a picture of what is in reach.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
-pub struct ReachSpot {
+pub struct ReachPoint {
     /// m, `world`: ahead.
     pub x: f64,
     /// m, `world`: to the left.
@@ -44,15 +47,17 @@ pub struct ReachSpot {
 /// What of the box is in reach for this person and table.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
-pub struct ReachPicture {
+pub struct ReachGrid {
     /// In one sentence.
-    pub line: String,
+    #[serde(rename = "line")]
+    pub summary: String,
     /// Height of the places, m, `world`.
     pub height_m: f64,
     /// From place to place, m.
     pub spacing_m: f64,
     /// The places.
-    pub spots: Vec<ReachSpot>,
+    #[serde(rename = "spots")]
+    pub points: Vec<ReachPoint>,
 }
 
 /// How a tracking source stands: for the page of tracking and for `doctor`.
@@ -70,7 +75,7 @@ pub struct TrackingReport {
     /// Since the last pose that can be used, s; none before the first.
     pub age_secs: Option<f64>,
     /// What the last ten seconds were like; none before there are enough poses.
-    pub stream: Option<StreamFigures>,
+    pub stream: Option<PoseStreamStatistics>,
     /// Noise of turns, standard deviation about one axis, rad; none before there are enough.
     pub noise_rad: Option<f64>,
     /// Noise of places, standard deviation of one axis, m; none before there are enough.
@@ -88,7 +93,7 @@ pub struct TrackingReport {
     #[cfg_attr(feature = "ts", ts(as = "Option<proact_types::typescript::Pose>"))]
     pub world_from_shoulder: Option<Pose>,
     /// The calibrations that are in use.
-    pub calibrations: Vec<CalibrationInUse>,
+    pub calibrations: Vec<ActiveCalibration>,
     /// How the headset's world stands in the room; none without a calibrated headset.
     pub headset: Option<String>,
     /// How the person's own limb is followed; none where it is not tracked.
@@ -96,7 +101,7 @@ pub struct TrackingReport {
     /// How the person sits, against how they sat when the shoulder was calibrated; none without a calibration.
     pub posture: Option<String>,
     /// What is in reach from where the shoulder is at the start of a trial; none before one is prepared.
-    pub reach: Option<ReachPicture>,
+    pub reach: Option<ReachGrid>,
     /// Why the arm does not follow, and what to do about it; none while all is well.
     pub fault: Option<String>,
     /// The same as a key, such as `millimetres`, `waiting`, `no_body`, `silent` or `occluded`.

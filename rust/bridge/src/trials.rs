@@ -2,9 +2,9 @@
 
 use crate::{
     BridgeError, PageContent, RecordedEmg,
-    encoding::{encoded, gzip, takes_gzip},
+    encoding::{accepts_gzip, encoded_response, gzip},
     meshes::{self, MeshesById},
-    server::{Shared, json},
+    server::{PageServerState, json_response},
 };
 use axum::{
     body::Bytes,
@@ -40,7 +40,8 @@ pub struct RecordedTrial {
     /// Arm and scene.
     pub content: PageContent,
     /// The recomputed trial has the recorded digest; none for a bag, which is not recomputed.
-    pub agrees: Option<bool>,
+    #[serde(rename = "agrees")]
+    pub digest_matches: Option<bool>,
     /// The record has a result; a trial that crashed has none.
     pub finished: bool,
     /// What was displayed, times ascending.
@@ -105,13 +106,13 @@ impl TrialLibrary for Vec<RecordedTrial> {
 }
 
 /// So many trials are kept written out: as many as a page shows side by side.
-const KEPT: usize = 2;
+const MAX_CACHED_TRIALS: usize = 2;
 
 /// A trial as JSON, as it is and compressed: megabytes, of which a tenth goes over the line.
 #[derive(Clone)]
-struct Written {
+struct EncodedTrial {
     plain: Bytes,
-    small: Bytes,
+    gzipped: Bytes,
 }
 
 /// A library in front of the pages: written out once for all of them.
@@ -123,7 +124,7 @@ pub(crate) struct StoredTrials {
     /// The report.
     report: Option<Bytes>,
     /// The trials asked for last. Locked while one is made.
-    made: Arc<tokio::sync::Mutex<VecDeque<(usize, Written)>>>,
+    cache: Arc<tokio::sync::Mutex<VecDeque<(usize, EncodedTrial)>>>,
     /// What their arms are drawn with.
     pub(crate) meshes: Arc<Mutex<MeshesById>>,
 }
@@ -137,19 +138,19 @@ impl StoredTrials {
             count: list.len(),
             list: json.into(),
             report: library.report().map(Bytes::from),
-            made: Arc::default(),
+            cache: Arc::default(),
             meshes: Arc::default(),
             library,
         })
     }
 
     /// The trial of that number, or why it cannot be given.
-    async fn trial(&self, number: usize) -> Result<Written, (StatusCode, String)> {
+    async fn trial(&self, number: usize) -> Result<EncodedTrial, (StatusCode, String)> {
         if number >= self.count {
             let reason = format!("there is no trial {number}, expected a number below {}\n", self.count);
             return Err((StatusCode::NOT_FOUND, reason));
         }
-        let mut made = Arc::clone(&self.made).lock_owned().await;
+        let mut made = Arc::clone(&self.cache).lock_owned().await;
         if let Some((_, written)) = made.iter().find(|(other, _)| *other == number) {
             return Ok(written.clone());
         }
@@ -159,10 +160,10 @@ impl StoredTrials {
             let trial = library.trial(number)?;
             let plain = proact_types::to_json(&trial).map_err(|error| error.to_string())?;
             let small = gzip(plain.as_bytes()).map_err(|error| error.to_string())?.into();
-            let written = Written { plain: plain.into(), small };
-            let own = meshes::by_id(&trial.content.meshes);
+            let written = EncodedTrial { plain: plain.into(), gzipped: small };
+            let own = meshes::meshes_by_id(&trial.content.meshes);
             meshes.lock().unwrap_or_else(PoisonError::into_inner).extend(own);
-            made.truncate(KEPT - 1);
+            made.truncate(MAX_CACHED_TRIALS - 1);
             made.push_front((number, written.clone()));
             Ok::<_, String>(written)
         };
@@ -172,29 +173,31 @@ impl StoredTrials {
 }
 
 /// `/api/trials`.
-pub(crate) async fn list(State(shared): State<Arc<Shared>>) -> Response {
-    json(shared.trials().list.clone())
+pub(crate) async fn list(State(shared): State<Arc<PageServerState>>) -> Response {
+    json_response(shared.trials().list.clone())
 }
 
 /// `/api/trials/<number>`.
-pub(crate) async fn one(
-    State(shared): State<Arc<Shared>>,
+pub(crate) async fn get_trial(
+    State(shared): State<Arc<PageServerState>>,
     Path(number): Path<usize>,
-    asked: HeaderMap,
+    request_headers: HeaderMap,
 ) -> Response {
     let headers = [(header::CONTENT_TYPE, "application/json"), (header::CACHE_CONTROL, "no-store")];
     match shared.trials().trial(number).await {
-        Ok(Written { small, .. }) if takes_gzip(&asked) => encoded(headers, small, true),
-        Ok(Written { plain, .. }) => encoded(headers, plain, false),
+        Ok(EncodedTrial { gzipped: small, .. }) if accepts_gzip(&request_headers) => {
+            encoded_response(headers, small, true)
+        }
+        Ok(EncodedTrial { plain, .. }) => encoded_response(headers, plain, false),
         Err(refusal) => refusal.into_response(),
     }
 }
 
 /// What the report may do: look as its own style says. It holds what people typed, and runs nothing.
-const OF_THE_REPORT: &str = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+const REPORT_CONTENT_SECURITY_POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
 /// `/report`.
-pub(crate) async fn report(State(shared): State<Arc<Shared>>) -> Response {
+pub(crate) async fn report(State(shared): State<Arc<PageServerState>>) -> Response {
     let Some(report) = shared.trials().report.clone() else {
         let how = "there is no report here; make one with: proact analyze DIR --page\n";
         return (StatusCode::NOT_FOUND, how).into_response();
@@ -202,7 +205,7 @@ pub(crate) async fn report(State(shared): State<Arc<Shared>>) -> Response {
     let headers = [
         (header::CONTENT_TYPE, "text/html; charset=utf-8"),
         (header::CACHE_CONTROL, "no-store"),
-        (header::CONTENT_SECURITY_POLICY, OF_THE_REPORT),
+        (header::CONTENT_SECURITY_POLICY, REPORT_CONTENT_SECURITY_POLICY),
     ];
     (headers, report).into_response()
 }

@@ -2,7 +2,7 @@
 //! the same.
 
 use crate::{
-    CalibrationCommand, PageContent, RecordedTrial, TrackingReport, calibration_screen::CalibrationMessage,
+    CalibrationCommand, PageContent, RecordedTrial, TrackingReport, calibration_view::CalibrationMessage,
     feed::ServerMessage, input::ClientMessage, live::Role, trials::TrialSummary,
 };
 use std::{collections::BTreeMap, fs, path::Path};

@@ -6,7 +6,7 @@ mod common;
 use common::*;
 use futures_util::StreamExt;
 use proact_bridge::{ClientInput, PageOptions, PageServer, Signals, StudyAction};
-use proact_http::{Access, Limits, Listed, Right};
+use proact_http::{AccessConfig, AccessRight, AllowedAddress, ConnectionLimits};
 use std::{
     net::Ipv4Addr,
     time::{Duration, Instant},
@@ -14,29 +14,31 @@ use std::{
 use tokio_tungstenite::{connect_async, tungstenite::client::IntoClientRequest};
 
 /// The token is `long-secret`.
-fn token() -> Access {
-    Access { token: Some("long-secret".to_owned()), ..Access::default() }
+fn token() -> AccessConfig {
+    AccessConfig { token: Some("long-secret".to_owned()), ..AccessConfig::default() }
 }
 
 #[tokio::test]
 async fn a_machine_that_may_only_watch_sees_the_trial_and_ends_nothing() {
-    let listed = vec![Listed { address: Ipv4Addr::LOCALHOST.into(), right: Right::Watch }];
-    let server =
-        PageServer::start(PageOptions { access: Access { listed, ..token() }, ..options() }, content(true))
-            .unwrap();
+    let listed = vec![AllowedAddress { address: Ipv4Addr::LOCALHOST.into(), right: AccessRight::View }];
+    let server = PageServer::start(
+        PageOptions { access: AccessConfig { allowed_addresses: listed, ..token() }, ..options() },
+        content(true),
+    )
+    .unwrap();
     let mut watcher = connect_as(&server, "experimenter").await;
     server.publish_signals(&Signals::default());
-    next_of(&mut watcher, "signals").await;
+    next_of_type(&mut watcher, "signals").await;
     for text in [r#"{"type":"study","action":"abort"}"#, r#"{"type":"gesture","gesture":"hand_open"}"#] {
-        say(&mut watcher, text).await;
-        let refused = next_of(&mut watcher, "error").await;
+        send_text(&mut watcher, text).await;
+        let refused = next_of_type(&mut watcher, "error").await;
         assert!(refused["message"].as_str().unwrap().contains("may only watch"), "{refused}");
     }
     // The same machine with the token.
     let url = format!("ws://{}/live?role=experimenter&token=long-secret", authority(&server));
     let (mut experimenter, _) = connect_async(url).await.unwrap();
-    say(&mut experimenter, r#"{"type":"study","action":"abort"}"#).await;
-    assert_eq!(inputs(&server, 1).await, [ClientInput::Study(StudyAction::Abort)]);
+    send_text(&mut experimenter, r#"{"type":"study","action":"abort"}"#).await;
+    assert_eq!(await_inputs(&server, 1).await, [ClientInput::Study(StudyAction::Abort)]);
 }
 
 #[tokio::test]
@@ -59,19 +61,20 @@ async fn a_page_of_a_rebound_name_drives_nothing_though_its_browser_kept_the_tok
 
 #[tokio::test]
 async fn a_page_that_never_answers_a_ping_is_dropped_and_its_place_is_free() {
-    let limits = Limits { silence: Duration::from_millis(250), ..Limits::default() };
+    let limits =
+        ConnectionLimits { websocket_timeout: Duration::from_millis(250), ..ConnectionLimits::default() };
     let server = PageServer::start(PageOptions { limits, ..options() }, content(true)).unwrap();
     let mut awake = connect(&server).await;
     // It says nothing and reads nothing from now on, but holds the line.
     let asleep = connect(&server).await;
     let start = Instant::now();
     while server.client_count() > 1 {
-        assert!(start.elapsed() < LIMIT, "a page that is silent stays for ever");
+        assert!(start.elapsed() < TIMEOUT, "a page that is silent stays for ever");
         // Reading answers pings.
         let _ = tokio::time::timeout(Duration::from_millis(20), awake.next()).await;
     }
-    say(&mut awake, r#"{"type":"ping","id":7}"#).await;
-    assert_eq!(next_of(&mut awake, "pong").await["id"], 7);
+    send_text(&mut awake, r#"{"type":"ping","id":7}"#).await;
+    assert_eq!(next_of_type(&mut awake, "pong").await["id"], 7);
     drop(asleep);
 }
 

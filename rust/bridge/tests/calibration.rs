@@ -5,8 +5,8 @@ use futures_util::{SinkExt, StreamExt};
 use proact_bridge::{
     CalibrationCommand, CalibrationScreen, CalibrationServer, CalibrationView, PageOptions, TestKind,
 };
-use proact_http::{Access, Limits, Listed, Right};
-use proact_types::Gesture;
+use proact_http::{AccessConfig, AccessRight, AllowedAddress, ConnectionLimits};
+use proact_types::Command;
 use serde_json::{Value, json};
 use std::{
     net::Ipv4Addr,
@@ -22,12 +22,12 @@ use tokio_tungstenite::{
 };
 
 /// Only a hanging server takes so long.
-const LIMIT: Duration = Duration::from_secs(20);
+const TIMEOUT: Duration = Duration::from_secs(20);
 
-fn start() -> (CalibrationServer, String) {
+fn start_server() -> (CalibrationServer, String) {
     let options = PageOptions {
         port: 0,
-        allow_next: false,
+        allow_next_port: false,
         bind: Ipv4Addr::LOCALHOST.into(),
         ..PageOptions::default()
     };
@@ -38,13 +38,13 @@ fn start() -> (CalibrationServer, String) {
 
 async fn next(client: &mut WebSocketStream<MaybeTlsStream<TcpStream>>) -> Value {
     let message =
-        tokio::time::timeout(LIMIT, client.next()).await.expect("no answer in time").unwrap().unwrap();
+        tokio::time::timeout(TIMEOUT, client.next()).await.expect("no answer in time").unwrap().unwrap();
     serde_json::from_str(message.to_text().unwrap()).unwrap()
 }
 
 #[tokio::test]
 async fn a_page_gets_the_newest_object_and_its_buttons_arrive_in_order() {
-    let (server, authority) = start();
+    let (server, authority) = start_server();
     let screen = |source: &'static str| CalibrationScreen {
         source,
         messages: &[],
@@ -64,17 +64,17 @@ async fn a_page_gets_the_newest_object_and_its_buttons_arrive_in_order() {
         client.send(Message::text(text)).await.unwrap();
     }
     let (mut got, begin) = (Vec::new(), Instant::now());
-    while got.len() < 3 && begin.elapsed() < LIMIT {
-        got.extend(server.drain());
+    while got.len() < 3 && begin.elapsed() < TIMEOUT {
+        got.extend(server.drain_commands());
         tokio::task::yield_now().await;
     }
-    let again = CalibrationCommand::RecordAgain { gesture: Gesture::HandOpen.into() };
+    let again = CalibrationCommand::RecordAgain { gesture: Command::HandOpen.into() };
     assert_eq!(got, [CalibrationCommand::Begin, again, CalibrationCommand::Finish]);
 }
 
 #[tokio::test]
 async fn malformed_messages_are_answered_with_the_reason_and_change_nothing() {
-    let (server, authority) = start();
+    let (server, authority) = start_server();
     let (mut client, _) = connect_async(format!("ws://{authority}/calibration")).await.unwrap();
     assert_eq!(next(&mut client).await["type"], "nothing");
     for (text, why) in [
@@ -89,12 +89,12 @@ async fn malformed_messages_are_answered_with_the_reason_and_change_nothing() {
         assert_eq!(answer["type"], "error");
         assert!(answer["message"].as_str().unwrap().contains(why), "{text:?}: {answer}");
     }
-    assert!(server.drain().is_empty());
+    assert!(server.drain_commands().is_empty());
 }
 
 #[tokio::test]
 async fn the_page_is_served_and_pages_of_other_sites_are_refused() {
-    let (_server, authority) = start();
+    let (_server, authority) = start_server();
     let answer = ask(&authority, "/").await;
     assert!(answer.starts_with("HTTP/1.1 200") && answer.contains("/calibrate-"), "{answer}");
     let mut foreign = format!("ws://{authority}/calibration").into_client_request().unwrap();
@@ -108,7 +108,7 @@ async fn ask(authority: &str, target: &str) -> String {
     let request = format!("GET {target} HTTP/1.1\r\nHost: {authority}\r\nConnection: close\r\n\r\n");
     stream.write_all(request.as_bytes()).await.unwrap();
     let mut answer = String::new();
-    tokio::time::timeout(LIMIT, stream.read_to_string(&mut answer))
+    tokio::time::timeout(TIMEOUT, stream.read_to_string(&mut answer))
         .await
         .expect("no answer in time")
         .unwrap();
@@ -120,7 +120,7 @@ async fn another_machine_needs_the_token() {
     let options = PageOptions {
         port: 0,
         bind: Ipv4Addr::UNSPECIFIED.into(),
-        access: Access { token: Some("long-secret".to_owned()), ..Access::default() },
+        access: AccessConfig { token: Some("long-secret".to_owned()), ..AccessConfig::default() },
         ..PageOptions::default()
     };
     let server = CalibrationServer::start(options).unwrap();
@@ -145,8 +145,12 @@ async fn another_machine_needs_the_token() {
 
 #[tokio::test]
 async fn a_machine_that_may_only_watch_presses_no_buttons() {
-    let listed = vec![Listed { address: Ipv4Addr::LOCALHOST.into(), right: Right::Watch }];
-    let access = Access { listed, token: Some("long-secret".to_owned()), ..Access::default() };
+    let listed = vec![AllowedAddress { address: Ipv4Addr::LOCALHOST.into(), right: AccessRight::View }];
+    let access = AccessConfig {
+        allowed_addresses: listed,
+        token: Some("long-secret".to_owned()),
+        ..AccessConfig::default()
+    };
     let options = PageOptions { port: 0, access, ..PageOptions::default() };
     let server = CalibrationServer::start(options).unwrap();
     let authority = server.url().trim_start_matches("http://").trim_end_matches('/').to_owned();
@@ -155,12 +159,13 @@ async fn a_machine_that_may_only_watch_presses_no_buttons() {
     client.send(Message::text(r#"{"type":"begin"}"#)).await.unwrap();
     let answer = next(&mut client).await;
     assert!(answer["message"].as_str().unwrap().contains("may only watch"), "{answer}");
-    assert!(server.drain().is_empty());
+    assert!(server.drain_commands().is_empty());
 }
 
 #[tokio::test]
 async fn a_page_that_never_answers_a_ping_is_dropped() {
-    let limits = Limits { silence: Duration::from_millis(250), ..Limits::default() };
+    let limits =
+        ConnectionLimits { websocket_timeout: Duration::from_millis(250), ..ConnectionLimits::default() };
     let server = CalibrationServer::start(PageOptions { port: 0, limits, ..PageOptions::default() }).unwrap();
     let authority = server.url().trim_start_matches("http://").trim_end_matches('/').to_owned();
     let request = format!(
@@ -171,7 +176,7 @@ async fn a_page_that_never_answers_a_ping_is_dropped() {
     stream.write_all(request.as_bytes()).await.unwrap();
     // All that comes until the server hangs up: reading alone answers no ping.
     let mut all = Vec::new();
-    let ended = tokio::time::timeout(LIMIT, stream.read_to_end(&mut all)).await;
+    let ended = tokio::time::timeout(TIMEOUT, stream.read_to_end(&mut all)).await;
     assert!(ended.is_ok(), "a page that is silent stays for ever");
     assert!(all.starts_with(b"HTTP/1.1 101"));
 }

@@ -37,7 +37,7 @@ async fn get(server: &PageServer, path: &str) -> String {
     let request = format!("GET {path} HTTP/1.1\r\nHost: {authority}\r\nConnection: close\r\n\r\n");
     stream.write_all(request.as_bytes()).await.unwrap();
     let mut answer = Vec::new();
-    tokio::time::timeout(LIMIT, stream.read_to_end(&mut answer)).await.expect("no answer in time").unwrap();
+    tokio::time::timeout(TIMEOUT, stream.read_to_end(&mut answer)).await.expect("no answer in time").unwrap();
     String::from_utf8_lossy(&answer).into_owned()
 }
 
@@ -82,7 +82,7 @@ async fn a_published_frame_arrives_whole() {
     let mut client = connect(&server).await;
     let sent = frame(17);
     server.publish(&sent);
-    let message = next_of(&mut client, "frame").await;
+    let message = next_of_type(&mut client, "frame").await;
     assert_eq!(serde_json::from_value::<DisplayFrame>(message).unwrap(), sent);
 }
 
@@ -99,23 +99,23 @@ async fn a_client_that_comes_late_gets_the_latest_frame_at_once() {
 async fn inputs_arrive_in_order() {
     let server = start(true);
     let mut client = connect(&server).await;
-    say(&mut client, r#"{"type":"gaze","origin":[0,0,1],"direction":[2,0,0]}"#).await;
-    say(&mut client, r#"{"type":"gesture","gesture":"wrist_flexion"}"#).await;
-    say(&mut client, r#"{"type":"gesture","gesture":"no_motion"}"#).await;
-    say(&mut client, r#"{"type":"trunk","forward":0.1,"lateral":0,"axial":0}"#).await;
-    say(&mut client, r#"{"type":"restart"}"#).await;
+    send_text(&mut client, r#"{"type":"gaze","origin":[0,0,1],"direction":[2,0,0]}"#).await;
+    send_text(&mut client, r#"{"type":"gesture","gesture":"wrist_flexion"}"#).await;
+    send_text(&mut client, r#"{"type":"gesture","gesture":"no_motion"}"#).await;
+    send_text(&mut client, r#"{"type":"trunk","forward":0.1,"lateral":0,"axial":0}"#).await;
+    send_text(&mut client, r#"{"type":"restart"}"#).await;
     assert_eq!(
-        inputs(&server, 5).await,
+        await_inputs(&server, 5).await,
         [
             ClientInput::Gaze {
                 origin: Point3::new(0.0, 0.0, 1.0),
                 direction: Vector3::x(),
                 measured: false
             },
-            ClientInput::Gesture(Gesture::WristFlexion),
-            ClientInput::Gesture(Gesture::NoMotion),
+            ClientInput::Gesture(Command::WristFlexion),
+            ClientInput::Gesture(Command::NoMotion),
             ClientInput::Trunk(TrunkPosture { forward: 0.1, lateral: 0.0, axial: 0.0 }),
-            ClientInput::Restart { method: None, again: false },
+            ClientInput::Restart { method: None, same_seed: false },
         ]
     );
 }
@@ -129,28 +129,30 @@ async fn malformed_messages_are_answered_and_the_connection_goes_on() {
         (r#"{"type":"gesture","gesture":"wave"}"#, "wave"),
         (r#"{"type":"gaze","origin":[0,0,1e7],"direction":[1,0,0]}"#, "origin"),
     ] {
-        say(&mut client, text).await;
-        let message = next_of(&mut client, "error").await["message"].as_str().unwrap().to_owned();
+        send_text(&mut client, text).await;
+        let message = next_of_type(&mut client, "error").await["message"].as_str().unwrap().to_owned();
         assert!(message.contains(part), "{text} gave {message}");
     }
     client.send(Message::binary(vec![0xff; 10])).await.unwrap();
-    assert!(next_of(&mut client, "error").await["message"].as_str().unwrap().contains("10 binary bytes"));
-    say(&mut client, r#"{"type":"gesture","gesture":"hand_close"}"#).await;
-    assert_eq!(inputs(&server, 1).await, [ClientInput::Gesture(Gesture::HandClose)]);
+    assert!(
+        next_of_type(&mut client, "error").await["message"].as_str().unwrap().contains("10 binary bytes")
+    );
+    send_text(&mut client, r#"{"type":"gesture","gesture":"hand_close"}"#).await;
+    assert_eq!(await_inputs(&server, 1).await, [ClientInput::Gesture(Command::HandClose)]);
 }
 
 #[tokio::test]
 async fn an_oversized_message_ends_the_connection_and_stops_the_arm() {
     let server = start(true);
     let mut client = connect(&server).await;
-    say(&mut client, r#"{"type":"gesture","gesture":"wrist_extension"}"#).await;
+    send_text(&mut client, r#"{"type":"gesture","gesture":"wrist_extension"}"#).await;
     // The server may hang up while the rest is still being sent.
     let _ = client.send(Message::text("x".repeat(100_000))).await;
     assert_eq!(
-        inputs(&server, 3).await,
+        await_inputs(&server, 3).await,
         [
-            ClientInput::Gesture(Gesture::WristExtension),
-            ClientInput::Gesture(Gesture::NoMotion),
+            ClientInput::Gesture(Command::WristExtension),
+            ClientInput::Gesture(Command::NoMotion),
             ClientInput::Disconnected
         ]
     );
@@ -166,7 +168,7 @@ async fn a_flood_of_malformed_messages_ends_the_connection() {
             break;
         }
     }
-    while let Ok(Some(Ok(message))) = tokio::time::timeout(LIMIT, client.next()).await {
+    while let Ok(Some(Ok(message))) = tokio::time::timeout(TIMEOUT, client.next()).await {
         if let Message::Close(frame) = message {
             closed = frame;
         }
@@ -181,7 +183,7 @@ async fn a_flood_of_malformed_messages_ends_the_connection() {
 async fn wait_for_clients(server: &PageServer, count: usize) {
     let start = Instant::now();
     while server.client_count() != count {
-        assert!(start.elapsed() < LIMIT, "{} clients, expected {count}", server.client_count());
+        assert!(start.elapsed() < TIMEOUT, "{} clients, expected {count}", server.client_count());
         tokio::task::yield_now().await;
     }
 }
@@ -190,12 +192,12 @@ async fn wait_for_clients(server: &PageServer, count: usize) {
 async fn a_client_that_disconnects_while_holding_a_gesture_releases_it() {
     let server = start(true);
     let mut client = connect(&server).await;
-    say(&mut client, r#"{"type":"gesture","gesture":"wrist_extension"}"#).await;
-    assert_eq!(inputs(&server, 1).await, [ClientInput::Gesture(Gesture::WristExtension)]);
+    send_text(&mut client, r#"{"type":"gesture","gesture":"wrist_extension"}"#).await;
+    assert_eq!(await_inputs(&server, 1).await, [ClientInput::Gesture(Command::WristExtension)]);
     drop(client);
     assert_eq!(
-        inputs(&server, 2).await,
-        [ClientInput::Gesture(Gesture::NoMotion), ClientInput::Disconnected]
+        await_inputs(&server, 2).await,
+        [ClientInput::Gesture(Command::NoMotion), ClientInput::Disconnected]
     );
 }
 
@@ -203,9 +205,9 @@ async fn a_client_that_disconnects_while_holding_a_gesture_releases_it() {
 async fn a_client_that_falls_silent_while_holding_a_gesture_releases_it() {
     let server = start(true);
     let mut client = connect(&server).await;
-    say(&mut client, r#"{"type":"gesture","gesture":"wrist_extension"}"#).await;
-    let got = inputs(&server, 2).await;
-    assert_eq!(got, [ClientInput::Gesture(Gesture::WristExtension), ClientInput::Gesture(Gesture::NoMotion)]);
+    send_text(&mut client, r#"{"type":"gesture","gesture":"wrist_extension"}"#).await;
+    let got = await_inputs(&server, 2).await;
+    assert_eq!(got, [ClientInput::Gesture(Command::WristExtension), ClientInput::Gesture(Command::NoMotion)]);
     drop(client);
 }
 
@@ -213,8 +215,8 @@ async fn a_client_that_falls_silent_while_holding_a_gesture_releases_it() {
 async fn a_page_that_only_shows_takes_no_input() {
     let server = start(false);
     let mut client = connect(&server).await;
-    say(&mut client, r#"{"type":"gesture","gesture":"wrist_extension"}"#).await;
-    assert!(next_of(&mut client, "error").await["message"].as_str().unwrap().contains("only shows"));
+    send_text(&mut client, r#"{"type":"gesture","gesture":"wrist_extension"}"#).await;
+    assert!(next_of_type(&mut client, "error").await["message"].as_str().unwrap().contains("only shows"));
     assert_eq!(server.drain_inputs(), []);
 }
 
@@ -238,7 +240,7 @@ async fn a_slow_client_loses_old_frames_but_no_event_and_disturbs_nobody() {
         server.publish(&frame);
         if tick % 2_000 == 0 {
             // The quick one keeps up: it sees this frame although the slow one reads nothing.
-            while next_of(&mut quick, "frame").await["time"] != tick {}
+            while next_of_type(&mut quick, "frame").await["time"] != tick {}
         }
     }
     let (mut received, mut events) = (0_u64, 0);
@@ -270,7 +272,7 @@ async fn new_content_is_announced_and_served() {
     let mut other = content(true);
     other.setup = "seated".into();
     server.set_content(other).unwrap();
-    assert_eq!(next_of(&mut client, "content").await["revision"], 1);
+    assert_eq!(next_of_type(&mut client, "content").await["revision"], 1);
     assert!(get(&server, "/api/content").await.contains(r#""setup":"seated""#));
 }
 
@@ -297,7 +299,7 @@ fn a_taken_port_is_named_and_the_next_one_used_if_allowed() {
         }
         other => panic!("expected PortTaken, got {:?}", other.map(|server| server.url())),
     }
-    let second = PageServer::start(PageOptions { allow_next: true, ..taken }, content(true)).unwrap();
+    let second = PageServer::start(PageOptions { allow_next_port: true, ..taken }, content(true)).unwrap();
     assert_ne!(first.url(), second.url());
 }
 
@@ -319,13 +321,15 @@ async fn the_experimenter_pauses_what_a_spectator_only_watches() {
         connect_as(&server, "spectator").await,
         connect(&server).await,
     );
-    say(&mut spectator, r#"{"type":"study","action":"abort"}"#).await;
-    assert!(next_of(&mut spectator, "error").await["message"].as_str().unwrap().contains("only watches"));
-    say(&mut participant, r#"{"type":"study","action":"abort"}"#).await;
-    let refused = next_of(&mut participant, "error").await["message"].as_str().unwrap().to_owned();
+    send_text(&mut spectator, r#"{"type":"study","action":"abort"}"#).await;
+    assert!(
+        next_of_type(&mut spectator, "error").await["message"].as_str().unwrap().contains("only watches")
+    );
+    send_text(&mut participant, r#"{"type":"study","action":"abort"}"#).await;
+    let refused = next_of_type(&mut participant, "error").await["message"].as_str().unwrap().to_owned();
     assert!(refused.contains("role=experimenter"), "{refused}");
-    say(&mut experimenter, r#"{"type":"study","action":"pause"}"#).await;
-    assert_eq!(inputs(&server, 1).await, [ClientInput::Study(StudyAction::Pause)]);
+    send_text(&mut experimenter, r#"{"type":"study","action":"pause"}"#).await;
+    assert_eq!(await_inputs(&server, 1).await, [ClientInput::Study(StudyAction::Pause)]);
     server.set_status(&TrialStatus { paused: true, ..TrialStatus::default() });
     server.publish_signals(&Signals {
         emg: vec![vec![1.5; 8]],
@@ -334,11 +338,11 @@ async fn the_experimenter_pauses_what_a_spectator_only_watches() {
         ..Signals::default()
     });
     for client in [&mut experimenter, &mut spectator] {
-        assert_eq!(next_of(client, "status").await["paused"], true);
-        assert_eq!(next_of(client, "signals").await["emg"][0][7], 1.5);
+        assert_eq!(next_of_type(client, "status").await["paused"], true);
+        assert_eq!(next_of_type(client, "signals").await["emg"][0][7], 1.5);
     }
-    assert_eq!(next_of(&mut participant, "status").await["paused"], true);
-    say(&mut participant, r#"{"type":"ping","id":5}"#).await;
+    assert_eq!(next_of_type(&mut participant, "status").await["paused"], true);
+    send_text(&mut participant, r#"{"type":"ping","id":5}"#).await;
     // The next message but the status: signals are not for the participant.
     let answer = next(&mut participant).await;
     assert_eq!((answer["type"].as_str(), answer["id"].as_u64()), (Some("pong"), Some(5)));
@@ -349,47 +353,47 @@ async fn the_way_of_a_frame_to_the_screen_is_told_by_whoever_drives_on_the_serve
     let server = start(true);
     let (mut page, mut second) = (connect(&server).await, connect(&server).await);
     for (client, name) in [(&mut page, "Ann"), (&mut second, "Ben")] {
-        say(client, &format!(r#"{{"type":"join","name":"{name}"}}"#)).await;
-        next_of(client, "driver").await;
+        send_text(client, &format!(r#"{{"type":"join","name":"{name}"}}"#)).await;
+        next_of_type(client, "driver").await;
     }
-    say(&mut page, r#"{"type":"ping","id":1}"#).await;
-    let before = next_of(&mut page, "pong").await["clock_ms"].as_f64().unwrap();
+    send_text(&mut page, r#"{"type":"ping","id":1}"#).await;
+    let before = next_of_type(&mut page, "pong").await["clock_ms"].as_f64().unwrap();
     server.publish(&frame(16));
-    assert_eq!(next_of(&mut page, "frame").await["time"], 16);
-    say(&mut page, r#"{"type":"ping","id":2}"#).await;
-    let after = next_of(&mut page, "pong").await["clock_ms"].as_f64().unwrap();
+    assert_eq!(next_of_type(&mut page, "frame").await["time"], 16);
+    send_text(&mut page, r#"{"type":"ping","id":2}"#).await;
+    let after = next_of_type(&mut page, "pong").await["clock_ms"].as_f64().unwrap();
     assert!(after >= before, "{before} {after}");
     let seen = |shown_ms: f64| {
         format!(r#"{{"type":"seen","frames":[{{"time":16,"came_ms":{after},"shown_ms":{shown_ms}}}]}}"#)
     };
     // Whoever only watches has another screen. The answer to a ping comes after what was said before it.
-    say(&mut second, &seen(after + 70.0)).await;
-    say(&mut second, r#"{"type":"ping","id":3}"#).await;
-    next_of(&mut second, "pong").await;
-    say(&mut page, &seen(after + 50.0)).await;
-    say(&mut page, r#"{"type":"seen","frames":[{"time":16,"came_ms":"soon","shown_ms":1}]}"#).await;
-    let refused = next_of(&mut page, "error").await["message"].to_string();
+    send_text(&mut second, &seen(after + 70.0)).await;
+    send_text(&mut second, r#"{"type":"ping","id":3}"#).await;
+    next_of_type(&mut second, "pong").await;
+    send_text(&mut page, &seen(after + 50.0)).await;
+    send_text(&mut page, r#"{"type":"seen","frames":[{"time":16,"came_ms":"soon","shown_ms":1}]}"#).await;
+    let refused = next_of_type(&mut page, "error").await["message"].to_string();
     assert!(refused.contains("expected f64"), "{refused}");
-    let ages = server.take_picture_ages();
+    let ages = server.take_frame_latencies();
     assert_eq!(ages.len(), 1, "{ages:?}");
-    assert_eq!((ages[0].time, ages[0].page.as_millis()), (SimTime(16), 50));
-    assert!(ages[0].line.as_secs_f64() * 1e3 <= after - before, "{ages:?}");
+    assert_eq!((ages[0].time, ages[0].render.as_millis()), (SimTime(16), 50));
+    assert!(ages[0].network.as_secs_f64() * 1e3 <= after - before, "{ages:?}");
 }
 
 #[tokio::test]
 async fn a_participants_page_gets_signals_as_long_as_it_asks_for_them() {
     let server = start(true);
     let mut page = connect(&server).await;
-    let publish = |pages| server.publish_signals(&Signals { pages, ..Signals::default() });
+    let publish = |pages| server.publish_signals(&Signals { page_count: pages, ..Signals::default() });
     // The answer to a ping comes after whatever was said before it.
-    say(&mut page, r#"{"type":"watch","signals":true}"#).await;
-    say(&mut page, r#"{"type":"ping","id":1}"#).await;
-    next_of(&mut page, "pong").await;
+    send_text(&mut page, r#"{"type":"watch","signals":true}"#).await;
+    send_text(&mut page, r#"{"type":"ping","id":1}"#).await;
+    next_of_type(&mut page, "pong").await;
     publish(7);
-    assert_eq!(next_of(&mut page, "signals").await["pages"], 7);
-    say(&mut page, r#"{"type":"watch","signals":false}"#).await;
-    say(&mut page, r#"{"type":"ping","id":2}"#).await;
-    next_of(&mut page, "pong").await;
+    assert_eq!(next_of_type(&mut page, "signals").await["pages"], 7);
+    send_text(&mut page, r#"{"type":"watch","signals":false}"#).await;
+    send_text(&mut page, r#"{"type":"ping","id":2}"#).await;
+    next_of_type(&mut page, "pong").await;
     publish(8);
     server.set_status(&TrialStatus::default());
     assert_eq!(next(&mut page).await["type"], "status");
@@ -399,12 +403,12 @@ async fn a_participants_page_gets_signals_as_long_as_it_asks_for_them() {
 async fn why_a_choice_was_refused_stays_in_the_status_until_another_begins() {
     let server = start(true);
     let mut page = connect(&server).await;
-    server.set_refused(Some("This trial cannot begin.".into()));
+    server.set_start_error(Some("This trial cannot begin.".into()));
     server.set_status(&TrialStatus::default());
-    assert_eq!(next_of(&mut page, "status").await["refused"], "This trial cannot begin.");
-    server.set_refused(None);
+    assert_eq!(next_of_type(&mut page, "status").await["refused"], "This trial cannot begin.");
+    server.set_start_error(None);
     server.set_status(&TrialStatus::default());
-    assert_eq!(next_of(&mut page, "status").await["refused"], Value::Null);
+    assert_eq!(next_of_type(&mut page, "status").await["refused"], Value::Null);
 }
 
 fn recorded(name: &str) -> RecordedTrial {
@@ -416,7 +420,7 @@ fn recorded(name: &str) -> RecordedTrial {
         seconds: 2.0,
         score: 1,
         content: content(false),
-        agrees: Some(true),
+        digest_matches: Some(true),
         finished: true,
         frames: vec![frame(16), frame(50)],
         emg: None,
@@ -550,33 +554,33 @@ fn content_that_does_not_fit_together_is_refused() {
 async fn one_page_drives_and_the_others_watch_until_one_takes_over() {
     let server = start(true);
     let (mut first, mut second) = (connect(&server).await, connect(&server).await);
-    say(&mut first, r#"{"type":"join","name":"Ann"}"#).await;
-    let told = next_of(&mut first, "driver").await;
-    assert_eq!((told["name"].as_str(), told["you"].as_bool()), (Some("Ann"), Some(true)));
-    say(&mut second, r#"{"type":"join","name":"Bo"}"#).await;
-    let told = next_of(&mut second, "driver").await;
+    send_text(&mut first, r#"{"type":"join","name":"Ann"}"#).await;
+    let message = next_of_type(&mut first, "driver").await;
+    assert_eq!((message["name"].as_str(), message["you"].as_bool()), (Some("Ann"), Some(true)));
+    send_text(&mut second, r#"{"type":"join","name":"Bo"}"#).await;
+    let message = next_of_type(&mut second, "driver").await;
     assert_eq!(
-        (told["name"].as_str(), told["you"].as_bool(), told["may_drive"].as_bool()),
+        (message["name"].as_str(), message["you"].as_bool(), message["may_drive"].as_bool()),
         (Some("Ann"), Some(false), Some(true))
     );
     // A gesture and a restart of who watches are refused with the driver's name; a relaxed hand is not.
-    say(&mut second, r#"{"type":"gesture","gesture":"wrist_extension"}"#).await;
-    assert!(next_of(&mut second, "error").await["message"].as_str().unwrap().contains("Ann drives"));
-    say(&mut second, r#"{"type":"restart"}"#).await;
-    assert!(next_of(&mut second, "error").await["message"].as_str().unwrap().contains("Ann drives"));
-    say(&mut first, r#"{"type":"gesture","gesture":"hand_close"}"#).await;
-    assert_eq!(inputs(&server, 1).await, [ClientInput::Gesture(Gesture::HandClose)]);
-    say(&mut second, r#"{"type":"take_over"}"#).await;
+    send_text(&mut second, r#"{"type":"gesture","gesture":"wrist_extension"}"#).await;
+    assert!(next_of_type(&mut second, "error").await["message"].as_str().unwrap().contains("Ann drives"));
+    send_text(&mut second, r#"{"type":"restart"}"#).await;
+    assert!(next_of_type(&mut second, "error").await["message"].as_str().unwrap().contains("Ann drives"));
+    send_text(&mut first, r#"{"type":"gesture","gesture":"hand_close"}"#).await;
+    assert_eq!(await_inputs(&server, 1).await, [ClientInput::Gesture(Command::HandClose)]);
+    send_text(&mut second, r#"{"type":"take_over"}"#).await;
     for (client, you) in [(&mut first, false), (&mut second, true)] {
-        let told = next_of(client, "driver").await;
-        assert_eq!((told["name"].as_str(), told["you"].as_bool()), (Some("Bo"), Some(you)));
+        let message = next_of_type(client, "driver").await;
+        assert_eq!((message["name"].as_str(), message["you"].as_bool()), (Some("Bo"), Some(you)));
     }
-    say(&mut second, r#"{"type":"gesture","gesture":"hand_open"}"#).await;
+    send_text(&mut second, r#"{"type":"gesture","gesture":"hand_open"}"#).await;
     // What the first one held was released when the second took over.
-    let expected = [ClientInput::Gesture(Gesture::NoMotion), ClientInput::Gesture(Gesture::HandOpen)];
-    assert_eq!(inputs(&server, 2).await, expected);
+    let expected = [ClientInput::Gesture(Command::NoMotion), ClientInput::Gesture(Command::HandOpen)];
+    assert_eq!(await_inputs(&server, 2).await, expected);
     drop(second);
-    assert_eq!(next_of(&mut first, "driver").await["name"], serde_json::Value::Null);
+    assert_eq!(next_of_type(&mut first, "driver").await["name"], serde_json::Value::Null);
 }
 
 #[tokio::test]
@@ -584,13 +588,13 @@ async fn who_only_watches_cannot_take_over() {
     let server = start(true);
     for role in ["spectator", "experimenter"] {
         let mut client = connect_as(&server, role).await;
-        say(&mut client, r#"{"type":"join","name":"Cy"}"#).await;
-        say(&mut client, r#"{"type":"take_over"}"#).await;
-        let refused = next_of(&mut client, "error").await["message"].as_str().unwrap().to_owned();
+        send_text(&mut client, r#"{"type":"join","name":"Cy"}"#).await;
+        send_text(&mut client, r#"{"type":"take_over"}"#).await;
+        let refused = next_of_type(&mut client, "error").await["message"].as_str().unwrap().to_owned();
         assert!(refused.contains("does not drive"), "{refused}");
     }
     let watched = start(false);
     let mut shown = connect(&watched).await;
-    say(&mut shown, r#"{"type":"take_over"}"#).await;
-    assert!(next_of(&mut shown, "error").await["message"].as_str().unwrap().contains("only shows"));
+    send_text(&mut shown, r#"{"type":"take_over"}"#).await;
+    assert!(next_of_type(&mut shown, "error").await["message"].as_str().unwrap().contains("only shows"));
 }

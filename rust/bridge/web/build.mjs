@@ -45,7 +45,7 @@ const options = {
 };
 
 /** Licences whose notices have to go with the script and are in no comment of their code. */
-const licences = await Promise.all(
+const licenses = await Promise.all(
   ["@observablehq/plot", "d3", "linkedom"].map(async (name) => `${name}\n${await readFile(`${root}node_modules/${name}/LICENSE`, "utf8")}`),
 );
 
@@ -60,7 +60,7 @@ const figures = {
   format: "iife",
   target: "es2020",
   legalComments: "eof",
-  footer: { js: `/*\n${licences.join("\n\n").replaceAll("*/", "* /")}\n*/` },
+  footer: { js: `/*\n${licenses.join("\n\n").replaceAll("*/", "* /")}\n*/` },
   logLevel: "warning",
 };
 

@@ -1,7 +1,7 @@
 // Makes src/simulated.json, the results of simulated people beside which the page shows those of a visit:
 //
-//   ./proact simulate --methods A,B,C,D --people person --participants 24 --seed 1 --setup still --out build/simulated/still
-//   ./proact simulate --methods A,B,C,D --people person --participants 24 --seed 1 --setup seated --out build/simulated/seated
+//   ./proact simulate --methods A,B,C,D --participant-kind person --participants 24 --seed 1 --setup still --out build/simulated/still
+//   ./proact simulate --methods A,B,C,D --participant-kind person --participants 24 --seed 1 --setup seated --out build/simulated/seated
 //   node rust/bridge/web/simulated.mjs build/simulated/still build/simulated/seated
 //
 // One row a trial: method, score, seconds, attempts, path of the hand in metres; the path is null where the last action was not
@@ -14,12 +14,12 @@ import { csvParse } from "d3";
 /** So little of a trial may lie outside its completed actions, seconds. */
 const REST_SECS = 3;
 
-const read = async (folder, name) => csvParse(await readFile(`${folder}/${name}.csv`, "utf8"));
+const readCsv = async (folder, name) => csvParse(await readFile(`${folder}/${name}.csv`, "utf8"));
 const key = ({ participant, condition, trial }) => `${participant} ${condition} ${trial}`;
 
 /** The trials of one batch. */
 async function batch(folder) {
-  const [trials, measures, phases, about] = [await read(folder, "trials"), await read(folder, "measures"), await read(folder, "phases"), JSON.parse(await readFile(`${folder}/batch.json`, "utf8"))];
+  const [trials, measures, phases, about] = [await readCsv(folder, "trials"), await readCsv(folder, "measures"), await readCsv(folder, "phases"), JSON.parse(await readFile(`${folder}/batch.json`, "utf8"))];
   const attempts = new Map(measures.map((row) => [key(row), Number(row.attempts)]));
   const sum = (column) => {
     const sums = new Map();

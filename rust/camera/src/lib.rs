@@ -7,12 +7,12 @@
 //! Pure: no clock, no files, no threads. Who takes the picture, and for whom, is the page's and rosbridge's matter.
 //!
 //! ```
-//! use proact_camera::{Studio, View};
+//! use proact_camera::{Renderer, CameraView};
 //! # fn example(arm: proact_arm::ArmModel, scene: proact_types::Scene, frame: proact_types::DisplayFrame) {
-//! let studio = Studio::new(&arm, &scene);
-//! let camera = studio.camera(View::Head, &frame, [640, 480], 60f64.to_radians());
-//! let picture = studio.take(&frame, &camera);
-//! std::hint::black_box(proact_camera::png(camera.width, camera.height, &picture.rgb));
+//! let studio = Renderer::new(&arm, &scene);
+//! let camera = studio.camera(CameraView::Head, &frame, [640, 480], 60f64.to_radians());
+//! let picture = studio.render(&frame, &camera);
+//! std::hint::black_box(proact_camera::encode_png(camera.width, camera.height, &picture.rgb));
 //! # }
 //! ```
 #![cfg_attr(test, allow(clippy::unwrap_used))]
@@ -25,9 +25,9 @@ use proact_types::{DisplayFrame, Point, Pose, Scene, Shape, Vector};
 use serde::Deserialize;
 
 /// Nothing nearer is seen, metres.
-const NEAREST: f64 = 0.02;
-/// How high above the table the camera of [`View::Overhead`] hangs, metres.
-const OVERHEAD: f64 = 0.9;
+const NEAR_PLANE_M: f64 = 0.02;
+/// How high above the table the camera of [`CameraView::Overhead`] hangs, metres.
+const OVERHEAD_HEIGHT_M: f64 = 0.9;
 /// Colour where nothing is.
 const BACKGROUND: [f64; 3] = [0.82, 0.86, 0.9];
 /// Share of the light that comes from everywhere.
@@ -36,7 +36,7 @@ const AMBIENT: f64 = 0.4;
 /// From where the camera looks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum View {
+pub enum CameraView {
     /// From the participant's eye at the middle of the table.
     #[default]
     Head,
@@ -54,13 +54,13 @@ pub struct Camera {
     /// Pixels.
     pub height: u32,
     /// Between the upper and the lower edge, rad, above 0 and below pi.
-    pub vertical_fov: f64,
+    pub vertical_fov_rad: f64,
 }
 
 impl Camera {
     /// Distance of the picture's plane, pixels; the same along both axes.
     pub fn focal_length(&self) -> f64 {
-        f64::from(self.height) / 2.0 / (self.vertical_fov / 2.0).tan()
+        f64::from(self.height) / 2.0 / (self.vertical_fov_rad / 2.0).tan()
     }
 
     /// The matrix K of the camera, row by row: focal lengths, and the centre in the middle of the picture. The middle
@@ -74,24 +74,24 @@ impl Camera {
 
 /// What a camera has taken.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Picture {
+pub struct RgbdImage {
     /// Red, green and blue, row by row from the top, `3 * width * height` bytes.
     pub rgb: Vec<u8>,
     /// Distance along the camera's z, metres, row by row; infinite where nothing is.
-    pub depth: Vec<f32>,
+    pub depth_m: Vec<f32>,
 }
 
 /// A body as the camera sees it.
-struct Body {
+struct RenderBody {
     shape: Shape,
-    place: Place,
-    colour: [f64; 3],
+    parent: BodyParent,
+    color: [f64; 3],
 }
 
 /// What carries a body.
-enum Place {
+enum BodyParent {
     /// `world_from_shape`.
-    Room(Pose),
+    World(Pose),
     /// Which object.
     Object(usize),
     /// Which link, and `link_from_shape`.
@@ -99,77 +99,83 @@ enum Place {
 }
 
 /// The bodies of a room, ready to have their picture taken.
-pub struct Studio {
+pub struct Renderer {
     arm: ArmModel,
-    bodies: Vec<Body>,
-    table_centre: Point,
+    bodies: Vec<RenderBody>,
+    table_center: Point,
 }
 
-impl Studio {
+impl Renderer {
     /// A room with an arm in it.
-    pub fn new(arm: &ArmModel, scene: &Scene) -> Studio {
-        let fixed = scene.fixed.iter().map(|object| Body {
+    pub fn new(arm: &ArmModel, scene: &Scene) -> Renderer {
+        let fixed = scene.fixed.iter().map(|object| RenderBody {
             shape: object.shape,
-            place: Place::Room(object.pose),
-            colour: if object.name.starts_with("table") { [0.76, 0.64, 0.5] } else { [0.62, 0.62, 0.6] },
+            parent: BodyParent::World(object.pose),
+            color: if object.name.starts_with("table") { [0.76, 0.64, 0.5] } else { [0.62, 0.62, 0.6] },
         });
-        let blocks = scene.objects.iter().enumerate().map(|(n, block)| Body {
+        let blocks = scene.objects.iter().enumerate().map(|(n, block)| RenderBody {
             shape: block.shape,
-            place: Place::Object(n),
-            colour: block.colour,
+            parent: BodyParent::Object(n),
+            color: block.color,
         });
-        let mut bodies: Vec<Body> = fixed.chain(blocks).collect();
+        let mut bodies: Vec<RenderBody> = fixed.chain(blocks).collect();
         for (index, link) in arm.links.iter().enumerate() {
             let mut drawn = Vec::new();
             for visual in &link.visuals {
                 if let VisualGeometry::Shape(shape) = visual.geometry {
-                    let [red, green, blue, _] = visual.colour;
+                    let [red, green, blue, _] = visual.color;
                     drawn.push((shape, visual.pose, [red, green, blue]));
                 }
             }
             if drawn.len() < link.visuals.len() || drawn.is_empty() {
                 drawn = link.collisions.iter().map(|c| (c.shape, c.pose, [0.35, 0.37, 0.4])).collect();
             }
-            bodies.extend(drawn.into_iter().map(|(shape, pose, colour)| Body {
+            bodies.extend(drawn.into_iter().map(|(shape, pose, color)| RenderBody {
                 shape,
-                place: Place::Link(index, pose),
-                colour,
+                parent: BodyParent::Link(index, pose),
+                color,
             }));
         }
-        let sum: Vector = scene.targets.iter().map(|target| target.centre.coords).sum();
+        let sum: Vector = scene.targets.iter().map(|target| target.center.coords).sum();
         let starts: Vector = scene.objects.iter().map(|block| block.pose.translation.vector).sum();
         let count = (scene.targets.len() + scene.objects.len()).max(1) as f64;
         let mut table_centre = Point::from((sum + starts) / count);
         table_centre.z = scene.table_height;
-        Studio { arm: arm.clone(), bodies, table_centre }
+        Renderer { arm: arm.clone(), bodies, table_center: table_centre }
     }
 
     /// A camera at one of the usual places at the instant of `frame`.
-    pub fn camera(&self, view: View, frame: &DisplayFrame, size: [u32; 2], vertical_fov: f64) -> Camera {
+    pub fn camera(
+        &self,
+        view: CameraView,
+        frame: &DisplayFrame,
+        size: [u32; 2],
+        vertical_fov: f64,
+    ) -> Camera {
         let eye = match view {
-            View::Head => frame.world_from_head.translation.vector.into(),
-            View::Overhead => self.table_centre + Vector::new(0.0, 0.0, OVERHEAD),
+            CameraView::Head => frame.world_from_head.translation.vector.into(),
+            CameraView::Overhead => self.table_center + Vector::new(0.0, 0.0, OVERHEAD_HEIGHT_M),
         };
-        let world_from_camera = looking(eye, &self.table_centre);
+        let world_from_camera = look_at(eye, &self.table_center);
         let [width, height] = size;
-        Camera { world_from_camera, width, height, vertical_fov }
+        Camera { world_from_camera, width, height, vertical_fov_rad: vertical_fov }
     }
 
     /// Takes a picture of an instant. What `frame` leaves out, such as an object, is not seen.
-    pub fn take(&self, frame: &DisplayFrame, camera: &Camera) -> Picture {
+    pub fn render(&self, frame: &DisplayFrame, camera: &Camera) -> RgbdImage {
         let pixels = camera.width as usize * camera.height as usize;
-        let background = BACKGROUND.map(byte);
-        let mut picture = Picture { rgb: background.repeat(pixels), depth: vec![f32::INFINITY; pixels] };
+        let background = BACKGROUND.map(color_byte);
+        let mut picture = RgbdImage { rgb: background.repeat(pixels), depth_m: vec![f32::INFINITY; pixels] };
         let base_from_link = self.arm.link_poses(&frame.joints);
         let camera_from_world = camera.world_from_camera.inverse();
         for body in &self.bodies {
-            let world_from_shape = match &body.place {
-                Place::Room(pose) => Some(*pose),
-                Place::Object(n) => frame.objects.get(*n).copied(),
-                Place::Link(n, pose) => Some(frame.world_from_base * base_from_link[*n] * pose),
+            let world_from_shape = match &body.parent {
+                BodyParent::World(pose) => Some(*pose),
+                BodyParent::Object(n) => frame.objects.get(*n).copied(),
+                BodyParent::Link(n, pose) => Some(frame.world_from_base * base_from_link[*n] * pose),
             };
             if let Some(world_from_shape) = world_from_shape {
-                draw(body, &(camera_from_world * world_from_shape), camera, &mut picture);
+                draw_body(body, &(camera_from_world * world_from_shape), camera, &mut picture);
             }
         }
         picture
@@ -178,7 +184,7 @@ impl Studio {
 
 /// `world_from_camera` of an upright camera at `eye` that looks at `point`; from straight above, the person's side is
 /// the lower edge.
-fn looking(eye: Point, point: &Point) -> Pose {
+fn look_at(eye: Point, point: &Point) -> Pose {
     let ahead = (point - eye).try_normalize(1e-9).unwrap_or(-Vector::z());
     let right = ahead.cross(&Vector::z()).try_normalize(1e-6).unwrap_or(-Vector::y());
     let axes = Matrix3::from_columns(&[right, ahead.cross(&right), ahead]);
@@ -187,51 +193,53 @@ fn looking(eye: Point, point: &Point) -> Pose {
 }
 
 /// Draws a body where it is nearer than what the picture has so far.
-fn draw(body: &Body, camera_from_shape: &Pose, camera: &Camera, picture: &mut Picture) {
+fn draw_body(body: &RenderBody, camera_from_shape: &Pose, camera: &Camera, picture: &mut RgbdImage) {
     let [f, _, cx, _, _, cy, ..] = camera.intrinsics();
-    let centre = camera_from_shape.translation.vector;
-    let reach = ray::reach(&body.shape);
-    let columns = seen(centre.x, centre.z, reach, f, cx, camera.width);
-    let rows = seen(centre.y, centre.z, reach, f, cy, camera.height);
+    let center = camera_from_shape.translation.vector;
+    let reach = ray::bounding_radius(&body.shape);
+    let columns = pixel_range(center.x, center.z, reach, f, cx, camera.width);
+    let rows = pixel_range(center.y, center.z, reach, f, cy, camera.height);
     let shape_from_camera = camera_from_shape.inverse();
     let eye = shape_from_camera.translation.vector;
-    let light = shape_from_camera.rotation * (camera.world_from_camera.inverse().rotation * light());
+    let light =
+        shape_from_camera.rotation * (camera.world_from_camera.inverse().rotation * light_direction());
     for row in rows {
         for column in columns.clone() {
             // With z = 1 the way along the ray is the depth.
             let ray = Vector::new((f64::from(column) - cx) / f, (f64::from(row) - cy) / f, 1.0);
             let Some((depth, normal)) =
-                ray::meet(&body.shape, &eye, &(shape_from_camera.rotation * ray), NEAREST)
+                ray::intersect_ray(&body.shape, &eye, &(shape_from_camera.rotation * ray), NEAR_PLANE_M)
             else {
                 continue;
             };
             let pixel = row as usize * camera.width as usize + column as usize;
-            if (depth as f32) < picture.depth[pixel] {
-                picture.depth[pixel] = depth as f32;
+            if (depth as f32) < picture.depth_m[pixel] {
+                picture.depth_m[pixel] = depth as f32;
                 let bright = AMBIENT + (1.0 - AMBIENT) * normal.dot(&light).max(0.0);
-                picture.rgb[3 * pixel..3 * pixel + 3].copy_from_slice(&body.colour.map(|c| byte(c * bright)));
+                picture.rgb[3 * pixel..3 * pixel + 3]
+                    .copy_from_slice(&body.color.map(|c| color_byte(c * bright)));
             }
         }
     }
 }
 
 /// Where the light comes from, in `world`: from above, behind the person's left shoulder.
-fn light() -> Vector {
+fn light_direction() -> Vector {
     Vector::new(-0.4, 0.5, 1.0).normalize()
 }
 
 /// Pixels along one axis on which a ball of radius `reach` at `(across, ahead)` may be seen.
-fn seen(across: f64, ahead: f64, reach: f64, f: f64, centre: f64, size: u32) -> std::ops::Range<u32> {
-    if ahead + reach < NEAREST {
+fn pixel_range(across: f64, ahead: f64, reach: f64, f: f64, center: f64, size: u32) -> std::ops::Range<u32> {
+    if ahead + reach < NEAR_PLANE_M {
         return 0..0;
     }
-    if ahead - reach < NEAREST {
+    if ahead - reach < NEAR_PLANE_M {
         return 0..size;
     }
     let edge = |side: f64| {
         let near = side / (ahead - reach);
         let far = side / (ahead + reach);
-        (near.min(far) * f + centre, near.max(far) * f + centre)
+        (near.min(far) * f + center, near.max(far) * f + center)
     };
     let (first, last) = (edge(across - reach).0.floor(), edge(across + reach).1.ceil() + 1.0);
     // Both are within the picture's size after the clamp.
@@ -239,7 +247,7 @@ fn seen(across: f64, ahead: f64, reach: f64, f: f64, centre: f64, size: u32) -> 
     first..last
 }
 
-fn byte(share: f64) -> u8 {
+fn color_byte(share: f64) -> u8 {
     (share.clamp(0.0, 1.0) * 255.0).round() as u8
 }
 
@@ -247,7 +255,7 @@ fn byte(share: f64) -> u8 {
 ///
 /// # Panics
 /// For another number of bytes.
-pub fn png(width: u32, height: u32, rgb: &[u8]) -> Vec<u8> {
+pub fn encode_png(width: u32, height: u32, rgb: &[u8]) -> Vec<u8> {
     let mut file = Vec::new();
     let mut encoder = png::Encoder::new(&mut file, width, height);
     encoder.set_color(png::ColorType::Rgb);
@@ -264,7 +272,7 @@ pub fn png(width: u32, height: u32, rgb: &[u8]) -> Vec<u8> {
 mod tests {
     use super::*;
     use proact_arm::{CollisionShape, Joint, JointKind, JointLimits, Link};
-    use proact_types::{Gesture, HandView, PlannerView, SimTime, TargetView};
+    use proact_types::{Command, HandView, PlannerView, SimTime, TargetView};
 
     /// A beam that hangs from a joint at the base: 12 cm wide and 60 cm long.
     fn arm() -> ArmModel {
@@ -311,15 +319,15 @@ mod tests {
             planner: PlannerView::Idle,
             mode: None,
             stop: None,
-            gesture: Gesture::NoMotion,
-            recognised: Gesture::NoMotion.into(),
+            command: Command::NoMotion,
+            recognized_gesture: Command::NoMotion.into(),
             confidence: 1.0,
             effort: 0.0,
             emg_source: "keys".to_owned(),
             time_left_secs: 1.0,
-            goal: None,
-            next: None,
-            asked: None,
+            plan_goal: None,
+            next_object: None,
+            task_goal: None,
             score: 0,
             finished: false,
             events: Vec::new(),
@@ -328,28 +336,33 @@ mod tests {
         }
     }
 
-    fn studio() -> Studio {
+    fn studio() -> Renderer {
         let shape = Shape::Sphere { radius: 0.05 };
         let ball = proact_types::Object {
-            colour: [0.784, 0.267, 0.173],
-            ..proact_types::Object::plain("ball", shape, 0.1, Pose::translation(2.8, 0.0, 1.3))
+            color: [0.784, 0.267, 0.173],
+            ..proact_types::Object::with_default_friction(
+                "ball",
+                shape,
+                0.1,
+                Pose::translation(2.8, 0.0, 1.3),
+            )
         };
         let scene = Scene { objects: vec![ball], table_height: 1.3, ..Scene::default() };
-        Studio::new(&arm(), &scene)
+        Renderer::new(&arm(), &scene)
     }
 
     /// A level camera that looks along x, or against it.
     fn camera(eye: &[f64; 3], along_x: f64, vertical_fov: f64) -> Camera {
         let eye = Point::from(*eye);
-        let world_from_camera = looking(eye, &(eye + Vector::x() * along_x));
-        Camera { world_from_camera, width: 320, height: 240, vertical_fov }
+        let world_from_camera = look_at(eye, &(eye + Vector::x() * along_x));
+        Camera { world_from_camera, width: 320, height: 240, vertical_fov_rad: vertical_fov }
     }
 
     #[test]
     fn a_ball_is_where_the_matrix_puts_it_and_as_far_and_as_wide_as_it_is() {
-        let (studio, frame) = (studio(), frame());
+        let (renderer, frame) = (studio(), frame());
         let camera = camera(&[2.0, 0.1, 1.5], 1.0, 1.0);
-        let picture = studio.take(&frame, &camera);
+        let picture = renderer.render(&frame, &camera);
         let red = |pixel: usize| picture.rgb[3 * pixel] / 2 > picture.rgb[3 * pixel + 2];
         let pixels: Vec<usize> = (0..320 * 240).filter(|&pixel| red(pixel)).collect();
         // 0.8 m ahead, 0.1 m to the right, 0.2 m down.
@@ -365,46 +378,51 @@ mod tests {
         }
         let across = 2.0 * (count / std::f64::consts::PI).sqrt() * 0.8 / f;
         assert!((across - 0.1).abs() < 0.01, "{across} m across");
-        let nearest = pixels.iter().map(|&p| picture.depth[p]).fold(f32::INFINITY, f32::min);
+        let nearest = pixels.iter().map(|&p| picture.depth_m[p]).fold(f32::INFINITY, f32::min);
         assert!((f64::from(nearest) - 0.75).abs() < 0.01, "{nearest} m ahead");
-        assert!(picture.depth[0].is_infinite(), "there is nothing in the corner");
-        assert_eq!(studio.take(&frame, &camera), picture, "the same instant");
+        assert!(picture.depth_m[0].is_infinite(), "there is nothing in the corner");
+        assert_eq!(renderer.render(&frame, &camera), picture, "the same instant");
     }
 
     #[test]
     fn what_is_nearer_hides_what_is_behind_and_what_is_behind_the_camera_is_not_seen() {
-        let (studio, mut frame) = (studio(), frame());
-        let red = |picture: &Picture| picture.rgb.chunks(3).filter(|p| p[0] / 2 > p[2]).count();
-        assert_eq!(red(&studio.take(&frame, &camera(&[2.0, 0.1, 1.5], -1.0, 1.0))), 0, "the ball is behind");
+        let (renderer, mut frame) = (studio(), frame());
+        let red = |picture: &RgbdImage| picture.rgb.chunks(3).filter(|p| p[0] / 2 > p[2]).count();
+        assert_eq!(
+            red(&renderer.render(&frame, &camera(&[2.0, 0.1, 1.5], -1.0, 1.0))),
+            0,
+            "the ball is behind"
+        );
         // The arm, at the origin, stands before a ball that is moved behind it.
         let camera = camera(&[1.0, 0.0, -0.3], -1.0, 0.6);
         frame.objects[0] = Pose::translation(-0.2, 0.0, -0.3);
-        let hidden = red(&studio.take(&frame, &camera));
+        let hidden = red(&renderer.render(&frame, &camera));
         frame.objects[0] = Pose::translation(0.2, 0.0, -0.3);
-        let whole = red(&studio.take(&frame, &camera));
+        let whole = red(&renderer.render(&frame, &camera));
         assert!(hidden < whole / 2, "{hidden} pixels behind the arm, {whole} before it");
         // The arm is raised out of the way.
         frame.objects[0] = Pose::translation(-0.2, 0.0, -0.3);
         frame.joints[0] = std::f64::consts::FRAC_PI_2;
-        let free = red(&studio.take(&frame, &camera));
+        let free = red(&renderer.render(&frame, &camera));
         assert!(free > whole / 3, "{free} pixels past the raised arm, {whole} before the hanging one");
     }
 
     #[test]
     fn a_camera_within_a_body_or_an_instant_with_little_in_it_is_no_fault() {
-        let (studio, mut frame) = (studio(), frame());
+        let (renderer, mut frame) = (studio(), frame());
         frame.world_from_head = frame.objects[0];
         frame.joints.clear();
-        let camera = studio.camera(View::Overhead, &frame, [16, 16], 1.0);
+        let camera = renderer.camera(CameraView::Overhead, &frame, [16, 16], 1.0);
         let down = camera.world_from_camera * Vector::new(0.1, 0.2, 0.3);
         assert!(
             (down - Vector::new(-0.2, -0.1, -0.3)).norm() < 1e-12,
             "x is to the right, y towards the person"
         );
-        let eye = studio.camera(View::Head, &frame, [16, 16], 1.0).world_from_camera.translation.vector;
+        let eye =
+            renderer.camera(CameraView::Head, &frame, [16, 16], 1.0).world_from_camera.translation.vector;
         assert_eq!(eye, frame.world_from_head.translation.vector);
-        studio.take(&frame, &studio.camera(View::Head, &frame, [16, 16], 1.0));
+        renderer.render(&frame, &renderer.camera(CameraView::Head, &frame, [16, 16], 1.0));
         frame.objects.clear();
-        studio.take(&frame, &camera);
+        renderer.render(&frame, &camera);
     }
 }

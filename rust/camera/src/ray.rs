@@ -2,18 +2,24 @@ use proact_types::{Shape, Vector};
 
 /// Where a ray meets a shape from outside: the factor of `along` to get there, above `nearest`, and the outward unit
 /// normal. Both vectors in the shape's frame; `along` has any length above zero.
-pub(super) fn meet(shape: &Shape, from: &Vector, along: &Vector, nearest: f64) -> Option<(f64, Vector)> {
+pub(super) fn intersect_ray(
+    shape: &Shape,
+    from: &Vector,
+    along: &Vector,
+    nearest: f64,
+) -> Option<(f64, Vector)> {
     let hit = match *shape {
-        Shape::Box { size } => meet_box(&(Vector::from(size) / 2.0), from, along),
-        Shape::Sphere { radius } => meet_sphere(radius, 0.0, from, along),
-        Shape::Cylinder { radius, length } => {
-            nearer(meet_tube(radius, length / 2.0, from, along), meet_ends(radius, length / 2.0, from, along))
-        }
+        Shape::Box { size } => intersect_box(&(Vector::from(size) / 2.0), from, along),
+        Shape::Sphere { radius } => intersect_sphere(radius, 0.0, from, along),
+        Shape::Cylinder { radius, length } => nearer(
+            intersect_cylinder_side(radius, length / 2.0, from, along),
+            intersect_cylinder_cap(radius, length / 2.0, from, along),
+        ),
         Shape::Capsule { radius, length } => nearer(
-            meet_tube(radius, length / 2.0, from, along),
+            intersect_cylinder_side(radius, length / 2.0, from, along),
             nearer(
-                meet_sphere(radius, length / 2.0, from, along),
-                meet_sphere(radius, -length / 2.0, from, along),
+                intersect_sphere(radius, length / 2.0, from, along),
+                intersect_sphere(radius, -length / 2.0, from, along),
             ),
         ),
     };
@@ -21,7 +27,7 @@ pub(super) fn meet(shape: &Shape, from: &Vector, along: &Vector, nearest: f64) -
 }
 
 /// Radius of the ball about the shape's origin that holds it.
-pub(super) fn reach(shape: &Shape) -> f64 {
+pub(super) fn bounding_radius(shape: &Shape) -> f64 {
     match *shape {
         Shape::Box { size } => Vector::from(size).norm() / 2.0,
         Shape::Sphere { radius } => radius,
@@ -40,7 +46,7 @@ fn nearer(a: Hit, b: Hit) -> Hit {
 }
 
 /// The slab method: the last of the three entries, if it lies before the first exit.
-fn meet_box(half: &Vector, from: &Vector, along: &Vector) -> Hit {
+fn intersect_box(half: &Vector, from: &Vector, along: &Vector) -> Hit {
     let (mut entry, mut exit, mut face) = (f64::NEG_INFINITY, f64::INFINITY, 0);
     for axis in 0..3 {
         if along[axis] == 0.0 {
@@ -62,22 +68,22 @@ fn meet_box(half: &Vector, from: &Vector, along: &Vector) -> Hit {
 }
 
 /// A ball whose centre is `height` up the z axis.
-fn meet_sphere(radius: f64, height: f64, from: &Vector, along: &Vector) -> Hit {
+fn intersect_sphere(radius: f64, height: f64, from: &Vector, along: &Vector) -> Hit {
     let from = from - Vector::new(0.0, 0.0, height);
-    let t = entry(along.norm_squared(), from.dot(along), from.norm_squared() - radius * radius)?;
+    let t = smaller_root(along.norm_squared(), from.dot(along), from.norm_squared() - radius * radius)?;
     Some((t, (from + t * along) / radius))
 }
 
 /// The round side of a cylinder about z.
-fn meet_tube(radius: f64, half: f64, from: &Vector, along: &Vector) -> Hit {
+fn intersect_cylinder_side(radius: f64, half: f64, from: &Vector, along: &Vector) -> Hit {
     let (p, d) = (from.xy(), along.xy());
-    let t = entry(d.norm_squared(), p.dot(&d), p.norm_squared() - radius * radius)?;
+    let t = smaller_root(d.norm_squared(), p.dot(&d), p.norm_squared() - radius * radius)?;
     let at = from + t * along;
     (at.z.abs() <= half).then(|| (t, Vector::new(at.x, at.y, 0.0) / radius))
 }
 
 /// The flat end of a cylinder about z that faces the ray.
-fn meet_ends(radius: f64, half: f64, from: &Vector, along: &Vector) -> Hit {
+fn intersect_cylinder_cap(radius: f64, half: f64, from: &Vector, along: &Vector) -> Hit {
     let side = -along.z.signum();
     let t = (side * half - from.z) / along.z;
     let at = from + t * along;
@@ -85,7 +91,7 @@ fn meet_ends(radius: f64, half: f64, from: &Vector, along: &Vector) -> Hit {
 }
 
 /// The smaller root of `a t^2 + 2 b t + c`, if there are two.
-fn entry(a: f64, b: f64, c: f64) -> Option<f64> {
+fn smaller_root(a: f64, b: f64, c: f64) -> Option<f64> {
     let discriminant = b * b - a * c;
     (a > 0.0 && discriminant > 0.0).then(|| (-b - discriminant.sqrt()) / a)
 }
@@ -137,7 +143,7 @@ mod tests {
             }
             // What a ray only grazes, one may miss and the other not.
             prop_assume!((0..100).any(|k| distance(&shape, &(from + f64::from(k) / 50.0 * along)) < -0.01) || t >= 3.0);
-            match meet(&shape, &from, &along, 0.0) {
+            match intersect_ray(&shape, &from, &along, 0.0) {
                 Some((hit, normal)) => {
                     prop_assert!((hit - t).abs() < 1e-6, "{hit} for {t}");
                     prop_assert!((normal.norm() - 1.0).abs() < 1e-9);
@@ -150,7 +156,7 @@ mod tests {
         #[test]
         fn all_of_a_shape_is_within_its_reach(shape in shapes(), p in prop::array::uniform3(-2.0..2.0)) {
             let p = Vector::from(p);
-            prop_assert!(distance(&shape, &p) > 0.0 || p.norm() <= reach(&shape) + 1e-12);
+            prop_assert!(distance(&shape, &p) > 0.0 || p.norm() <= bounding_radius(&shape) + 1e-12);
         }
     }
 }

@@ -1,7 +1,7 @@
 //! What visitors of the pages and of rosbridge have to show, on the command line.
 
 use clap::Args;
-use proact_http::{Access, Listed, Right};
+use proact_http::{AccessConfig, AccessRight, AllowedAddress};
 use std::{
     error::Error,
     fs::File,
@@ -12,9 +12,9 @@ use std::{
 };
 
 /// Where a token is looked for that neither option gives.
-const VARIABLE: &str = "PROACT_TOKEN";
+const TOKEN_VARIABLE: &str = "PROACT_TOKEN";
 /// No token is as long, bytes.
-const MAX_FILE_BYTES: u64 = 4096;
+const MAX_TOKEN_FILE_BYTES: u64 = 4096;
 
 /// The token, and the names of this machine.
 #[derive(Clone, Debug, Args)]
@@ -33,22 +33,26 @@ pub(crate) struct AccessArgs {
 
 impl AccessArgs {
     /// A token was asked for on the command line.
-    pub(crate) fn asks_for_token(&self) -> bool {
+    pub(crate) fn requests_token(&self) -> bool {
         self.token.is_some() || self.token_file.is_some()
     }
 
     /// The token that was given, by option, file or environment.
-    fn given(&self) -> Result<Option<String>, Box<dyn Error>> {
+    fn resolve_token(&self) -> Result<Option<String>, Box<dyn Error>> {
         match (&self.token, &self.token_file) {
             (Some(token), _) => Ok(Some(token.clone())),
             (None, Some(file)) => Ok(Some(read_token(file)?)),
-            (None, None) => Ok(std::env::var(VARIABLE).ok().filter(|token| !token.is_empty())),
+            (None, None) => Ok(std::env::var(TOKEN_VARIABLE).ok().filter(|token| !token.is_empty())),
         }
     }
 
     /// Who may come to a server that only the given token guards.
-    pub(crate) fn access(&self, listed: Vec<Listed>) -> Result<Access, Box<dyn Error>> {
-        Ok(Access { listed, token: self.given()?, host_names: self.host_name.clone() })
+    pub(crate) fn access(&self, listed: Vec<AllowedAddress>) -> Result<AccessConfig, Box<dyn Error>> {
+        Ok(AccessConfig {
+            allowed_addresses: listed,
+            token: self.resolve_token()?,
+            host_names: self.host_name.clone(),
+        })
     }
 
     /// Who may come to a page at `bind`: where other machines can connect there always is a token, a new one if none was
@@ -56,8 +60,8 @@ impl AccessArgs {
     pub(crate) fn page_access(
         &self,
         bind: IpAddr,
-        listed: Vec<Listed>,
-    ) -> Result<(Access, bool), Box<dyn Error>> {
+        listed: Vec<AllowedAddress>,
+    ) -> Result<(AccessConfig, bool), Box<dyn Error>> {
         let mut access = self.access(listed)?;
         let given = access.token.is_some();
         if !given && !bind.is_loopback() {
@@ -68,15 +72,15 @@ impl AccessArgs {
 }
 
 /// `ADDRESS`, which may watch, or `ADDRESS=act`, which may act too.
-pub(crate) fn listed(text: &str) -> Result<Listed, String> {
+pub(crate) fn parse_allowed_address(text: &str) -> Result<AllowedAddress, String> {
     let (address, right) = match text.strip_suffix("=act") {
-        Some(address) => (address, Right::Act),
-        None => (text, Right::Watch),
+        Some(address) => (address, AccessRight::Control),
+        None => (text, AccessRight::View),
     };
     let address = address.parse().map_err(|_| {
         format!("{text:?} is no address; expected one such as 192.168.1.20, or 192.168.1.20=act")
     })?;
-    Ok(Listed { address, right })
+    Ok(AllowedAddress { address, right })
 }
 
 fn read_token(path: &Path) -> Result<String, Box<dyn Error>> {
@@ -92,7 +96,7 @@ fn read_token(path: &Path) -> Result<String, Box<dyn Error>> {
         .into());
     }
     let mut text = String::new();
-    file.take(MAX_FILE_BYTES).read_to_string(&mut text).map_err(failed)?;
+    file.take(MAX_TOKEN_FILE_BYTES).read_to_string(&mut text).map_err(failed)?;
     match text.trim() {
         "" => Err(format!("{} is empty; expected the token, one line", path.display()).into()),
         token => Ok(token.to_owned()),
@@ -119,10 +123,10 @@ mod tests {
     fn a_token_file_that_others_can_read_is_refused_with_what_to_do() {
         let file = std::env::temp_dir().join(format!("proact-token-{}", std::process::id()));
         std::fs::write(&file, "a-token-from-a-file\n").unwrap();
-        let asked = AccessArgs { token_file: Some(file.clone()), ..args() };
+        let args_given = AccessArgs { token_file: Some(file.clone()), ..args() };
         for (mode, fine) in [(0o644, false), (0o640, false), (0o602, false), (0o600, true), (0o400, true)] {
             std::fs::set_permissions(&file, Permissions::from_mode(mode)).unwrap();
-            match asked.given() {
+            match args_given.resolve_token() {
                 Ok(token) => assert!(fine && token.as_deref() == Some("a-token-from-a-file"), "{mode:o}"),
                 Err(error) => {
                     let text = error.to_string();
@@ -134,7 +138,7 @@ mod tests {
             }
         }
         std::fs::remove_file(&file).unwrap();
-        assert!(asked.given().unwrap_err().to_string().contains("cannot read"));
+        assert!(args_given.resolve_token().unwrap_err().to_string().contains("cannot read"));
     }
 
     #[test]
@@ -143,19 +147,19 @@ mod tests {
         assert_eq!(args().page_access(here, vec![]).unwrap().0.token, None);
         let (access, given) = args().page_access(all, vec![]).unwrap();
         assert!(!given && access.token.unwrap().len() == 32);
-        let asked = AccessArgs { token: Some("chosen-by-the-lab".to_owned()), ..args() };
+        let args_given = AccessArgs { token: Some("chosen-by-the-lab".to_owned()), ..args() };
         for bind in [here, all] {
-            let (access, given) = asked.page_access(bind, vec![]).unwrap();
+            let (access, given) = args_given.page_access(bind, vec![]).unwrap();
             assert!(given && access.token.as_deref() == Some("chosen-by-the-lab"));
         }
     }
 
     #[test]
     fn a_listed_address_watches_unless_it_says_act() {
-        assert_eq!(listed("192.168.1.20").unwrap().right, Right::Watch);
-        assert_eq!(listed("fe80::1=act").unwrap().right, Right::Act);
+        assert_eq!(parse_allowed_address("192.168.1.20").unwrap().right, AccessRight::View);
+        assert_eq!(parse_allowed_address("fe80::1=act").unwrap().right, AccessRight::Control);
         for bad in ["", "headset", "192.168.1.20=drive", "=act"] {
-            assert!(listed(bad).unwrap_err().contains("=act"), "{bad}");
+            assert!(parse_allowed_address(bad).unwrap_err().contains("=act"), "{bad}");
         }
     }
 }

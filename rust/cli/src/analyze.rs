@@ -2,17 +2,18 @@
 
 use crate::{
     announce::announce,
-    interrupt::{interrupt_flag, wait_for},
-    progress::bar,
+    interrupt::{interrupt_flag, wait_for_interrupt},
+    progress::progress_bar,
 };
 use clap::Args;
 use proact_app::{
     analysis::{self, ReportLibrary, ReportOptions},
-    answer, answer_json, intent_scores, tell,
+    intent_scores, print_result, print_result_json, print_status,
 };
 use proact_bridge::{PageOptions, PageServer, TrialLibrary};
 use proact_control::MethodRegistry;
 use proact_intent::IntentOptions;
+use proact_types::renamed_keys::{ConfigFile, rename_keys_in_toml};
 use serde_json::json;
 use std::{
     error::Error,
@@ -45,9 +46,9 @@ pub(crate) struct AnalyzeArgs {
     /// Score the models of intent instead: loss, calibration, time to correct
     #[arg(long)]
     intent: bool,
-    /// Options of the models, as TOML such as "sigma = 0.03"; by default each trial's own and the models' defaults
+    /// Options of the models, as TOML such as "gaze_sigma = 0.03"; by default each trial's own and the models' defaults
     #[arg(long, value_name = "FILE", requires = "intent")]
-    options: Option<PathBuf>,
+    intent_options: Option<PathBuf>,
     /// One JSON object on standard output
     #[arg(long)]
     json: bool,
@@ -73,16 +74,16 @@ pub(crate) fn command(methods: &MethodRegistry, args: &AnalyzeArgs) -> Result<bo
 fn report(methods: &MethodRegistry, args: &AnalyzeArgs) -> Result<(), Box<dyn Error>> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let jobs = args.jobs.map_or(cores, usize::from);
-    let scoring = bar(!args.json, 0, "{elapsed} {bar:40} {pos} of {len} trials scored");
+    let scoring = progress_bar(!args.json, 0, "{elapsed} {bar:40} {pos} of {len} trials scored");
     scoring.enable_steady_tick(std::time::Duration::from_millis(500));
     let out = args.out.clone().unwrap_or_else(|| analysis::report_folder(&args.dir));
     analysis::check_report_folder(&out)?;
-    let collected = analysis::collect(methods, &args.dir, jobs, &|done, all| {
+    let collected = analysis::collect_analysis_data(methods, &args.dir, jobs, &|done, all| {
         scoring.set_length(all as u64);
         scoring.set_position(done as u64);
     })?;
     scoring.finish_and_clear();
-    let drawing = bar(!args.json, 0, "{elapsed} {bar:40} {pos} of {len} figures");
+    let drawing = progress_bar(!args.json, 0, "{elapsed} {bar:40} {pos} of {len} figures");
     let written = analysis::report(
         &collected,
         &ReportOptions { out, seed: args.seed, leader_board: false },
@@ -95,12 +96,12 @@ fn report(methods: &MethodRegistry, args: &AnalyzeArgs) -> Result<(), Box<dyn Er
     if args.json {
         let object = json!({
             "tables": written.tables, "figures": written.figures, "report": written.page, "notes": written.notes,
-            "faults": collected.faults,
+            "faults": collected.implausible_cells,
         });
-        return Ok(answer_json(&object)?);
+        return Ok(print_result_json(&object)?);
     }
-    written.notes.iter().for_each(tell);
-    answer(format_args!(
+    written.notes.iter().for_each(print_status);
+    print_result(format_args!(
         "{} tables and {} figures of {} trials; open {}",
         written.tables.len(),
         written.figures.len(),
@@ -108,13 +109,13 @@ fn report(methods: &MethodRegistry, args: &AnalyzeArgs) -> Result<(), Box<dyn Er
         written.page.display()
     ))?;
     match args.page {
-        true => show(args, ReportLibrary::new(methods, &collected, written)?),
+        true => serve_report(args, ReportLibrary::new(methods, &collected, written)?),
         false => Ok(()),
     }
 }
 
 /// Serves the report and the replays of its trials until Ctrl-C.
-fn show(args: &AnalyzeArgs, library: ReportLibrary) -> Result<(), Box<dyn Error>> {
+fn serve_report(args: &AnalyzeArgs, library: ReportLibrary) -> Result<(), Box<dyn Error>> {
     // Any trial that can be shown has the arm and the scene that a page wants to begin with.
     let mut refusals = Vec::new();
     let content = (0..library.list().len()).find_map(|number| match library.trial(number) {
@@ -128,23 +129,24 @@ fn show(args: &AnalyzeArgs, library: ReportLibrary) -> Result<(), Box<dyn Error>
     let server = PageServer::start(PageOptions { port: args.port, ..PageOptions::default() }, content)?;
     server.set_trials(Arc::new(library))?;
     announce(&server, "report", !args.no_browser, false);
-    wait_for(&*interrupt_flag()?);
+    wait_for_interrupt(&*interrupt_flag()?);
     Ok(())
 }
 
 fn intent(methods: &MethodRegistry, args: &AnalyzeArgs) -> Result<bool, Box<dyn Error>> {
-    let options = args.options.as_deref().map(read_options).transpose()?;
-    let bar = bar(!args.json, 0, "{elapsed} {bar:40} {pos} of {len} trials  {msg}");
-    let report = intent_scores::intent(methods, &args.dir, options.as_ref(), |done, all, dir| {
-        bar.set_length(all as u64);
-        bar.set_position(done as u64);
-        bar.set_message(dir.display().to_string());
-    })?;
+    let options = args.intent_options.as_deref().map(read_options).transpose()?;
+    let bar = progress_bar(!args.json, 0, "{elapsed} {bar:40} {pos} of {len} trials  {msg}");
+    let report =
+        intent_scores::score_intent_models(methods, &args.dir, options.as_ref(), |done, all, dir| {
+            bar.set_length(all as u64);
+            bar.set_position(done as u64);
+            bar.set_message(dir.display().to_string());
+        })?;
     bar.finish_and_clear();
     if args.json {
-        answer_json(&report)?;
+        print_result_json(&report)?;
     } else {
-        answer(report.to_string().trim_end())?;
+        print_result(report.to_string().trim_end())?;
     }
     Ok(report.skipped.is_empty())
 }
@@ -152,8 +154,10 @@ fn intent(methods: &MethodRegistry, args: &AnalyzeArgs) -> Result<bool, Box<dyn 
 fn read_options(path: &Path) -> Result<IntentOptions, Box<dyn Error>> {
     let named = |error: &dyn Error| format!("options of the intent models, {}: {error}", path.display());
     let text = fs::File::open(path)
-        .and_then(|file| proact_types::read_text(file, proact_types::MOST_TEXT_BYTES))
+        .and_then(|file| proact_types::read_text(file, proact_types::MAX_TEXT_BYTES))
         .map_err(|e| named(&e))?;
+    let (text, renamed) = rename_keys_in_toml(&text, ConfigFile::Trial, "intent").map_err(|e| named(&e))?;
+    proact_app::warn_of_renamed_keys(&renamed);
     let options: IntentOptions = toml::from_str(&text).map_err(|e| named(&e))?;
     options.check().map_err(|e| named(&e))?;
     Ok(options)

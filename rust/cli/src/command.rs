@@ -1,7 +1,8 @@
 use crate::{
-    analyze::AnalyzeArgs, bless::BlessArgs, demo::DemoArgs, doctor, emg::EmgCommand, export::ExportArgs,
-    interrupt::outlive_file_limits, localize::LocalizeCommand, method_files, model::ModelCommand, reference,
-    replay::ReplayArgs, serve::ServeArgs, shell, study::StudyCommand,
+    analyze::AnalyzeArgs, demo::DemoArgs, doctor, emg::EmgCommand, export::ExportArgs,
+    interrupt::ignore_file_size_signal, localize::LocalizeCommand, method_files, model::ModelCommand,
+    reference, renames, replay::ReplayArgs, serve::ServeArgs, shell, study::StudyCommand,
+    update_digests::UpdateDigestsArgs,
 };
 use clap::{
     Args, CommandFactory, FromArgMatches, Parser, Subcommand,
@@ -9,12 +10,12 @@ use clap::{
 };
 use proact_app::query::{self, QueryOptions};
 use proact_app::{
-    Registry, answer, answer_json,
+    Registry,
     libraries::{library_versions, set_source_commit},
-    tell,
+    print_result, print_result_json, print_status,
 };
 use proact_bench::PlanningBench;
-use proact_files::{make_folder, write_whole};
+use proact_files::{make_folder, write_atomically};
 use proact_types::MethodInfo;
 use std::{
     collections::BTreeMap,
@@ -94,7 +95,7 @@ enum Command {
     /// Run a stage, or all of them, as a node on a ROS 1 graph
     Node(crate::node::NodeArgs),
     /// Make the digests of the repository's trials the committed ones of this platform
-    Bless(BlessArgs),
+    UpdateDigests(UpdateDigestsArgs),
     /// Calibrate where shoulder, headset and box are, from recorded poses
     Localize {
         /// One JSON object on standard output
@@ -146,15 +147,19 @@ struct BenchArgs {
     seed: Option<u64>,
     /// How long the stage planning searches, in seconds, before a goal counts as out of reach
     #[arg(long, value_name = "SECONDS", default_value_t = 30.0)]
-    settle: f64,
+    reachability_timeout: f64,
     /// Folder for the charts of the stage growth
     #[arg(long, value_name = "DIR")]
     charts: Option<PathBuf>,
 }
 
 impl BenchArgs {
-    fn problems(&self) -> PlanningBench {
-        PlanningBench::new(self.seed, self.problems.unwrap_or(PLANNING_PROBLEMS), Some(self.settle))
+    fn planning_bench(&self) -> PlanningBench {
+        PlanningBench::new(
+            self.seed,
+            self.problems.unwrap_or(PLANNING_PROBLEMS),
+            Some(self.reachability_timeout),
+        )
     }
 }
 
@@ -173,46 +178,47 @@ impl BenchArgs {
 /// }
 /// ```
 pub fn run(registry: impl Into<Registry>) -> ExitCode {
-    run_built_from(None, registry)
+    run_with_commit(None, registry)
 }
 
 /// As [`run`], for a program that knows the commit it was built from, which `--version` and its records say then.
-pub fn run_built_from(commit: Option<&str>, registry: impl Into<Registry>) -> ExitCode {
+pub fn run_with_commit(commit: Option<&str>, registry: impl Into<Registry>) -> ExitCode {
     if let Some(commit) = commit.filter(|commit| !commit.is_empty()) {
         set_source_commit(commit);
     }
     let mut registry = registry.into();
-    let words = match method_files::taken_from(registry.methods, std::env::args_os().collect()) {
+    let words = match method_files::register_method_files(registry.methods, std::env::args_os().collect()) {
         Ok((methods, words)) => {
             registry.methods = methods;
             words
         }
         Err(error) => {
-            tell(format_args!("proact: {error}"));
+            print_status(format_args!("proact: {error}"));
             return ExitCode::FAILURE;
         }
     };
-    let mut cli = offering(&registry);
+    let mut cli = build_command_line(&registry);
     // The libraries are looked for on the disk, which no other command waits for.
     if words.get(1).is_some_and(|word| word == "--version") {
         cli = cli.long_version(version(commit, &library_versions()));
     }
+    renames::rename_warnings(&cli, &words).iter().for_each(print_status);
     let parsed = cli.try_get_matches_from_mut(words).and_then(|words| Cli::from_arg_matches(&words));
     let command = match parsed {
         Ok(parsed) => parsed.command,
         // Help and version are printed too, and like every answer may find nobody to read them.
-        Err(told) => {
-            return match told.print() {
-                Ok(()) => u8::try_from(told.exit_code()).map_or(ExitCode::FAILURE, ExitCode::from),
+        Err(clap_error) => {
+            return match clap_error.print() {
+                Ok(()) => u8::try_from(clap_error.exit_code()).map_or(ExitCode::FAILURE, ExitCode::from),
                 Err(_) => ExitCode::FAILURE,
             };
         }
     };
-    match outlive_file_limits().map_err(Into::into).and_then(|()| act(&registry, command)) {
+    match ignore_file_size_signal().map_err(Into::into).and_then(|()| dispatch(&registry, command)) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
         Err(error) => {
-            tell(format_args!("proact: {error}"));
+            print_status(format_args!("proact: {error}"));
             ExitCode::FAILURE
         }
     }
@@ -225,8 +231,13 @@ fn version(commit: Option<&str>, libraries: &BTreeMap<&'static str, String>) -> 
     libraries.iter().fold(program, |text, (name, version)| format!("{text}\n{name} {version}"))
 }
 
-/// The command line with what `registry` has wherever something can be chosen.
-fn offering(registry: &Registry) -> clap::Command {
+/// The command line with what `registry` has wherever something can be chosen, and with the old names of what has a new one.
+fn build_command_line(registry: &Registry) -> clap::Command {
+    renames::accept_old_names(build_with_new_names(registry))
+}
+
+/// The same without old names.
+fn build_with_new_names(registry: &Registry) -> clap::Command {
     let value = |info: &MethodInfo| PossibleValue::new(info.name.clone()).help(info.title.clone());
     let methods: Vec<PossibleValue> =
         registry.methods.entries().iter().map(|entry| value(entry.info())).collect();
@@ -234,7 +245,7 @@ fn offering(registry: &Registry) -> clap::Command {
         lines.iter().fold(what.to_owned(), |text, (form, help)| format!("{text}\n  {form}: {help}"))
     };
     let source = |what: &str| {
-        let lines = registry.sources.schemes().iter().map(|scheme| (scheme.form(), scheme.help));
+        let lines = registry.sources.schemes().iter().map(|scheme| (scheme.syntax(), scheme.help));
         listed(what, lines.collect())
     };
     let sinks = registry.sinks.iter().map(|sink| (format!("{}{}", sink.scheme, sink.address), sink.help));
@@ -262,7 +273,7 @@ fn offering(registry: &Registry) -> clap::Command {
     })
 }
 
-fn act(registry: &Registry, command: Command) -> Result<bool, Box<dyn Error>> {
+fn dispatch(registry: &Registry, command: Command) -> Result<bool, Box<dyn Error>> {
     match command {
         Command::Demo(args) => crate::demo::demo(registry, &args),
         Command::Run(args) => crate::demo::run(registry, &args),
@@ -284,16 +295,16 @@ fn act(registry: &Registry, command: Command) -> Result<bool, Box<dyn Error>> {
                 }
                 make_folder(folder)?;
             }
-            let report = proact_bench::run(&args.stage, args.problems())?;
+            let report = proact_bench::run(&args.stage, args.planning_bench())?;
             for (folder, chart) in
                 args.charts.iter().flat_map(|folder| report.charts.iter().map(move |chart| (folder, chart)))
             {
-                write_whole(&folder.join(&chart.name).with_extension("svg"), &chart.svg)?;
+                write_atomically(&folder.join(&chart.name).with_extension("svg"), &chart.svg)?;
             }
             if args.json {
-                answer_json(&report)?;
+                print_result_json(&report)?;
             } else {
-                answer(report.to_string().trim_end())?;
+                print_result(report.to_string().trim_end())?;
             }
             Ok(true)
         }
@@ -305,16 +316,18 @@ fn act(registry: &Registry, command: Command) -> Result<bool, Box<dyn Error>> {
         Command::Analyze(args) => crate::analyze::command(&registry.methods, &args),
         Command::Export(args) => crate::export::command(&registry.methods, &args),
         Command::Node(args) => crate::node::command(registry, &args),
-        Command::Bless(args) => crate::bless::command(&args),
+        Command::UpdateDigests(args) => crate::update_digests::command(&args),
         Command::Doctor(args) => Ok(doctor::run(registry, &args)?),
-        Command::Completions(args) => shell::completions(&mut offering(registry), &args),
-        Command::Reference(args) => reference::command(offering(registry), &args),
-        Command::Man(args) => shell::man(offering(registry), &args),
+        Command::Completions(args) => shell::completions(&mut build_command_line(registry), &args),
+        Command::Reference(args) => reference::command(build_command_line(registry), &args),
+        Command::Man(args) => shell::man(build_command_line(registry), &args),
     }
 }
 
 #[cfg(test)]
 mod documents;
+#[cfg(test)]
+mod old_names;
 
 #[cfg(test)]
 mod tests {

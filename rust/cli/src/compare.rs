@@ -3,15 +3,14 @@
 use crate::{
     batch_args::{BatchArgs, BatchOutcome, BatchTrialArgs},
     interrupt::interrupt_flag,
-    progress::bar,
+    progress::progress_bar,
 };
 use clap::Args;
 use proact_app::{
     Registry,
     analysis::{self, ReportOptions, leader_board},
-    answer, answer_json,
-    batch::{Batch, ConditionSummary, MethodsBatch, NO_EVIDENCE, Sweep},
-    tell,
+    batch::{Batch, ConditionSummary, MethodsBatch, SIMULATED_DISCLAIMER, Sweep},
+    print_result, print_result_json, print_status,
 };
 use proact_types::Number;
 use serde_json::{Value, json};
@@ -21,7 +20,7 @@ use std::error::Error;
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  proact compare A B C D\n  proact compare C,D,mine.toml --participants 24 --trials 3 --out board\n  \
-    proact compare C D --people person --set participant.gaze_error_deg=3 --json\n\n\
+    proact compare C D --participant-kind person --set participant.gaze_error_deg=3 --json\n\n\
     Every method meets the same simulated people, the same blocks and the same seeds, each as if it were the first that a person \
     meets. A method of one's own is the TOML file that names its program (docs/methods). The folder has the trials as of proact \
     simulate --out, and in analysis/ a report as of proact analyze with the leader board first. Simulated participants are no \
@@ -55,13 +54,13 @@ pub(crate) fn command(registry: &Registry, args: CompareArgs) -> Result<bool, Bo
     let interrupted = interrupt_flag()?;
     let list = MethodsBatch {
         methods: args.methods,
-        common: args.trial.choice(),
+        common: args.trial.trial_options(),
         participants: args.participants as usize,
         trials: args.trials as usize,
         seed: args.batch.seed.unwrap_or(1),
     };
-    let batch = Batch::of_methods(&list, args.batch.people, Sweep::default())?;
-    let (dir, merged) = match args.batch.within("comparison").run(
+    let batch = Batch::of_methods(&list, args.batch.participant_kind, Sweep::default())?;
+    let (dir, merged) = match args.batch.with_default_out("comparison").run(
         registry,
         &batch,
         !args.json,
@@ -70,37 +69,37 @@ pub(crate) fn command(registry: &Registry, args: CompareArgs) -> Result<bool, Bo
         BatchOutcome::Merged(dir, merged) => (dir, merged),
         BatchOutcome::Shard(dir, shard, trials) => {
             let text = format!(
-                "all {trials} trials of shard {shard} are in {}; the report follows when the last shard is there. {NO_EVIDENCE}",
+                "all {trials} trials of shard {shard} are in {}; the report follows when the last shard is there. {SIMULATED_DISCLAIMER}",
                 dir.display()
             );
-            let object = json!({ "shard": shard.to_string(), "trials": trials, "out": dir, "merged": false, "note": NO_EVIDENCE });
+            let object = json!({ "shard": shard.to_string(), "trials": trials, "out": dir, "merged": false, "note": SIMULATED_DISCLAIMER });
             if args.json {
-                answer_json(&object)?;
+                print_result_json(&object)?;
             } else {
-                answer(text)?;
+                print_result(text)?;
             }
             return Ok(true);
         }
         BatchOutcome::Submitted(script, number) => {
-            let object = json!({ "script": script, "job": number, "note": NO_EVIDENCE });
+            let object = json!({ "script": script, "job": number, "note": SIMULATED_DISCLAIMER });
             let text =
                 format!("job {number} of Slurm, by {}; its last task writes the report", script.display());
             if args.json {
-                answer_json(&object)?;
+                print_result_json(&object)?;
             } else {
-                answer(text)?;
+                print_result(text)?;
             }
             return Ok(true);
         }
         // With a folder nothing is only summed up.
         BatchOutcome::Interrupted(_) | BatchOutcome::Summed(..) => {
-            tell("interrupted; the same command goes on where it was");
+            print_status("interrupted; the same command goes on where it was");
             return Ok(false);
         }
     };
-    let collected = analysis::collect(&registry.methods, &dir, 1, &|_, _| {})?;
+    let collected = analysis::collect_analysis_data(&registry.methods, &dir, 1, &|_, _| {})?;
     let options = ReportOptions { out: dir.join("analysis"), seed: list.seed, leader_board: true };
-    let drawing = bar(!args.json, 0, "{elapsed} {bar:40} {pos} of {len} figures");
+    let drawing = progress_bar(!args.json, 0, "{elapsed} {bar:40} {pos} of {len} figures");
     let written = analysis::report(&collected, &options, |done, all| {
         drawing.set_length(all as u64);
         drawing.set_position(done as u64);
@@ -110,37 +109,38 @@ pub(crate) fn command(registry: &Registry, args: CompareArgs) -> Result<bool, Bo
     let summaries = merged.tally.summaries();
     let all_counted = summaries.iter().all(|summary| summary.scores.is_some());
     let failed: Vec<&ConditionSummary> = summaries.iter().filter(|summary| summary.failed > 0).collect();
-    failed.iter().filter_map(|summary| summary.failed_line()).for_each(tell);
+    failed.iter().filter_map(|summary| summary.failed_line()).for_each(print_status);
+    summaries.iter().filter_map(ConditionSummary::idle_line).for_each(print_status);
     if args.json {
         let failed: Vec<Value> = failed
             .iter()
             .map(|own| json!({ "method": own.condition, "trials": own.failed, "failure": own.failure }))
             .collect();
         let object = json!({ "leaders": leaders, "failed": failed, "out": dir, "report": written.page, "tables": written.tables,
-            "figures": written.figures, "notes": written.notes, "lines": merged.lines, "note": NO_EVIDENCE });
-        answer_json(&object)?;
+            "figures": written.figures, "notes": written.notes, "lines": merged.lines, "note": SIMULATED_DISCLAIMER });
+        print_result_json(&object)?;
         return Ok(all_counted);
     }
-    answer("     method      mean  [95 % interval]    sd   all   none  better than the next")?;
+    print_result("     method      mean  [95 % interval]    sd   all   none  better than the next")?;
     for leader in &leaders {
         let interval = leader
             .interval
             .map_or_else(String::new, |i| format!("[{:.2}, {:.2}]", Number(i.low), Number(i.high)));
         let sd = leader.scores.sd.map_or_else(|| "-".to_owned(), |sd| format!("{sd:.2}"));
-        let next = leader.over_next.as_ref().map_or_else(String::new, |next| next.to_string());
-        answer(format_args!(
+        let next = leader.versus_next.as_ref().map_or_else(String::new, |next| next.to_string());
+        print_result(format_args!(
             "{:>3}. {:10} {:5.2}  {interval:15} {sd:>5} {:4.0} % {:4.0} %  {next}",
-            leader.place,
+            leader.rank,
             leader.method,
             leader.scores.mean,
-            leader.at_most * 100.0,
-            leader.at_zero * 100.0
+            leader.top_score_fraction * 100.0,
+            leader.zero_score_fraction * 100.0
         ))?;
     }
     for own in failed.iter().filter(|own| own.scores.is_none()) {
         let reason = own.failure.as_deref().unwrap_or_default();
-        answer(format_args!("   - {:10} failed, all {} trials: {reason}", own.condition, own.failed))?;
+        print_result(format_args!("   - {:10} failed, all {} trials: {reason}", own.condition, own.failed))?;
     }
-    answer(format_args!("{NO_EVIDENCE} Open {}", written.page.display()))?;
+    print_result(format_args!("{SIMULATED_DISCLAIMER} Open {}", written.page.display()))?;
     Ok(all_counted)
 }

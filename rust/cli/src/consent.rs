@@ -8,18 +8,14 @@ use std::{
 };
 
 /// Longest answer that is looked at, bytes.
-const LONGEST_ANSWER: usize = 1000;
+const MAX_ANSWER_BYTES: usize = 1000;
 
 /// Whether the programs that `config`, from `file`, names may be started: if `allowed` on the command line, or if somebody at
 /// the terminal says yes to each.
 ///
 /// # Errors
 /// Nobody consented; the first such command is shown.
-pub(crate) fn to_the_commands_of(
-    config: &TrialConfig,
-    file: &str,
-    allowed: bool,
-) -> Result<(), Box<dyn Error>> {
+pub(crate) fn require_consent(config: &TrialConfig, file: &str, allowed: bool) -> Result<(), Box<dyn Error>> {
     if allowed {
         return Ok(());
     }
@@ -29,28 +25,28 @@ pub(crate) fn to_the_commands_of(
     ];
     for (section, command) in named {
         let Some(command) = command else { continue };
-        let command = shown(command);
+        let command = quote_command(command);
         if !(io::stdin().is_terminal() && io::stderr().is_terminal()) {
-            return Err(refusal(file, section, &command).into());
+            return Err(refusal_text(file, section, &command).into());
         }
-        asked(file, section, &command, &mut io::stdin().lock(), &mut io::stderr())?;
+        ask_at_terminal(file, section, &command, &mut io::stdin().lock(), &mut io::stderr())?;
     }
     Ok(())
 }
 
 /// The words as they reach the program; what a terminal would act upon is spelt out.
-fn shown(command: &[String]) -> String {
+fn quote_command(command: &[String]) -> String {
     command.iter().map(|word| format!("{word:?}")).collect::<Vec<_>>().join(" ")
 }
 
-fn refusal(file: &str, section: &str, command: &str) -> String {
+fn refusal_text(file: &str, section: &str, command: &str) -> String {
     format!(
         "{file} would start the program {command} ({section}.command), with all rights that you have: read it, \
          then add --allow-command, or take the section out of the file"
     )
 }
 
-fn asked(
+fn ask_at_terminal(
     file: &str,
     section: &str,
     command: &str,
@@ -63,9 +59,9 @@ fn asked(
     )?;
     terminal.flush()?;
     let mut line = Vec::new();
-    let read = read_line(answers, LONGEST_ANSWER, &mut line)?;
+    let read = read_line(answers, MAX_ANSWER_BYTES, &mut line)?;
     let yes = line.trim_ascii().eq_ignore_ascii_case(b"y") || line.trim_ascii().eq_ignore_ascii_case(b"yes");
-    if read == LineRead::Whole && yes { Ok(()) } else { Err(refusal(file, section, command).into()) }
+    if read == LineRead::Complete && yes { Ok(()) } else { Err(refusal_text(file, section, command).into()) }
 }
 
 #[cfg(test)]
@@ -74,7 +70,7 @@ mod tests {
 
     #[test]
     fn only_a_yes_starts_the_command_and_it_is_shown_without_control_characters() {
-        let command = shown(&["sh".to_owned(), "-c".to_owned(), "\x1b[2Jrm".to_owned()]);
+        let command = quote_command(&["sh".to_owned(), "-c".to_owned(), "\x1b[2Jrm".to_owned()]);
         assert_eq!(command, "\"sh\" \"-c\" \"\\u{1b}[2Jrm\"");
         for (answer, consents) in [
             ("y\n", true),
@@ -85,8 +81,9 @@ mod tests {
             ("yesterday\n", false),
         ] {
             let mut terminal = Vec::new();
-            let asked = asked("x.toml", "method_process", &command, &mut answer.as_bytes(), &mut terminal);
-            assert_eq!(asked.is_ok(), consents, "{answer:?}");
+            let consent =
+                ask_at_terminal("x.toml", "method_process", &command, &mut answer.as_bytes(), &mut terminal);
+            assert_eq!(consent.is_ok(), consents, "{answer:?}");
             let text = String::from_utf8(terminal).unwrap();
             assert!(text.contains(&command) && text.ends_with("[y/N] "), "{text}");
         }

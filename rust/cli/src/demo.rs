@@ -1,25 +1,25 @@
 use crate::{
-    announce::{announce, print_result},
+    announce::{announce, print_trial_result},
     consent,
-    emg::{FaultArgs, recorded::answer_refusal},
+    emg::{FaultArgs, recording_checks::print_refused_findings},
     interrupt::interrupt_flag,
-    person_args::{FeedbackArgs, MocapArgs, VmplArgs},
-    progress::bar,
+    progress::progress_bar,
     rosbridge_args::RosbridgeArgs,
-    serve::{after_demo, free_dir},
+    serve::{serve_after_demo, unused_dir},
     trial_args::TrialArgs,
+    user_device_args::{FeedbackArgs, MocapArgs, VmplArgs},
 };
 use clap::Args;
 use proact_app::{
-    Arm, Audience, CardTally, Recorder, Registry, ResultCards, Rosbridge, TrackedShoulder, answer_json,
-    default_dir, page_content, run_to_end, tell, tell_faults,
+    Arm, Recorder, Registry, ResultCardCounter, ResultCards, Rosbridge, RunOutputs, TrackedShoulder,
+    default_dir, page_content, print_faults, print_result_json, print_status, run_to_end,
     trial::{self, Assembly},
 };
-use proact_bridge::{AfterTrial, ClientInput, PageContent, PageOptions, PageServer};
+use proact_bridge::{ClientInput, PageContent, PageOptions, PageServer, PostTrialAction};
 use proact_devices::{EmgOrigin, FeedbackSinks, findings_json};
 use proact_emg::{EmgConfig, EmgModel};
-use proact_testbed::{ResultFault, ResultFaultKind, Session, TrialConfig, TrialEnd, TrialResult};
-use proact_types::{MOST_TEXT_BYTES, read_text};
+use proact_testbed::{RunningTrial, TrialConfig, TrialEnd, TrialResult};
+use proact_types::{MAX_TEXT_BYTES, read_text};
 use std::{
     error::Error,
     path::{Path, PathBuf},
@@ -34,7 +34,7 @@ use std::{
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  proact demo\n  proact demo --headless --seed 7 --json\n  \
     proact demo --like minivie\n  \
-    proact demo --emg recordings/ --emg-train 0,1 --emg-feed 2\n\n\
+    proact demo --emg recordings/ --emg-train-repetitions 0,1 --emg-test-repetitions 2\n\n\
     EMG comes from a generator unless --emg names a folder of recordings. `--setup still` keeps the shoulder still. \
     With --mocap a tracked shoulder takes the place of the participant's, in real time. \
     The trial begins when a page has drawn it, or after 10 s. Ctrl-C ends the trial and closes its record; the exit code is \
@@ -50,17 +50,17 @@ pub(crate) struct DemoArgs {
     emg_rate: Option<f64>,
     /// Repetitions to train on
     #[arg(long, value_name = "REPS", value_delimiter = ',', default_value = "0,1")]
-    emg_train: Vec<u32>,
+    emg_train_repetitions: Vec<u32>,
     /// Repetitions to feed during the trial
     #[arg(long, value_name = "REPS", value_delimiter = ',', default_value = "2")]
-    emg_feed: Vec<u32>,
+    emg_test_repetitions: Vec<u32>,
     /// Complete gestures that the recordings lack
     #[arg(long, value_name = "WITH", value_parser = ["synthetic"])]
-    emg_fill: Option<String>,
+    fill_missing: Option<String>,
     #[command(flatten)]
     faults: FaultArgs,
     #[command(flatten)]
-    how: RunHow,
+    run_options: RunOptions,
 }
 
 /// Arguments of `proact run`.
@@ -87,12 +87,12 @@ pub(crate) struct RunArgs {
     #[arg(long)]
     allow_command: bool,
     #[command(flatten)]
-    how: RunHow,
+    run_options: RunOptions,
 }
 
 /// How a trial is run.
 #[derive(Debug, Args)]
-struct RunHow {
+struct RunOptions {
     /// Model of the EMG, as `proact emg train` writes it; without it one is trained on the spot
     #[arg(long, value_name = "FILE")]
     emg_model: Option<PathBuf>,
@@ -116,7 +116,7 @@ struct RunHow {
     no_browser: bool,
     /// Leave when the trial is over instead of keeping the page up
     #[arg(long)]
-    exit: bool,
+    no_wait: bool,
     #[command(flatten)]
     feedback: FeedbackArgs,
     #[command(flatten)]
@@ -127,62 +127,76 @@ struct RunHow {
     rosbridge: RosbridgeArgs,
 }
 
-impl RunHow {
+impl RunOptions {
     /// The shoulder that motion capture sees, if a source was named, for the first trial.
-    fn shoulder(
+    fn open_tracked_shoulder(
         &self,
         registry: &Registry,
-        session: &Session,
+        trial: &RunningTrial,
     ) -> Result<Option<TrackedShoulder>, Box<dyn Error>> {
-        if self.mocap.controller().is_some() {
+        if self.mocap.shoulder_controller().is_some() {
             return Err(
                 "a headset's controller is heard of by the page of a person who drives: use proact serve"
                     .into(),
             );
         }
-        let mut shoulder = self.mocap.open(registry)?;
+        let mut shoulder = self.mocap.open_shoulder(registry)?;
         if let Some(shoulder) = &mut shoulder {
-            shoulder.measure_reach(session);
+            shoulder.measure_reach(trial);
         }
         Ok(shoulder)
     }
 
     /// The model of the EMG, if one was named.
-    fn trained(&self) -> Result<Option<EmgModel>, Box<dyn Error>> {
-        self.emg_model.as_deref().map(proact_app::source::read_model_file).transpose()
+    fn read_emg_model(&self) -> Result<Option<EmgModel>, Box<dyn Error>> {
+        self.emg_model.as_deref().map(proact_app::emg_model_file::read_model_file).transpose()
     }
 }
 
 pub(crate) fn demo(registry: &Registry, args: &DemoArgs) -> Result<bool, Box<dyn Error>> {
+    if args.emg.is_some()
+        && let Some(both) = args
+            .emg_train_repetitions
+            .iter()
+            .find(|repetition| args.emg_test_repetitions.contains(repetition))
+    {
+        print_status(format_args!(
+            "repetition {both} is both trained on and fed: the trial tells nothing of how well new ones are recognized; name \
+             different ones with --emg-train-repetitions and --emg-test-repetitions"
+        ));
+    }
     let source = match &args.emg {
         None => EmgOrigin::Synthetic,
         Some(dir) => EmgOrigin::Recording {
             dir: dir.clone(),
             rate_hz: args.emg_rate,
-            train_reps: args.emg_train.clone(),
-            feed_reps: args.emg_feed.clone(),
-            fill: args.emg_fill.is_some(),
+            train_reps: args.emg_train_repetitions.clone(),
+            feed_reps: args.emg_test_repetitions.clone(),
+            fill: args.fill_missing.is_some(),
             faults: args.faults.policy(),
         },
     };
-    let trained = args.how.trained()?;
+    let trained = args.run_options.read_emg_model()?;
     let emg = match &trained {
         _ if !args.trial.sets_emg()? => None,
         Some(model) => Some(EmgConfig { liveness: model.liveness(None), ..model.config.clone() }),
         None => Some(proact_devices::default_config(&source)?),
     };
     let (arm, config) = args.trial.config(&registry.methods, "seated", emg)?;
-    let shown = Shown { arm, config, source, trained };
-    shown.run(registry, Some(&args.trial), &args.how)
+    let demo_trial = DemoTrial { arm, config, source, emg_model: trained };
+    demo_trial.run(registry, Some(&args.trial), &args.run_options)
 }
 
 pub(crate) fn run(registry: &Registry, args: &RunArgs) -> Result<bool, Box<dyn Error>> {
     let text =
-        std::fs::File::open(&args.config).and_then(|file| read_text(file, MOST_TEXT_BYTES)).map_err(|e| {
+        std::fs::File::open(&args.config).and_then(|file| read_text(file, MAX_TEXT_BYTES)).map_err(|e| {
             format!("cannot read {}: {e}; give a trial configuration (TOML)", args.config.display())
         })?;
-    let config = TrialConfig::from_toml(&text).map_err(|e| format!("{}: {e}", args.config.display()))?;
-    consent::to_the_commands_of(&config, &args.config.display().to_string(), args.allow_command)?;
+    let mut renamed = Vec::new();
+    let config = TrialConfig::from_toml_noting(&text, &mut renamed);
+    proact_app::warn_of_renamed_keys(&renamed);
+    let config = config.map_err(|e| format!("{}: {e}", args.config.display()))?;
+    consent::require_consent(&config, &args.config.display().to_string(), args.allow_command)?;
     let source = args
         .emg
         .as_ref()
@@ -190,29 +204,29 @@ pub(crate) fn run(registry: &Registry, args: &RunArgs) -> Result<bool, Box<dyn E
         .with_faults(args.faults.policy());
     let (arm, config) = match &args.arm {
         Some(name) => {
-            let arm = Arm::named(name)?;
+            let arm = Arm::load(name)?;
             let other = arm.pinned().name != config.arm.name;
             // An arm of that name must be the one that is meant; another one brings its own set-up.
             let config = if other { config.with_arm(arm.pinned(), arm.model()) } else { config };
             (arm, config)
         }
-        None => (Arm::recorded(args.config.parent().unwrap_or(Path::new(".")), &config)?, config),
+        None => (Arm::from_record(args.config.parent().unwrap_or(Path::new(".")), &config)?, config),
     };
-    let shown = Shown { arm, config, source, trained: args.how.trained()? };
-    shown.run(registry, None, &args.how)
+    let demo_trial = DemoTrial { arm, config, source, emg_model: args.run_options.read_emg_model()? };
+    demo_trial.run(registry, None, &args.run_options)
 }
 
 /// A trial with a simulated participant.
-struct Shown {
+struct DemoTrial {
     arm: Arm,
     config: TrialConfig,
     source: EmgOrigin,
-    trained: Option<EmgModel>,
+    emg_model: Option<EmgModel>,
 }
 
 /// The result of a trial with what was found in its recordings.
 #[derive(serde::Serialize)]
-struct Answered<'a> {
+struct DemoResult<'a> {
     #[serde(flatten)]
     result: &'a TrialResult,
     findings: serde_json::Value,
@@ -220,46 +234,47 @@ struct Answered<'a> {
 }
 
 /// What outlives one showing.
-struct Room {
+struct DemoContext {
     page: Option<PageServer>,
-    around: Option<(Option<Rosbridge>, FeedbackSinks, Option<TrackedShoulder>)>,
+    peripherals: Option<(Option<Rosbridge>, FeedbackSinks, Option<TrackedShoulder>)>,
     cards: ResultCards,
-    offers: Vec<AfterTrial>,
+    offers: Vec<PostTrialAction>,
     interrupted: Arc<AtomicBool>,
 }
 
-impl Shown {
-    /// Runs it, as often as the page asks for. The page may then ask to drive by what `asked` says, if that is known.
+impl DemoTrial {
+    /// Runs it, as often as the page asks for. The page may then ask to drive by what `trial_args` says, if that is known.
     fn run(
         &self,
         registry: &Registry,
-        asked: Option<&TrialArgs>,
-        how: &RunHow,
+        trial_args: Option<&TrialArgs>,
+        how: &RunOptions,
     ) -> Result<bool, Box<dyn Error>> {
-        let mut offers = vec![AfterTrial::WatchAgain];
-        offers.extend(asked.map(|_| AfterTrial::Drive));
+        let mut offers = vec![PostTrialAction::WatchAgain];
+        offers.extend(trial_args.map(|_| PostTrialAction::Drive));
         let cards = ResultCards::default();
-        let mut room = Room { page: None, around: None, cards, offers, interrupted: interrupt_flag()? };
+        let mut context =
+            DemoContext { page: None, peripherals: None, cards, offers, interrupted: interrupt_flag()? };
         loop {
-            let result = self.once(registry, how, &mut room)?;
-            let Room { page, interrupted, .. } = &mut room;
+            let result = self.run_once(registry, how, &mut context)?;
+            let DemoContext { page, interrupted, .. } = &mut context;
             let ended = Ok(result.ended != TrialEnd::Interrupt && !failed_or_idle(&result));
-            let Some(shown) = page.as_ref().filter(|_| !how.exit && !interrupted.load(Ordering::Relaxed))
+            let Some(shown) = page.as_ref().filter(|_| !how.no_wait && !interrupted.load(Ordering::Relaxed))
             else {
                 return ended;
             };
-            tell(format_args!("the page stays at {} until Ctrl-C", shown.url()));
-            match (wait_for_wish(shown, interrupted), asked) {
+            print_status(format_args!("the page stays at {} until Ctrl-C", shown.url()));
+            match (wait_for_page_request(shown, interrupted), trial_args) {
                 (None, _) => return ended,
-                (Some(AfterTrial::Drive), Some(asked)) => {
+                (Some(PostTrialAction::Drive), Some(trial_args)) => {
                     let Some(page) = page.take() else { return ended };
-                    return after_demo(
+                    return serve_after_demo(
                         registry,
-                        asked.clone(),
+                        trial_args.clone(),
                         !how.no_record,
                         page,
-                        room.cards,
-                        &room.interrupted,
+                        context.cards,
+                        &context.interrupted,
                     );
                 }
                 (Some(_), _) => {}
@@ -268,54 +283,60 @@ impl Shown {
     }
 
     /// Shows it once.
-    fn once(
+    fn run_once(
         &self,
         registry: &Registry,
-        how: &RunHow,
-        room: &mut Room,
+        how: &RunOptions,
+        context: &mut DemoContext,
     ) -> Result<TrialResult, Box<dyn Error>> {
-        let Shown { arm, config, source, trained } = self;
+        let DemoTrial { arm, config, source, emg_model: trained } = self;
         let mut config = config.clone();
-        how.mocap.used(registry)?.seat(&mut config.setup);
-        let Assembly { session, classifier, plans, findings, .. } =
-            trial::simulated_with(&registry.methods, arm, config, source, trained.as_ref())
-                .inspect_err(|error| answer_refusal(error, how.json))?;
-        let config = session.testbed().config().clone();
+        how.mocap.load_calibrations(registry)?.place_person(&mut config.setup);
+        let Assembly { trial, classifier, plans, recording_faults: findings, .. } =
+            trial::simulated_trial_with_model(&registry.methods, arm, config, source, trained.as_ref())
+                .inspect_err(|error| print_refused_findings(error, how.json))?;
+        let config = trial.testbed().config().clone();
         let dir = (!how.no_record).then(|| how.out.clone().unwrap_or_else(|| default_dir(&config)));
         // The first time a place that is taken is refused.
-        let dir = if room.page.is_some() { dir.map(free_dir) } else { dir };
+        let dir = if context.page.is_some() { dir.map(unused_dir) } else { dir };
         let recorder = match &dir {
             Some(dir) => Some(Recorder::create(dir, &config, arm, classifier.as_ref())?.with_plans(plans)?),
             None => None,
         };
-        match &room.page {
-            Some(page) => page.set_content(content(registry, &session, arm))?,
+        match &context.page {
+            Some(page) => page.set_content(demo_content(registry, &trial, arm))?,
             None if how.headless => {}
-            None => room.page = Some(open_page(registry, &session, arm, how)?),
+            None => context.page = Some(open_page(registry, &trial, arm, how)?),
         }
-        let (rosbridge, feedback, shoulder) = match room.around.take() {
+        let (rosbridge, feedback, shoulder) = match context.peripherals.take() {
             None => (
-                how.rosbridge.open(&session)?,
+                how.rosbridge.open(&trial)?,
                 how.feedback.open(&registry.sinks)?,
-                how.shoulder(registry, &session)?,
+                how.open_tracked_shoulder(registry, &trial)?,
             ),
             Some((rosbridge, feedback, mut shoulder)) => {
-                rosbridge.as_ref().map_or(Ok(()), |rosbridge| rosbridge.restart(&session))?;
+                rosbridge.as_ref().map_or(Ok(()), |rosbridge| rosbridge.restart(&trial))?;
                 shoulder.iter_mut().for_each(TrackedShoulder::restart);
                 (rosbridge, feedback, shoulder)
             }
         };
-        let vmpl = how.vmpl.open(&session)?;
-        let limit_ms = (session.testbed().config().limit_secs * 1e3) as u64;
-        let bar = bar(!how.json, limit_ms, "{elapsed} {bar:40} {pos} of at most {len} ms  {msg}");
-        let briefing = session.testbed().task().briefing().clone();
-        let mut tally = CardTally::default();
-        let page = room.page.as_ref();
-        let mut audience =
-            Audience { page, inputs: None, rosbridge, shoulder, feedback, interrupted: &room.interrupted };
-        let result = run_to_end(session, recorder, &mut audience, dir.as_deref(), |step, _| {
+        let vmpl = how.vmpl.open(&trial)?;
+        let limit_ms = (trial.testbed().config().limit_secs * 1e3) as u64;
+        let bar = progress_bar(!how.json, limit_ms, "{elapsed} {bar:40} {pos} of at most {len} ms  {msg}");
+        let briefing = trial.testbed().task().briefing().clone();
+        let mut card_counter = ResultCardCounter::default();
+        let page = context.page.as_ref();
+        let mut outputs = RunOutputs {
+            page,
+            inputs: None,
+            rosbridge,
+            shoulder,
+            feedback,
+            interrupted: &context.interrupted,
+        };
+        let result = run_to_end(trial, recorder, &mut outputs, dir.as_deref(), |step, _| {
             let Some(frame) = &step.frame else { return };
-            tally.add(frame);
+            card_counter.add(frame);
             if let Some(vmpl) = &vmpl {
                 vmpl.send(&frame.joints);
             }
@@ -323,38 +344,44 @@ impl Shown {
             bar.set_message(format!("{} {}", frame.score, briefing.score_name));
         })?;
         bar.finish_and_clear();
-        room.around = Some((audience.rosbridge, audience.feedback, audience.shoulder));
+        context.peripherals = Some((outputs.rosbridge, outputs.feedback, outputs.shoulder));
         if let Some(page) = page {
-            room.cards.show(page, briefing.most, &result, "Simulated participant", tally, &room.offers);
+            context.cards.show(
+                page,
+                briefing.max_score,
+                &result,
+                "Simulated participant",
+                card_counter,
+                &context.offers,
+            );
         }
-        tell_faults(&result);
+        print_faults(&result);
         if how.json {
             let findings = findings_json(&findings);
             let answered =
-                Answered { result: &result, findings, accepted_faults: &config.emg_accepted_faults };
-            answer_json(&answered)?;
+                DemoResult { result: &result, findings, accepted_faults: &config.emg_accepted_faults };
+            print_result_json(&answered)?;
         } else {
-            print_result(&result)?;
+            print_trial_result(&result)?;
         }
         Ok(result)
     }
 }
 
-/// Whether a part in another process failed, or was a method that never acted.
+/// Whether a part in another process failed, or never acted.
 fn failed_or_idle(result: &TrialResult) -> bool {
-    let idle = |fault: &ResultFault| fault.kind == ResultFaultKind::NeverActed;
-    result.ended == TrialEnd::Failed || result.trial_faults.iter().any(idle)
+    result.ended == TrialEnd::Failed || result.never_acted().is_some()
 }
 
 /// What the page asks for after a trial; none when the command is ended.
-fn wait_for_wish(page: &PageServer, interrupted: &AtomicBool) -> Option<AfterTrial> {
+fn wait_for_page_request(page: &PageServer, interrupted: &AtomicBool) -> Option<PostTrialAction> {
     while !interrupted.load(Ordering::Relaxed) {
-        let wish = page.drain_inputs().into_iter().find_map(|input| match input {
-            ClientInput::After(wish) => Some(wish),
+        let next_action = page.drain_inputs().into_iter().find_map(|input| match input {
+            ClientInput::After(action) => Some(action),
             _ => None,
         });
-        if wish.is_some() {
-            return wish;
+        if next_action.is_some() {
+            return next_action;
         }
         std::thread::sleep(Duration::from_millis(20));
     }
@@ -362,24 +389,24 @@ fn wait_for_wish(page: &PageServer, interrupted: &AtomicBool) -> Option<AfterTri
 }
 
 /// What the page shows of a trial.
-fn content(registry: &Registry, session: &Session, arm: &Arm) -> PageContent {
-    let config = session.testbed().config();
+fn demo_content(registry: &Registry, trial: &RunningTrial, arm: &Arm) -> PageContent {
+    let config = trial.testbed().config();
     PageContent {
         title: format!("Method {}, simulated participant", config.method_label()),
-        methods: registry.methods.fitting(&config.profile, arm.model()),
-        ..page_content(session.testbed(), arm)
+        methods: registry.methods.compatible_methods(&config.profile, arm.model()),
+        ..page_content(trial.testbed(), arm)
     }
 }
 
 fn open_page(
     registry: &Registry,
-    session: &Session,
+    trial: &RunningTrial,
     arm: &Arm,
-    how: &RunHow,
+    how: &RunOptions,
 ) -> Result<PageServer, Box<dyn Error>> {
     let options = PageOptions { port: how.port, ..PageOptions::default() };
     let (access, secret) = how.rosbridge.access.page_access(options.bind, vec![])?;
-    let server = PageServer::start(PageOptions { access, ..options }, content(registry, session, arm))?;
+    let server = PageServer::start(PageOptions { access, ..options }, demo_content(registry, trial, arm))?;
     announce(&server, "", !how.no_browser, secret);
     Ok(server)
 }

@@ -10,7 +10,7 @@
 use clap::Args;
 use proact_app::{
     MocapAxes, Registry,
-    doctor::{Check, Status, examine, tracking},
+    doctor::{CheckStatus, DoctorCheck, run_checks, tracking},
 };
 use proact_devices::SourceName;
 use serde::Serialize;
@@ -39,11 +39,11 @@ pub(crate) struct DoctorArgs {
 /// # Errors
 /// Standard output cannot be written to.
 pub(crate) fn run(registry: &Registry, args: &DoctorArgs) -> io::Result<bool> {
-    let mut checks = examine(registry);
+    let mut checks = run_checks(registry);
     let axes = args.mocap_axes.unwrap_or_default();
     checks.extend(args.mocap.iter().map(|source| tracking(registry, source, axes)));
     let json = args.json;
-    let healthy = checks.iter().all(|check| check.status != Status::Fail);
+    let healthy = checks.iter().all(|check| check.status != CheckStatus::Fail);
     let mut out = io::stdout().lock();
     if json {
         write_json(&mut out, &checks, healthy)?;
@@ -53,36 +53,36 @@ pub(crate) fn run(registry: &Registry, args: &DoctorArgs) -> io::Result<bool> {
     Ok(healthy)
 }
 
-fn write_text(out: &mut impl Write, checks: &[Check]) -> io::Result<()> {
+fn write_text(out: &mut impl Write, checks: &[DoctorCheck]) -> io::Result<()> {
     for check in checks {
         let status = match check.status {
-            Status::Ok => "ok",
-            Status::Warn => "warn",
-            Status::Fail => "FAIL",
+            CheckStatus::Ok => "ok",
+            CheckStatus::Warn => "warn",
+            CheckStatus::Fail => "FAIL",
         };
         writeln!(out, "{status:<5} {:<18} {}", check.name, check.found)?;
         if !check.advice.is_empty() {
             writeln!(out, "{:<24} -> {}", "", check.advice)?;
         }
     }
-    let count = |wanted: Status| checks.iter().filter(|check| check.status == wanted).count();
+    let count = |wanted: CheckStatus| checks.iter().filter(|check| check.status == wanted).count();
     writeln!(
         out,
         "{} in order, {} to know about, {} that must be put right",
-        count(Status::Ok),
-        count(Status::Warn),
-        count(Status::Fail)
+        count(CheckStatus::Ok),
+        count(CheckStatus::Warn),
+        count(CheckStatus::Fail)
     )
 }
 
-fn write_json(out: &mut impl Write, checks: &[Check], healthy: bool) -> io::Result<()> {
+fn write_json(out: &mut impl Write, checks: &[DoctorCheck], healthy: bool) -> io::Result<()> {
     #[derive(Serialize)]
-    struct Report<'a> {
+    struct DoctorReport<'a> {
         version: &'a str,
         ok: bool,
-        checks: &'a [Check],
+        checks: &'a [DoctorCheck],
     }
-    let report = Report { version: env!("CARGO_PKG_VERSION"), ok: healthy, checks };
+    let report = DoctorReport { version: env!("CARGO_PKG_VERSION"), ok: healthy, checks };
     writeln!(out, "{}", proact_types::to_json(&report)?)
 }
 
@@ -90,13 +90,13 @@ fn write_json(out: &mut impl Write, checks: &[Check], healthy: bool) -> io::Resu
 mod tests {
     use super::*;
 
-    fn check(name: &str, status: Status, advice: &str) -> Check {
-        Check { name: name.to_owned(), status, found: "1".to_owned(), advice: advice.to_owned() }
+    fn check(name: &str, status: CheckStatus, advice: &str) -> DoctorCheck {
+        DoctorCheck { name: name.to_owned(), status, found: "1".to_owned(), advice: advice.to_owned() }
     }
 
     #[test]
     fn the_json_report_is_one_object_on_one_line() {
-        let checks = [check("a", Status::Ok, ""), check("b", Status::Fail, "do this")];
+        let checks = [check("a", CheckStatus::Ok, ""), check("b", CheckStatus::Fail, "do this")];
         let mut out = Vec::new();
         write_json(&mut out, &checks, false).expect("a vector takes everything");
         let text = String::from_utf8(out).expect("JSON is UTF-8");
@@ -109,7 +109,7 @@ mod tests {
 
     #[test]
     fn the_text_report_gives_advice_under_its_line_and_counts_them() {
-        let checks = [check("a", Status::Ok, ""), check("b", Status::Warn, "do this")];
+        let checks = [check("a", CheckStatus::Ok, ""), check("b", CheckStatus::Warn, "do this")];
         let mut out = Vec::new();
         write_text(&mut out, &checks).expect("a vector takes everything");
         let text = String::from_utf8(out).expect("the report is UTF-8");

@@ -1,32 +1,32 @@
 //! `proact emg`: what labs compare with their own tools, and live streams.
 
-mod band;
+mod band_check;
+mod calibration_page;
+mod calibration_ui;
 mod decoder_args;
-mod feed;
-mod page;
-pub(crate) mod recorded;
-mod screen;
+pub(crate) mod recording_checks;
 mod select;
 mod simulate;
 mod source_args;
 mod stream;
-mod test;
 mod train;
 mod train_args;
-mod trained;
+mod training_output;
+mod training_source;
+mod usability;
 mod usage;
 mod window_args;
 
 use clap::{Args, Subcommand};
-use proact_app::tell;
+use proact_app::print_status;
 use proact_devices::{
-    DeviceError, Recording, Recordings, SampleFile, SourceRegistry, accepted, evaluate, findings_json,
-    read_samples,
+    DeviceError, Recording, Recordings, SampleFile, SourceRegistry, accepted_fault_texts, evaluate,
+    findings_json, read_samples,
 };
-use proact_emg::{DriveScore, EmgConfig, FeatureVector, RecordedFault};
-use proact_files::{check_output, write_whole};
-use proact_types::{GestureName, Number};
-pub(crate) use recorded::FaultArgs;
+use proact_emg::{DriveScore, EmgConfig, FeatureVector, RecordingFault};
+use proact_files::{check_output, write_atomically};
+use proact_types::{Gesture, Number};
+pub(crate) use recording_checks::FaultArgs;
 use std::{
     error::Error,
     io::{self, Write},
@@ -49,10 +49,10 @@ pub enum EmgCommand {
     /// Test whether a person can use a model: gestures in order, a longer trial, a cursor.
     #[command(after_help = "Examples:\n  proact emg test --model me.json --source ble\n  \
         proact emg test --model me.json --source ble --tests cursor --page")]
-    Test(Box<test::TestArgs>),
+    Test(Box<usability::EmgTestArgs>),
     /// Train on some repetitions of a recording, test on others.
     #[command(
-        after_help = "Example:\n  proact emg evaluate --data recordings/ --train-reps 0,1 --test-reps 2"
+        after_help = "Example:\n  proact emg evaluate --data recordings/ --train-repetitions 0,1 --test-repetitions 2"
     )]
     Evaluate(EvaluateArgs),
     /// Write the features of every window as CSV: one row a window, feature-major.
@@ -62,7 +62,7 @@ pub enum EmgCommand {
     Features(FeaturesArgs),
     /// Choose features by how well recordings are told apart with them.
     #[command(
-        after_help = "Example:\n  proact emg select --data recordings/ --features HTD,LS4,TDPSD --most 6"
+        after_help = "Example:\n  proact emg select --data recordings/ --features HTD,LS4,TDPSD --max-features 6"
     )]
     Select(select::SelectArgs),
     /// Recognise gestures live, from an armband, the simulator, a file, or LibEMG's classes.
@@ -70,17 +70,17 @@ pub enum EmgCommand {
         after_help = "Examples:\n  proact emg stream --source gforce-sim://127.0.0.1:7410 --data recordings/\n  \
         proact emg stream --source ble --data recordings/ --record today.edf\n  \
         proact emg stream --source lsl:MyAmplifier --model me.json --lsl ProACT\n  \
-        proact emg stream --source file:recordings/ --data recordings/ --flat-out --json\n\n\
+        proact emg stream --source file:recordings/ --data recordings/ --no-realtime --json\n\n\
         With --json: one line per decision, and lines with the key \"event\" for what else happens."
     )]
     Stream(Box<stream::StreamArgs>),
     /// Serve a gForce armband, byte for byte, that replays recordings with the faults of a radio.
     #[command(
-        after_help = "Example:\n  proact emg simulate --data recordings/ --reps 2 --gesture no_motion:2,hand_close:3 --loss 0.01"
+        after_help = "Example:\n  proact emg simulate --data recordings/ --repetitions 2 --gesture-sequence no_motion:2,hand_close:3 --loss-rate 0.01"
     )]
-    Simulate(simulate::SimulateArgs),
-    /// Tell days and hours of use from the log that `proact serve --use-log` keeps.
-    Use(usage::UseArgs),
+    Simulate(simulate::SimulateArmbandArgs),
+    /// Tell days and hours of use from the log that `proact serve --usage-log` keeps.
+    Usage(usage::UsageArgs),
 }
 
 /// Options of `proact emg evaluate`.
@@ -90,11 +90,11 @@ pub struct EvaluateArgs {
     #[arg(long)]
     data: PathBuf,
     /// Repetitions to train on.
-    #[arg(long, value_delimiter = ',', default_value = "0,1")]
-    train_reps: Vec<u32>,
+    #[arg(long, value_name = "REPS", value_delimiter = ',', default_value = "0,1")]
+    train_repetitions: Vec<u32>,
     /// Repetitions to test on.
-    #[arg(long, value_delimiter = ',', default_value = "2")]
-    test_reps: Vec<u32>,
+    #[arg(long, value_name = "REPS", value_delimiter = ',', default_value = "2")]
+    test_repetitions: Vec<u32>,
     #[command(flatten)]
     faults: FaultArgs,
     #[command(flatten)]
@@ -110,12 +110,12 @@ pub struct FeaturesArgs {
     /// One file of samples: a row a sample, a column a channel.
     #[arg(long)]
     csv: Option<PathBuf>,
-    /// Only these repetitions; with --test-reps, those follow. Default: all.
-    #[arg(long, value_delimiter = ',', conflicts_with = "csv")]
-    train_reps: Vec<u32>,
-    /// Only these repetitions, after those of --train-reps.
-    #[arg(long, value_delimiter = ',', conflicts_with = "csv")]
-    test_reps: Vec<u32>,
+    /// Only these repetitions; with --test-repetitions, those follow. Default: all.
+    #[arg(long, value_name = "REPS", value_delimiter = ',', conflicts_with = "csv")]
+    train_repetitions: Vec<u32>,
+    /// Only these repetitions, after those of --train-repetitions.
+    #[arg(long, value_name = "REPS", value_delimiter = ',', conflicts_with = "csv")]
+    test_repetitions: Vec<u32>,
     /// Begin with a row of column names.
     #[arg(long)]
     header: bool,
@@ -134,7 +134,7 @@ pub struct FeaturesArgs {
 /// Recordings that cannot be used, settings that cannot work, or output that cannot be written.
 pub(crate) fn run(sources: &SourceRegistry, command: &EmgCommand, json: bool) -> Result<(), Box<dyn Error>> {
     let done = run_command(sources, command, json);
-    done.inspect_err(|error| recorded::answer_refusal(error.as_ref(), json))
+    done.inspect_err(|error| recording_checks::print_refused_findings(error.as_ref(), json))
 }
 
 fn run_command(sources: &SourceRegistry, command: &EmgCommand, json: bool) -> Result<(), Box<dyn Error>> {
@@ -144,14 +144,14 @@ fn run_command(sources: &SourceRegistry, command: &EmgCommand, json: bool) -> Re
             args.out.as_deref().map_or(Ok(()), check_output)?;
             let text = features(args, json)?;
             if let Some(path) = &args.out {
-                return Ok(write_whole(path, &text)?);
+                return Ok(write_atomically(path, &text)?);
             }
             text
         }
         EmgCommand::Select(args) => select::text(args, json)?,
-        EmgCommand::Use(args) => usage::text(args, json)?,
+        EmgCommand::Usage(args) => usage::text(args, json)?,
         EmgCommand::Train(args) => return train::run(sources, args, json),
-        EmgCommand::Test(args) => return test::run(sources, args, json),
+        EmgCommand::Test(args) => return usability::run(sources, args, json),
         EmgCommand::Stream(args) => return stream::run(sources, args, json),
         EmgCommand::Simulate(args) => return simulate::run(args, json),
     };
@@ -165,8 +165,10 @@ fn run_command(sources: &SourceRegistry, command: &EmgCommand, json: bool) -> Re
 fn evaluation(args: &EvaluateArgs, json: bool) -> Result<String, Box<dyn Error>> {
     let recordings = args.window.open(&args.data)?;
     let config = args.window.config(recordings.rate_hz, recordings.channels, &recordings.imu)?;
-    let findings = args.faults.judge(&recordings, &[&args.train_reps[..], &args.test_reps].concat())?;
-    let result = evaluate(&recordings, &args.train_reps, &args.test_reps, &config)?;
+    let findings = args
+        .faults
+        .check_recordings(&recordings, &[&args.train_repetitions[..], &args.test_repetitions].concat())?;
+    let result = evaluate(&recordings, &args.train_repetitions, &args.test_repetitions, &config)?;
     if json {
         return with_findings(serde_json::to_value(&result)?, &findings);
     }
@@ -196,30 +198,36 @@ fn features(args: &FeaturesArgs, json: bool) -> Result<String, Box<dyn Error>> {
     let (config, windows, findings) = match (&args.csv, &args.data) {
         (Some(path), _) => {
             let SampleFile { samples, notes } = read_samples(path)?;
-            notes.iter().for_each(tell);
+            notes.iter().for_each(print_status);
             let channels = samples.first().map_or(0, |s| s.len());
             // Repetition and gesture have no bearing on features.
             let recording = Recording {
                 repetition: 0,
-                gesture: GestureName::default(),
+                gesture: Gesture::default(),
                 samples,
                 bridged: Vec::new(),
                 path: path.clone(),
             };
-            let rate_hz = args.window.rate_where_it_matters(recording.rate_hz(args.window.rate))?;
+            let rate_hz = args.window.rate_or_default(recording.rate_hz(args.window.rate_hz))?;
             let config = args.window.config(rate_hz, channels, &[])?;
-            let findings = recording.judge(rate_hz, args.faults.policy())?;
-            findings.iter().for_each(tell);
+            let findings = recording.check_faults(rate_hz, args.faults.policy())?;
+            findings.iter().for_each(print_status);
             (config.clone(), recording.windows(&config)?, findings)
         }
         (None, Some(dir)) => {
             let recordings = args.window.open(dir)?;
             let config = args.window.config(recordings.rate_hz, recordings.channels, &recordings.imu)?;
-            let findings =
-                args.faults.judge(&recordings, &[&args.train_reps[..], &args.test_reps].concat())?;
+            let findings = args.faults.check_recordings(
+                &recordings,
+                &[&args.train_repetitions[..], &args.test_repetitions].concat(),
+            )?;
             (
                 config.clone(),
-                windows_of(&recordings, &[&args.train_reps, &args.test_reps], &config)?,
+                windows_of_repetitions(
+                    &recordings,
+                    &[&args.train_repetitions, &args.test_repetitions],
+                    &config,
+                )?,
                 findings,
             )
         }
@@ -243,15 +251,15 @@ fn features(args: &FeaturesArgs, json: bool) -> Result<String, Box<dyn Error>> {
 /// An answer with what was found in its recordings, and what of it was accepted.
 fn with_findings(
     mut object: serde_json::Value,
-    findings: &[RecordedFault],
+    findings: &[RecordingFault],
 ) -> Result<String, Box<dyn Error>> {
     object["findings"] = findings_json(findings);
-    object["accepted_faults"] = accepted(findings).into();
+    object["accepted_faults"] = accepted_fault_texts(findings).into();
     Ok(proact_types::to_json(&object)? + "\n")
 }
 
 /// Windows of the repetitions named, in that order; of all, when none is.
-fn windows_of(
+fn windows_of_repetitions(
     recordings: &Recordings,
     reps: &[&[u32]],
     config: &EmgConfig,
@@ -319,7 +327,7 @@ mod tests {
             (select::text(&args, false).map_err(|e| e.to_string()), select::text(&args, true))
         };
         let window = "--window 20 --increment 10 --unit samples";
-        let (text, json) = run(&format!("select --features MAV,ZC,WL --most 2 {window}"));
+        let (text, json) = run(&format!("select --features MAV,ZC,WL --max-features 2 {window}"));
         let text = text.expect("good recordings");
         assert_eq!(text.lines().count(), 4, "{text}");
         assert!(text.lines().last().is_some_and(|line| line.starts_with("--features ")), "{text}");
@@ -369,7 +377,7 @@ mod tests {
             lines[1].split(',').all(|value| value.parse::<f64>().is_ok()) && lines[1].split(',').count() == 8
         );
 
-        let EmgCommand::Features(args) = with_data("features --train-reps 1", dir.path()) else {
+        let EmgCommand::Features(args) = with_data("features --train-repetitions 1", dir.path()) else {
             panic!("another command")
         };
         assert_eq!(features(&args, false).expect("good").lines().count(), 10);
@@ -427,9 +435,12 @@ mod tests {
         assert!(message("evaluate --window NaN").contains("NaN"));
         assert!(message("evaluate --emg-rate 0").contains("EMG rate is 0"));
         assert!(
-            message("evaluate --test-reps 5").contains("no repetition 5 of hand_close; there are 0, 1, 2")
+            message("evaluate --test-repetitions 5")
+                .contains("no repetition 5 of hand_close; there are 0, 1, 2")
         );
-        assert!(message("evaluate --test-reps 1,2").contains("repetition 1 is both trained and tested on"));
+        assert!(
+            message("evaluate --test-repetitions 1,2").contains("repetition 1 is both trained and tested on")
+        );
         let nowhere = dir.path().join("no/such/folder/f.csv");
         assert!(message(&format!("features --out {}", nowhere.display())).contains("cannot write"));
         let folder = dir.path().join("taken");

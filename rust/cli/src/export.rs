@@ -1,5 +1,5 @@
 use clap::Args;
-use proact_app::{answer, answer_json, export_xdf};
+use proact_app::{export_xdf, print_result, print_result_json};
 use proact_control::MethodRegistry;
 use std::{error::Error, path::PathBuf};
 
@@ -24,16 +24,16 @@ pub(crate) struct ExportArgs {
 pub(crate) fn command(methods: &MethodRegistry, args: &ExportArgs) -> Result<bool, Box<dyn Error>> {
     let exported = export_xdf(methods, &args.trial, &args.xdf)?;
     if args.json {
-        answer_json(&exported)?;
+        print_result_json(&exported)?;
         return Ok(true);
     }
     for stream in &exported.streams {
-        answer(format_args!(
+        print_result(format_args!(
             "{:<10} {:>8} samples of {:>3} channels",
             stream.name, stream.samples, stream.channels
         ))?;
     }
     let ended = if exported.finished { "" } else { ", interrupted" };
-    answer(format_args!("{:.3} s{ended}, in {}", exported.seconds, args.xdf.display()))?;
+    print_result(format_args!("{:.3} s{ended}, in {}", exported.seconds, args.xdf.display()))?;
     Ok(true)
 }

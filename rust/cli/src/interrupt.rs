@@ -14,10 +14,10 @@ use std::{
 };
 
 /// Exit code of a program that a second Ctrl-C ended, as shells count: 128 and the signal's number.
-const INTERRUPTED: i32 = 128 + SIGINT;
+const INTERRUPTED_EXIT_CODE: i32 = 128 + SIGINT;
 
 /// Blocks until the flag is raised.
-pub(crate) fn wait_for(interrupted: &AtomicBool) {
+pub(crate) fn wait_for_interrupt(interrupted: &AtomicBool) {
     while !interrupted.load(Ordering::Relaxed) {
         std::thread::sleep(Duration::from_millis(50));
     }
@@ -30,9 +30,9 @@ pub(crate) fn wait_for(interrupted: &AtomicBool) {
 /// The system refuses.
 pub(crate) fn interrupt_flag() -> io::Result<Arc<AtomicBool>> {
     let raised = Arc::new(AtomicBool::new(false));
-    flag::register_conditional_shutdown(SIGINT, INTERRUPTED, Arc::clone(&raised))?;
+    flag::register_conditional_shutdown(SIGINT, INTERRUPTED_EXIT_CODE, Arc::clone(&raised))?;
     for signal in [SIGINT, SIGTERM, SIGHUP] {
-        if signal != SIGHUP || !ignored(SIGHUP) {
+        if signal != SIGHUP || !is_signal_ignored(SIGHUP) {
             flag::register(signal, Arc::clone(&raised))?;
         }
     }
@@ -43,12 +43,12 @@ pub(crate) fn interrupt_flag() -> io::Result<Arc<AtomicBool>> {
 ///
 /// # Errors
 /// The system refuses.
-pub(crate) fn outlive_file_limits() -> io::Result<()> {
+pub(crate) fn ignore_file_size_signal() -> io::Result<()> {
     flag::register(SIGXFSZ, Arc::default()).map(|_| ())
 }
 
 /// Whether whoever started the program had it ignore a signal.
-fn ignored(signal: i32) -> bool {
+fn is_signal_ignored(signal: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);

@@ -3,16 +3,18 @@
 use crate::{interrupt::interrupt_flag, trial_args::TrialArgs};
 use clap::{Args, Subcommand};
 use proact_app::{
-    CALIBRATIONS_DIR, Calibrated, Calibrations, HEAD_BODY, MarkedHeadset, MocapAxes, PoseLog, ReachMap,
-    RecordedBodies, Registry, SavedCalibration, answer, answer_json, recorded_poses, tell,
+    CALIBRATIONS_DIR, CalibrationFile, Calibrations, HEAD_BODY, HeadsetMarkerCalibration, MocapAxes, PoseLog,
+    ReachMap, RecordedBodies, Registry, SavedCalibration, print_result, print_result_json, print_status,
+    recorded_poses,
 };
 use proact_devices::{
     SourceName,
-    motion_capture::{CaptureLink, OpenedCapture},
+    motion_capture::{CaptureStatus, OpenedCapture},
 };
 use proact_files::{check_folder, check_output};
 use proact_localization::{
-    CalibrationOptions, PlacementProfile, ShoulderCalibration, ShoulderOptions, calibrate, calibrate_shoulder,
+    HeadsetCalibrationOptions, PlacementProfile, ShoulderCalibration, ShoulderOptions, calibrate_headset,
+    calibrate_shoulder,
 };
 use proact_types::Number;
 use serde_json::{Value, json};
@@ -33,13 +35,13 @@ pub enum LocalizeCommand {
     )]
     Record(RecordArgs),
     /// Calibrate where the markers sit on a headset, from a minute of free head movement
-    #[command(after_help = "Example:\n  proact localize headset minute.csv --markers HololensSG\n\n\
+    #[command(after_help = "Example:\n  proact localize headset minute.csv --marker-body HololensSG\n\n\
         The exit code is 0 only if the verdict is good: then serve and study run use it.")]
     Headset(HeadsetArgs),
     /// Calibrate where the arm sits on the person, and where the box stands
     #[command(
         after_help = "Examples:\n  proact localize shoulder rest.csv --body Shoulderpad --heading-deg 90\n  \
-        proact localize shoulder rest.csv --body Shoulderpad --circles circles.csv --arm UpperArm --profile study_1 --legs-ahead 0.25\n\n\
+        proact localize shoulder rest.csv --body Shoulderpad --circles circles.csv --upper-arm-body UpperArm --box-placement study_1 --knee-distance 0.25\n\n\
         The exit code is 0 only if the verdict is good: then serve and study run use it."
     )]
     Shoulder(ShoulderArgs),
@@ -54,15 +56,15 @@ pub enum LocalizeCommand {
         after_help = "Examples:\n  proact localize correct\n  echo wwa | proact localize correct --json\n\n\
         Keys count when Enter is pressed. All corrections together go no further than 10 cm."
     )]
-    Correct(FolderArgs),
+    Correct(CalibrationsDirArgs),
     /// Show the calibrations that are in use
     #[command(after_help = "Example:\n  proact localize show --json")]
-    Show(FolderArgs),
+    Show(CalibrationsDirArgs),
 }
 
 /// Where calibrations are.
 #[derive(Debug, Args)]
-pub struct FolderArgs {
+pub struct CalibrationsDirArgs {
     /// Folder of the calibrations
     #[arg(long, value_name = "DIR", default_value = CALIBRATIONS_DIR)]
     calibrations: PathBuf,
@@ -74,7 +76,7 @@ pub struct ReachArgs {
     #[command(flatten)]
     trial: TrialArgs,
     #[command(flatten)]
-    folder: FolderArgs,
+    folder: CalibrationsDirArgs,
 }
 
 /// Arguments of `proact localize record`.
@@ -99,7 +101,7 @@ pub struct HeadsetArgs {
     poses: PathBuf,
     /// Name of the marker body on the headset
     #[arg(long, value_name = "BODY")]
-    markers: String,
+    marker_body: String,
     /// Name under which the headset's own poses were recorded
     #[arg(long, value_name = "BODY", default_value = HEAD_BODY)]
     head: String,
@@ -107,7 +109,7 @@ pub struct HeadsetArgs {
     #[arg(long, value_name = "KEY=VALUE,..")]
     mocap_axes: Option<MocapAxes>,
     #[command(flatten)]
-    folder: FolderArgs,
+    folder: CalibrationsDirArgs,
 }
 
 /// Arguments of `proact localize shoulder`.
@@ -120,34 +122,34 @@ pub struct ShoulderArgs {
     #[arg(long, value_name = "BODY")]
     body: String,
     /// Recorded poses of brace and upper arm while the arm circles about the shoulder
-    #[arg(long, value_name = "FILE", requires = "arm")]
+    #[arg(long, value_name = "FILE", requires = "upper_arm_body")]
     circles: Option<PathBuf>,
     /// Name of the body, or of the single marker, on the upper arm
     #[arg(long, value_name = "BODY", requires = "circles")]
-    arm: Option<String>,
+    upper_arm_body: Option<String>,
     /// The arm is worn on the left
     #[arg(long)]
-    left: bool,
+    left_arm: bool,
     /// Where the person looks, counter-clockwise from the tracking system's x axis seen from above (z up)
     #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_negative_numbers = true)]
     heading_deg: f64,
     /// From the shoulder to the middle of the body, m
     #[arg(long, value_name = "M", default_value_t = 0.18)]
-    half_width: f64,
+    half_shoulder_width: f64,
     /// How the box is placed: study_1, study_2 or original
     #[arg(long, value_name = "NAME", default_value = "study_2")]
-    profile: String,
+    box_placement: String,
     /// How far the knees reach ahead of the shoulder, m; needed by study_1
     #[arg(long, value_name = "M")]
-    legs_ahead: Option<f64>,
+    knee_distance: Option<f64>,
     /// Small corrections of the box: ahead, left, up, m, with commas between; the file stands before them
     #[arg(long, value_name = "M,M,M", value_delimiter = ',', num_args = 1..=3, allow_negative_numbers = true)]
-    correct: Option<Vec<f64>>,
+    box_offset: Option<Vec<f64>>,
     /// How the tracking system's axes lie, as for serve
     #[arg(long, value_name = "KEY=VALUE,..")]
     mocap_axes: Option<MocapAxes>,
     #[command(flatten)]
-    folder: FolderArgs,
+    folder: CalibrationsDirArgs,
 }
 
 pub(crate) fn run(
@@ -174,22 +176,22 @@ fn record(registry: &Registry, args: &RecordArgs, json: bool) -> Result<bool, Bo
     let mut opened = OpenedCapture::open(&registry.captures, &args.source)?;
     let mut log = PoseLog::new(&args.out);
     let mut poses = Vec::new();
-    let bar = crate::progress::bar(!json, args.seconds.ceil() as u64, "{elapsed} {bar:40} {msg}");
+    let bar = crate::progress::progress_bar(!json, args.seconds.ceil() as u64, "{elapsed} {bar:40} {msg}");
     // From the first pose on: a system may take its time to answer.
-    let (mut began, patience) = (None, Instant::now() + Duration::from_secs(20));
+    let (mut began, deadline) = (None, Instant::now() + Duration::from_secs(20));
     while began.is_none_or(|began: Instant| began.elapsed().as_secs_f64() < args.seconds) {
         poses.clear();
-        let link = opened.capture.take(&mut poses)?;
-        poses.iter().for_each(|raw| log.take(raw));
+        let link = opened.capture.drain_poses(&mut poses)?;
+        poses.iter().for_each(|raw| log.push_pose(raw));
         if began.is_none() && !log.is_empty() {
             began = Some(Instant::now());
         }
-        if link == CaptureLink::Ended || interrupted.load(Ordering::Relaxed) {
+        if link == CaptureStatus::Ended || interrupted.load(Ordering::Relaxed) {
             break;
         }
-        if began.is_none() && Instant::now() > patience {
+        if began.is_none() && Instant::now() > deadline {
             let reason = match link {
-                CaptureLink::Waiting { reason } => reason,
+                CaptureStatus::Waiting { reason } => reason,
                 _ => "no body is streamed".to_owned(),
             };
             return Err(format!("{}: nothing came in 20 s: {reason}", args.source).into());
@@ -200,8 +202,8 @@ fn record(registry: &Registry, args: &RecordArgs, json: bool) -> Result<bool, Bo
     }
     bar.finish_and_clear();
     log.write()?;
-    let told = json!({ "poses": log.len(), "file": args.out });
-    tell_or_answer(json, &told, &format!("{} poses in {}", log.len(), args.out.display()))?;
+    let report = json!({ "poses": log.len(), "file": args.out });
+    print_json_or_text(json, &report, &format!("{} poses in {}", log.len(), args.out.display()))?;
     Ok(!log.is_empty())
 }
 
@@ -211,15 +213,19 @@ fn headset(args: &HeadsetArgs, json: bool) -> Result<bool, Box<dyn Error>> {
     let recorded = RecordedBodies::open(&args.poses)?;
     // The head is in the page's world, which is in metres with z up.
     let head = recorded.body(&args.head, &MocapAxes::default(), false)?;
-    let markers = recorded.body(&args.markers, &axes, true)?;
-    let found = calibrate(&recorded_poses(&head), &recorded_poses(&markers), &CalibrationOptions::default())?;
+    let markers = recorded.body(&args.marker_body, &axes, true)?;
+    let found = calibrate_headset(
+        &recorded_poses(&head),
+        &recorded_poses(&markers),
+        &HeadsetCalibrationOptions::default(),
+    )?;
     let details = json!({
         "residual_deg": found.residual_deg, "pairs": found.pairs, "rejected": found.rejected,
         "clock_offset_secs": found.clock_offset_secs, "observability": found.observability,
         "drift_m_per_s": found.drift_m_per_s.norm(),
     });
     let known = &found.observability;
-    tell(format_args!(
+    print_status(format_args!(
         "{} pairs, {} of them left out; residual {:.1} mm, {:.2} deg; markers on the headset known to {:.1} mm, {:.2} deg; the head \
          turned by {:.0} (tilt), {:.0} (nod), {:.0} (turn) deg; drift {:.1} mm a minute; clocks {:.0} ms apart",
         found.pairs,
@@ -228,23 +234,24 @@ fn headset(args: &HeadsetArgs, json: bool) -> Result<bool, Box<dyn Error>> {
         found.residual_deg,
         1e3 * known.head_from_markers_m,
         known.head_from_markers_deg,
-        known.turned_deg[0],
-        known.turned_deg[1],
-        known.turned_deg[2],
+        known.head_rotation_sd_deg[0],
+        known.head_rotation_sd_deg[1],
+        known.head_rotation_sd_deg[2],
         6e4 * found.drift_m_per_s.norm(),
         1e3 * found.clock_offset_secs,
     ));
-    let marked = MarkedHeadset { markers: args.markers.clone(), headset: found };
+    let marked = HeadsetMarkerCalibration { markers: args.marker_body.clone(), headset: found };
     save(marked, std::slice::from_ref(&args.poses), &args.folder, details, json)
 }
 
 fn shoulder(args: &ShoulderArgs, json: bool) -> Result<bool, Box<dyn Error>> {
     check_folder(&args.folder.calibrations)?;
     let axes = args.mocap_axes.unwrap_or_default();
-    let profile = PlacementProfile::named(&args.profile)
-        .ok_or_else(|| format!("no profile {:?}; expected study_1, study_2 or original", args.profile))?;
+    let profile = PlacementProfile::from_name(&args.box_placement).ok_or_else(|| {
+        format!("no box placement {:?}; expected study_1, study_2 or original", args.box_placement)
+    })?;
     let rest = RecordedBodies::open(&args.rest)?.body(&args.body, &axes, true)?;
-    let circles = match (&args.circles, &args.arm) {
+    let circles = match (&args.circles, &args.upper_arm_body) {
         (Some(file), Some(arm)) => {
             let recorded = RecordedBodies::open(file)?;
             let brace = recorded_poses(&recorded.body(&args.body, &axes, true)?);
@@ -252,30 +259,31 @@ fn shoulder(args: &ShoulderArgs, json: bool) -> Result<bool, Box<dyn Error>> {
         }
         _ => None,
     };
-    let correction = args.correct.as_deref().unwrap_or(&[0.0; 3]);
-    let correction = correction.try_into().map_err(|_| "--correct takes three numbers: ahead, left, up")?;
+    let correction = args.box_offset.as_deref().unwrap_or(&[0.0; 3]);
+    let correction =
+        correction.try_into().map_err(|_| "--box-offset takes three numbers: ahead, left, up")?;
     let options = ShoulderOptions {
-        left_arm: args.left,
+        left_arm: args.left_arm,
         heading_rad: args.heading_deg.to_radians() + axes.heading_rad,
-        half_width_m: args.half_width,
+        half_width_m: args.half_shoulder_width,
         profile,
-        legs_ahead_m: args.legs_ahead,
-        correction,
+        legs_ahead_m: args.knee_distance,
+        correction_m: correction,
     };
     let circled = circles.as_ref().map(|(brace, arm)| (brace.as_slice(), arm.as_slice()));
     let found: ShoulderCalibration = calibrate_shoulder(&rest, circled, &options)?;
-    let place = found.placement.world_from_shoulder.translation.vector;
+    let position = found.placement.world_from_shoulder.translation.vector;
     let details = json!({
         "moved_m": found.moved_m, "samples": found.samples, "box_ahead_m": found.placement.box_ahead_m,
-        "world_from_shoulder": [place.x, place.y, place.z], "center": found.center,
+        "world_from_shoulder": [position.x, position.y, position.z], "center": found.center,
     });
-    tell(format_args!(
+    print_status(format_args!(
         "{} samples, moved by {:.1} mm; the shoulder is at {:.3}, {:.3}, {:.3} m in world, the box {:.2} m ahead of it{}",
         found.samples,
         1e3 * found.moved_m,
-        Number(place.x),
-        Number(place.y),
-        Number(place.z),
+        Number(position.x),
+        Number(position.y),
+        Number(position.z),
         found.placement.box_ahead_m,
         found.center.map_or(String::new(), |fit| format!(
             "; centre of the circles {:.0} mm from the brace's origin, residual {:.1} mm",
@@ -288,10 +296,10 @@ fn shoulder(args: &ShoulderArgs, json: bool) -> Result<bool, Box<dyn Error>> {
 }
 
 /// Saves what was found if it is good, and says which.
-fn save<T: Calibrated>(
+fn save<T: CalibrationFile>(
     found: T,
     files: &[PathBuf],
-    folder: &FolderArgs,
+    folder: &CalibrationsDirArgs,
     details: Value,
     json: bool,
 ) -> Result<bool, Box<dyn Error>> {
@@ -299,30 +307,30 @@ fn save<T: Calibrated>(
     let (verdict, good) = (saved.calibration.verdict(), saved.calibration.is_good());
     // What a trial may rest on is not lost to what it may not.
     let path = if good { Some(saved.save(&folder.calibrations)?) } else { None };
-    let told = json!({
+    let report = json!({
         "kind": T::FILE.trim_end_matches(".toml"), "good": good, "verdict": verdict, "made_at": saved.made_at,
         "residual_m": saved.calibration.residual_m(), "file": path, "details": details,
     });
-    let place = path.map_or("not saved".to_owned(), |path| format!("saved as {}", path.display()));
-    tell_or_answer(json, &told, &format!("{verdict}\n{place}"))?;
+    let saved_text = path.map_or("not saved".to_owned(), |path| format!("saved as {}", path.display()));
+    print_json_or_text(json, &report, &format!("{verdict}\n{saved_text}"))?;
     Ok(good)
 }
 
-fn show(args: &FolderArgs, json: bool) -> Result<bool, Box<dyn Error>> {
+fn show(args: &CalibrationsDirArgs, json: bool) -> Result<bool, Box<dyn Error>> {
     let found = Calibrations::load(&args.calibrations)?;
-    let lines = found.lines();
-    let told: Vec<Value> =
+    let lines = found.summaries();
+    let listed: Vec<Value> =
         lines.iter().map(|(kind, line, good)| json!({ "kind": kind, "line": line, "good": good })).collect();
     let mut text: Vec<String> = lines.iter().map(|(kind, line, _)| format!("{kind}: {line}")).collect();
     if text.is_empty() {
         text.push(format!("no calibration in {}", args.calibrations.display()));
     }
-    tell_or_answer(json, &json!({ "calibrations": told }), &text.join("\n"))?;
+    print_json_or_text(json, &json!({ "calibrations": listed }), &text.join("\n"))?;
     Ok(lines.iter().all(|(_, _, good)| *good))
 }
 
 /// What a key moves box and table by: ahead, left, up, m.
-fn step_of(key: char) -> Option<[f64; 3]> {
+fn key_step_m(key: char) -> Option<[f64; 3]> {
     const STEP_M: f64 = 0.005;
     Some(match key {
         'w' => [STEP_M, 0.0, 0.0],
@@ -335,7 +343,7 @@ fn step_of(key: char) -> Option<[f64; 3]> {
     })
 }
 
-fn correct(args: &FolderArgs, json: bool) -> Result<bool, Box<dyn Error>> {
+fn correct(args: &CalibrationsDirArgs, json: bool) -> Result<bool, Box<dyn Error>> {
     let found: Option<SavedCalibration<ShoulderCalibration>> = SavedCalibration::load(&args.calibrations)?;
     let Some(mut saved) = found else {
         let folder = args.calibrations.display();
@@ -344,7 +352,7 @@ fn correct(args: &FolderArgs, json: bool) -> Result<bool, Box<dyn Error>> {
         );
     };
     let words = |correction: &[f64; 3]| {
-        let [ahead, left, up] = correction.map(|metres| Number(1e3 * metres));
+        let [ahead, left, up] = correction.map(|meters| Number(1e3 * meters));
         format!("the box is moved by {ahead:.0} mm ahead, {left:.0} mm left, {up:.0} mm up in all")
     };
     'lines: for line in std::io::stdin().lines() {
@@ -352,17 +360,17 @@ fn correct(args: &FolderArgs, json: bool) -> Result<bool, Box<dyn Error>> {
             if key == 'q' {
                 break 'lines;
             }
-            let step = step_of(key).ok_or_else(|| {
+            let step = key_step_m(key).ok_or_else(|| {
                 format!("key {key:?}; expected w, s, a, d, r, f, or q to end; nothing is saved")
             })?;
-            saved.calibration.correct(step)?;
+            saved.calibration.apply_correction(step)?;
         }
-        tell(words(&saved.calibration.correction));
+        print_status(words(&saved.calibration.correction_m));
     }
     let file = saved.save(&args.calibrations)?;
-    let correction = saved.calibration.correction;
-    let told = json!({ "correction_m": correction, "box_ahead_m": saved.calibration.placement.box_ahead_m, "file": file });
-    tell_or_answer(json, &told, &format!("{}\nsaved as {}", words(&correction), file.display()))?;
+    let correction = saved.calibration.correction_m;
+    let report = json!({ "correction_m": correction, "box_ahead_m": saved.calibration.placement.box_ahead_m, "file": file });
+    print_json_or_text(json, &report, &format!("{}\nsaved as {}", words(&correction), file.display()))?;
     Ok(true)
 }
 
@@ -371,10 +379,10 @@ fn reach(registry: &Registry, args: &ReachArgs, json: bool) -> Result<bool, Box<
     let found = Calibrations::load(&args.folder.calibrations)?;
     let used = found.shoulder.as_ref().filter(|saved| saved.calibration.is_good());
     if used.is_some() {
-        found.seat(&mut config.setup);
+        found.place_person(&mut config.setup);
     }
     let from = match used {
-        Some(saved) => format!("from the shoulder that was calibrated {}", saved.line()),
+        Some(saved) => format!("from the shoulder that was calibrated {}", saved.summary()),
         None => format!(
             "from the shoulder of the set-up {}; there is no good calibration in {}",
             config.setup.name,
@@ -383,19 +391,19 @@ fn reach(registry: &Registry, args: &ReachArgs, json: bool) -> Result<bool, Box<
     };
     let task = config.build_task(arm.model())?;
     let map = ReachMap::new(arm.model(), task.scene(), &config.setup.body);
-    let told = json!({
-        "from": from, "calibrated": used.is_some(), "still_share": map.share(0.0),
-        "leaning_share": map.share(f64::INFINITY), "map": map,
+    let report = json!({
+        "from": from, "calibrated": used.is_some(), "still_share": map.reachable_fraction(0.0),
+        "leaning_share": map.reachable_fraction(f64::INFINITY), "map": map,
     });
-    tell_or_answer(json, &told, &format!("{from}\n\n{}", map.picture()))?;
+    print_json_or_text(json, &report, &format!("{from}\n\n{}", map.to_text_picture()))?;
     Ok(true)
 }
 
-fn tell_or_answer(json: bool, object: &Value, text: &str) -> Result<(), Box<dyn Error>> {
+fn print_json_or_text(json: bool, object: &Value, text: &str) -> Result<(), Box<dyn Error>> {
     if json {
-        answer_json(object)?
+        print_result_json(object)?
     } else {
-        answer(text)?
+        print_result(text)?
     }
     Ok(())
 }

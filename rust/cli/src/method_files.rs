@@ -9,7 +9,7 @@ use std::{error::Error, ffi::OsString, path::Path};
 ///
 /// # Errors
 /// A file that cannot be read or describes no method, a name that exists already.
-pub(crate) fn taken_from(
+pub(crate) fn register_method_files(
     mut methods: MethodRegistry,
     mut words: Vec<OsString>,
 ) -> Result<(MethodRegistry, Vec<OsString>), Box<dyn Error>> {
@@ -50,8 +50,8 @@ mod tests {
 
     #[test]
     fn a_file_becomes_a_method_under_its_name_and_its_program_lies_beside_it() {
-        let place = tempfile::tempdir().unwrap();
-        let path = place.path().join("nod.toml");
+        let temp_dir = tempfile::tempdir().unwrap();
+        let path = temp_dir.path().join("nod.toml");
         std::fs::write(
             &path,
             "name = \"nod\"\ntitle = \"by nodding\"\ncommand = [\"python3\", \"./nod.py\"]\n",
@@ -60,18 +60,20 @@ mod tests {
         let file = path.to_str().unwrap();
         let joined = format!("--method={file}");
         for given in [vec!["proact", "demo", "--method", file], vec!["proact", "demo", &joined]] {
-            let (methods, words) = taken_from(MethodRegistry::standard(), words(&given)).unwrap();
+            let (methods, words) = register_method_files(MethodRegistry::standard(), words(&given)).unwrap();
             assert!(words.last().unwrap().to_str().unwrap().ends_with("nod"), "{words:?}");
             let command = methods.get("nod").unwrap().program().unwrap().command.clone();
-            assert_eq!(command, ["python3".to_owned(), place.path().join("nod.py").display().to_string()]);
+            assert_eq!(command, ["python3".to_owned(), temp_dir.path().join("nod.py").display().to_string()]);
         }
         let plain = words(&["proact", "demo", "--method", "A", "nod.toml"]);
-        let (methods, same) = taken_from(MethodRegistry::standard(), plain.clone()).unwrap();
+        let (methods, same) = register_method_files(MethodRegistry::standard(), plain.clone()).unwrap();
         assert_eq!((methods.names().len(), same), (4, plain));
-        let error = taken_from(MethodRegistry::standard(), words(&["--method", "none.toml"])).unwrap_err();
+        let error =
+            register_method_files(MethodRegistry::standard(), words(&["--method", "none.toml"])).unwrap_err();
         assert!(error.to_string().starts_with("cannot read none.toml: "), "{error}");
         std::fs::write(&path, "name = \"D\"\ntitle = \"twice\"\ncommand = [\"nod\"]\n").unwrap();
-        let error = taken_from(MethodRegistry::standard(), words(&["--method", file])).unwrap_err();
+        let error =
+            register_method_files(MethodRegistry::standard(), words(&["--method", file])).unwrap_err();
         assert!(error.to_string().contains("method \"D\" exists already"), "{error}");
     }
 }

@@ -2,13 +2,13 @@
 
 use crate::model_size::{self, SizeArgs};
 use clap::{Args, Subcommand};
-use proact_app::{answer, answer_json, compare::compare};
-use proact_arm::{Grasp, Pinch, PinchError, find_pinch};
+use proact_app::{arm_comparison::compare_arm, print_result, print_result_json};
+use proact_arm::{Grasp, PinchError, PinchGrasp, find_pinch};
 use proact_description::{
-    ArmFolder, DescriptionError, Imported, Report, check, collect_meshes, import, parse, parse_urdf,
-    read_text, settings_text, to_urdf, with_pinch,
+    ArmFolder, DescriptionError, DescriptionReport, ImportedArm, check, collect_meshes, import, parse,
+    parse_urdf, read_text, settings_template, to_urdf, with_pinch,
 };
-use proact_files::{OutputFile, WriteError, check_folder, check_output, make_folder, write_whole};
+use proact_files::{OutputFile, WriteError, check_folder, check_output, make_folder, write_atomically};
 use proact_types::Number;
 use serde_json::json;
 use std::{
@@ -26,7 +26,7 @@ pub enum ModelCommand {
         proact model check my_arm.urdf --srdf my_arm.srdf --json\n  \
         proact model check my_arm --compare\n\n\
         The exit code is 0 if the description can be used, warnings or not; with --compare, if all agree as well.")]
-    Check(CheckArgs),
+    Check(ModelCheckArgs),
     /// Turn an arm in URDF, or in Gazebo's SDF, into a checked folder: URDF, SRDF, settings and meshes
     #[command(
         after_help = "Examples:\n  proact model import gazebo_models/my_arm/model.sdf --out my_arm\n  \
@@ -52,7 +52,7 @@ pub enum ModelCommand {
 
 /// Arguments of `proact model check`.
 #[derive(Debug, Args)]
-pub struct CheckArgs {
+pub struct ModelCheckArgs {
     /// URDF file, the folder of an arm, or the name of one that ships with the program
     #[arg(value_name = "FILE|FOLDER|NAME")]
     file: PathBuf,
@@ -83,7 +83,7 @@ pub struct ImportArgs {
     srdf: Option<PathBuf>,
     /// Replace files of an earlier import
     #[arg(long)]
-    force: bool,
+    replace: bool,
 }
 
 /// Arguments of `proact model grasps`.
@@ -119,7 +119,7 @@ pub fn run(command: &ModelCommand, json: bool) -> Result<bool, Box<dyn Error>> {
     }
 }
 
-fn run_check(args: &CheckArgs, json: bool) -> Result<bool, Box<dyn Error>> {
+fn run_check(args: &ModelCheckArgs, json: bool) -> Result<bool, Box<dyn Error>> {
     let shipped = args.file.to_str().filter(|_| !args.file.exists()).and_then(ArmFolder::shipped);
     let (urdf, srdf) = match &shipped {
         Some(folder) => (folder.urdf.clone(), folder.srdf.clone()),
@@ -138,7 +138,7 @@ fn run_check(args: &CheckArgs, json: bool) -> Result<bool, Box<dyn Error>> {
             Some(srdf) => parse(&urdf, srdf)?,
             None => parse_urdf(&urdf)?,
         };
-        Some(compare(&model, &urdf, args.postures as usize, args.seed)?)
+        Some(compare_arm(&model, &urdf, args.postures as usize, args.seed)?)
     } else {
         None
     };
@@ -147,11 +147,11 @@ fn run_check(args: &CheckArgs, json: bool) -> Result<bool, Box<dyn Error>> {
         if let Some(compared) = &compared {
             object["comparison"] = serde_json::to_value(compared)?;
         }
-        answer_json(&object)?;
+        print_result_json(&object)?;
     } else {
-        answer(&report)?;
+        print_result(&report)?;
         if let Some(compared) = &compared {
-            answer(compared)?;
+            print_result(compared)?;
         }
     }
     if args.file.is_dir() && report.usable {
@@ -166,34 +166,34 @@ fn run_import(args: &ImportArgs, json: bool) -> Result<bool, Box<dyn Error>> {
     let srdf = args.srdf.as_deref().map(read_text).transpose()?;
     match import(&read_text(&args.file)?, srdf.as_deref()) {
         Ok(imported) => {
-            let (files, missing) = write(&imported, &args.file, &args.out, args.force)?;
+            let (files, missing) = write_arm_folder(&imported, &args.file, &args.out, args.replace)?;
             if json {
                 let mut object = serde_json::to_value(&imported.report)?;
                 object["urdf"] = json!(files[0]);
                 object["srdf"] = json!(files[1]);
                 object["settings"] = json!(files[2]);
                 object["missing_meshes"] = json!(missing);
-                answer_json(&object)?;
+                print_result_json(&object)?;
             } else {
-                answer(format_args!("{}", imported.report))?;
+                print_result(format_args!("{}", imported.report))?;
                 for address in missing {
-                    answer(format_args!(
+                    print_result(format_args!(
                         "mesh {address} is not beside {}; its link is drawn by its collision shapes",
                         args.file.display()
                     ))?;
                 }
                 let meshes = files.len() - 3;
                 let [urdf, srdf, settings] = [0, 1, 2].map(|file| files[file].display());
-                answer(format_args!("wrote {urdf}, {srdf}, {settings} and {meshes} meshes"))?;
+                print_result(format_args!("wrote {urdf}, {srdf}, {settings} and {meshes} meshes"))?;
             }
             Ok(true)
         }
         Err(DescriptionError::Invalid { findings }) => {
-            let report = Report { usable: false, summary: None, findings };
+            let report = DescriptionReport { usable: false, summary: None, findings };
             if json {
-                print_json(&report)?
+                print_report(&report)?
             } else {
-                answer(format_args!("{report}\nnothing was written"))?
+                print_result(format_args!("{report}\nnothing was written"))?
             }
             Ok(false)
         }
@@ -219,42 +219,43 @@ fn run_grasps(args: &GraspsArgs, json: bool) -> Result<bool, Box<dyn Error>> {
         Ok(pinch) => pinch,
         Err(error @ PinchError::NotFound { .. }) => {
             if json {
-                answer_json(&json!({ "found": false, "reason": error.to_string() }))?
+                print_result_json(&json!({ "found": false, "reason": error.to_string() }))?
             } else {
-                answer(&error)?
+                print_result(&error)?
             }
             return Ok(false);
         }
         Err(error) => return Err(error.into()),
     };
     if args.write {
-        let text = with_pinch(&srdf, &model, &pinch, &note(&pinch, args))?;
+        let text = with_pinch(&srdf, &model, &pinch, &pinch_summary(&pinch, args))?;
         // What is written must be what can be read.
         parse(&read_text(&urdf)?, &text)?;
-        write_whole(&path, text)?;
+        write_atomically(&path, text)?;
     }
     if json {
-        answer_json(&json!({
+        print_result_json(&json!({
             "found": true, "width_m": args.width / 1e3, "friction": args.friction, "digits": pinch.digits,
-            "angle_rad": pinch.angle, "cone_rad": pinch.cone, "gap_closed_m": pinch.gaps[0],
-            "gap_open_m": pinch.gaps[1], "table_air_m": pinch.table_air, "reach_m": pinch.reach,
+            "angle_rad": pinch.contact_angle_rad, "cone_rad": pinch.cone_half_angle_rad, "gap_closed_m": pinch.gaps_m[0],
+            "gap_open_m": pinch.gaps_m[1], "table_air_m": pinch.table_clearance_m, "reach_m": pinch.overhang_m,
             "grasp": pinch.grasp, "written": args.write.then_some(&path),
         }))?;
     } else {
-        answer(note(&pinch, args))?;
-        let Grasp { centre, roll, roll_range, lean, .. } = &pinch.grasp;
+        print_result(pinch_summary(&pinch, args))?;
+        let Grasp { center, roll_rad: roll, roll_range_rad: roll_range, max_lean_rad: lean, .. } =
+            &pinch.grasp;
         let degrees = |rad: f64| Number(rad.to_degrees());
-        answer(format_args!(
+        print_result(format_args!(
             "centre {:.1} {:.1} {:.1} mm in the tip's frame; roll {:.0} degrees ({:.0} to {:.0}), lean up to {:.0}",
-            Number(1e3 * centre.x),
-            Number(1e3 * centre.y),
-            Number(1e3 * centre.z),
+            Number(1e3 * center.x),
+            Number(1e3 * center.y),
+            Number(1e3 * center.z),
             degrees(*roll),
             degrees(roll_range[0]),
             degrees(roll_range[1]),
             degrees(*lean)
         ))?;
-        answer(match args.write {
+        print_result(match args.write {
             true => format!("wrote {}", path.display()),
             false => "nothing was written: --write stores it with the hand".to_owned(),
         })?;
@@ -263,7 +264,7 @@ fn run_grasps(args: &GraspsArgs, json: bool) -> Result<bool, Box<dyn Error>> {
 }
 
 /// What was found, in one paragraph.
-fn note(pinch: &Pinch, args: &GraspsArgs) -> String {
+fn pinch_summary(pinch: &PinchGrasp, args: &GraspsArgs) -> String {
     format!(
         "Found by proact model grasps for a cube of {} mm and a friction of {}: {} against {}, line through the contacts \
          {:.1} degrees off the faces' normals (cone of friction: {:.1}), {:.1} mm between the digits when closed and {:.1} \
@@ -272,27 +273,27 @@ fn note(pinch: &Pinch, args: &GraspsArgs) -> String {
         args.friction,
         pinch.digits[0],
         pinch.digits[1],
-        pinch.angle.to_degrees(),
-        pinch.cone.to_degrees(),
-        1e3 * pinch.gaps[0],
-        1e3 * pinch.gaps[1],
-        1e3 * pinch.table_air,
-        1e3 * pinch.reach[0],
-        1e3 * pinch.reach[1]
+        pinch.contact_angle_rad.to_degrees(),
+        pinch.cone_half_angle_rad.to_degrees(),
+        1e3 * pinch.gaps_m[0],
+        1e3 * pinch.gaps_m[1],
+        1e3 * pinch.table_clearance_m,
+        1e3 * pinch.overhang_m[0],
+        1e3 * pinch.overhang_m[1]
     )
 }
 
-fn print_json(report: &Report) -> Result<(), Box<dyn Error>> {
-    Ok(answer_json(report)?)
+fn print_report(report: &DescriptionReport) -> Result<(), Box<dyn Error>> {
+    Ok(print_result_json(report)?)
 }
 
 /// Writes the arm's folder: descriptions, settings and meshes; what was written, and the meshes that were not found. The
 /// files have other names until all of them are there, so that a full disk leaves no half of an arm.
-fn write(
-    imported: &Imported,
+fn write_arm_folder(
+    imported: &ImportedArm,
     file: &Path,
     folder: &Path,
-    force: bool,
+    replace: bool,
 ) -> Result<(Vec<PathBuf>, Vec<String>), Box<dyn Error>> {
     // The robot's name comes from a file; only harmless characters may reach the file system.
     let harmless = |c: char| if c.is_ascii_alphanumeric() || "_-".contains(c) { c } else { '_' };
@@ -302,7 +303,7 @@ fn write(
     let mut files = vec![
         ("arm.urdf".to_owned(), to_urdf(&model).into_bytes()),
         ("arm.srdf".to_owned(), imported.srdf.clone().into_bytes()),
-        ("arm.toml".to_owned(), settings_text(&model).into_bytes()),
+        ("arm.toml".to_owned(), settings_template(&model).into_bytes()),
     ];
     files.extend(meshes.into_iter().map(|(name, bytes)| (format!("meshes/{name}"), bytes)));
     let made_folder = !folder.exists();
@@ -310,10 +311,10 @@ fn write(
     let failed = |error: WriteError| format!("{error}. Choose another folder with --out");
     make_folder(&deepest).map_err(failed)?;
     let path = |(name, _): &(String, Vec<u8>)| folder.join(name);
-    if let Some(taken) = files.iter().map(path).find(|path| path.exists() && !force) {
+    if let Some(taken) = files.iter().map(path).find(|path| path.exists() && !replace) {
         let taken = taken.display();
         return Err(
-            format!("{taken} exists already. Add --force to replace it, or choose another --out").into()
+            format!("{taken} exists already. Add --replace to replace it, or choose another --out").into()
         );
     }
     let grow = |file: &(String, Vec<u8>)| {
@@ -339,8 +340,8 @@ mod tests {
     use super::*;
     use proact_description::{MPL_RIGHT_ARM_SRDF, MPL_RIGHT_ARM_URDF, load};
 
-    fn import_args(file: PathBuf, out: PathBuf, force: bool) -> ModelCommand {
-        ModelCommand::Import(ImportArgs { file, out, srdf: None, force })
+    fn import_args(file: PathBuf, out: PathBuf, replace: bool) -> ModelCommand {
+        ModelCommand::Import(ImportArgs { file, out, srdf: None, replace })
     }
 
     #[test]
@@ -360,7 +361,7 @@ mod tests {
         assert_eq!((folder.meshes.len(), folder.model().unwrap().settings.joints.len()), (0, 7));
 
         let error = run(&import_args(file.clone(), out.clone(), false), false).unwrap_err().to_string();
-        assert!(error.contains("exists already") && error.contains("--force"), "{error}");
+        assert!(error.contains("exists already") && error.contains("--replace"), "{error}");
         assert!(run(&import_args(file, out, true), true).unwrap());
     }
 
@@ -394,7 +395,13 @@ mod tests {
         assert!(!out.exists());
         assert!(
             !run(
-                &ModelCommand::Check(CheckArgs { file, srdf: None, compare: false, postures: 1, seed: 1 }),
+                &ModelCommand::Check(ModelCheckArgs {
+                    file,
+                    srdf: None,
+                    compare: false,
+                    postures: 1,
+                    seed: 1
+                }),
                 true
             )
             .unwrap()
@@ -409,7 +416,7 @@ mod tests {
         fs::write(&srdf, MPL_RIGHT_ARM_SRDF).unwrap();
         assert!(
             run(
-                &ModelCommand::Check(CheckArgs {
+                &ModelCommand::Check(ModelCheckArgs {
                     file,
                     srdf: Some(srdf),
                     compare: true,
@@ -422,7 +429,7 @@ mod tests {
         );
         let missing = folder.path().join("none.urdf");
         let error = run(
-            &ModelCommand::Check(CheckArgs {
+            &ModelCommand::Check(ModelCheckArgs {
                 file: missing,
                 srdf: None,
                 compare: false,

@@ -1,10 +1,10 @@
 //! `proact model size`: an arm in the size of its wearer.
 
 use clap::Args;
-use proact_app::answer;
-use proact_arm::{SegmentLengths, VisualGeometry, sized_for};
+use proact_app::print_result;
+use proact_arm::{SegmentLengths, VisualGeometry, scale_to_stature};
 use proact_description::{ArmFolder, to_urdf};
-use proact_files::{check_folder, followed, make_folder, write_whole};
+use proact_files::{check_folder, make_folder, resolve_links, write_atomically};
 use serde_json::json;
 use std::{error::Error, fs, path::PathBuf};
 
@@ -32,7 +32,7 @@ pub fn run(args: &SizeArgs, json: bool) -> Result<bool, Box<dyn Error>> {
         Some(folder) => folder,
         None => ArmFolder::read(args.arm.as_ref())?,
     };
-    let (mut model, [before, after]) = sized_for(&folder.model()?, args.stature)?;
+    let (mut model, [before, after]) = scale_to_stature(&folder.model()?, args.stature)?;
     let mut meshes = Vec::new();
     for (number, (address, bytes)) in folder.meshes.iter().enumerate() {
         // Two meshes of one name, from different folders, keep apart by their number.
@@ -48,7 +48,7 @@ pub fn run(args: &SizeArgs, json: bool) -> Result<bool, Box<dyn Error>> {
         }
         meshes.push((file, bytes));
     }
-    let out = &followed(&args.out)?;
+    let out = &resolve_links(&args.out)?;
     let failed = |error: std::io::Error| {
         format!("cannot write {}: {error}. Choose another folder with --out", out.display())
     };
@@ -59,31 +59,32 @@ pub fn run(args: &SizeArgs, json: bool) -> Result<bool, Box<dyn Error>> {
     let part = out.with_extension("part");
     let write = || {
         make_folder(&part.join("meshes"))?;
-        write_whole(&part.join("arm.urdf"), to_urdf(&model))?;
-        folder.srdf.iter().try_for_each(|text| write_whole(&part.join("arm.srdf"), text))?;
+        write_atomically(&part.join("arm.urdf"), to_urdf(&model))?;
+        folder.srdf.iter().try_for_each(|text| write_atomically(&part.join("arm.srdf"), text))?;
         folder
             .settings
             .iter()
-            .try_for_each(|text| write_whole(&part.join("arm.toml"), without_aliases(text)))?;
-        meshes.iter().try_for_each(|(file, bytes)| write_whole(&part.join("meshes").join(file), bytes))?;
+            .try_for_each(|text| write_atomically(&part.join("arm.toml"), without_aliases(text)))?;
+        meshes
+            .iter()
+            .try_for_each(|(file, bytes)| write_atomically(&part.join("meshes").join(file), bytes))?;
         fs::rename(&part, out)
     };
     write().map_err(failed)?;
     // What was written must be what a trial takes.
     proact_app::Arm::in_folder(out)?;
-    let of =
-        |lengths: SegmentLengths| json!({ "upper_arm_m": lengths.upper_arm, "forearm_m": lengths.forearm });
+    let of = |lengths: SegmentLengths| json!({ "upper_arm_m": lengths.upper_arm_m, "forearm_m": lengths.forearm_m });
     if json {
-        answer(
+        print_result(
             json!({ "stature_m": args.stature, "before": of(before), "after": of(after), "folder": out }),
         )?;
     } else {
-        answer(format_args!(
+        print_result(format_args!(
             "upper arm {:.0} -> {:.0} mm, forearm {:.0} -> {:.0} mm\nwrote {}: proact demo --arm {}",
-            1e3 * before.upper_arm,
-            1e3 * after.upper_arm,
-            1e3 * before.forearm,
-            1e3 * after.forearm,
+            1e3 * before.upper_arm_m,
+            1e3 * after.upper_arm_m,
+            1e3 * before.forearm_m,
+            1e3 * after.forearm_m,
             out.display(),
             out.display()
         ))?;

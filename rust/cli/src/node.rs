@@ -31,8 +31,8 @@ pub(crate) struct NodeArgs {
     #[command(flatten)]
     rosbridge: RosbridgeArgs,
     /// roslaunch's words, such as __name:=arm or _rate:=50
-    #[arg(value_name = "NAME:=VALUE", value_parser = ros_word)]
-    words: Vec<String>,
+    #[arg(value_name = "NAME:=VALUE", value_parser = parse_ros_argument)]
+    ros_arguments: Vec<String>,
 }
 
 /// The nodes there are.
@@ -60,7 +60,7 @@ pub(crate) enum NodeName {
 }
 
 /// Only roslaunch's words pass; rosrust reads them from the command line itself.
-fn ros_word(text: &str) -> Result<String, String> {
+fn parse_ros_argument(text: &str) -> Result<String, String> {
     if text.contains(":=") {
         Ok(text.to_owned())
     } else {
@@ -78,9 +78,9 @@ pub(crate) fn command(_registry: &Registry, args: &NodeArgs) -> Result<bool, Box
 /// Runs the node until the graph ends it.
 #[cfg(feature = "ros")]
 pub(crate) fn command(registry: &Registry, args: &NodeArgs) -> Result<bool, Box<dyn Error>> {
-    use proact_app::{LiveArmband, nodes, source};
+    use proact_app::{LiveArmband, emg_model_file, nodes};
     // In real time a plan that is late takes effect when it comes; in lock-step it is waited for.
-    let lockstep = args.words.iter().any(|word| word == "_lockstep:=true");
+    let lockstep = args.ros_arguments.iter().any(|word| word == "_lockstep:=true");
     if args.emg_model.is_some() && args.name != NodeName::Emg {
         return Err("--emg-model is for the node emg, which alone reads muscles; leave it out here".into());
     }
@@ -94,7 +94,7 @@ pub(crate) fn command(registry: &Registry, args: &NodeArgs) -> Result<bool, Box<
             (Some(armband), Some(trained))
         }
         (_, Some(model)) => {
-            let mut trained = source::read_model_file(model)?;
+            let mut trained = emg_model_file::read_model_file(model)?;
             // Where another node's samples end is not known.
             trained.config.liveness = trained.liveness(None);
             (None, Some(trained))
@@ -103,12 +103,12 @@ pub(crate) fn command(registry: &Registry, args: &NodeArgs) -> Result<bool, Box<
     };
     let settings = trained.as_ref().map(|model| model.config.clone());
     let (arm, config) = args.trial.config(&registry.methods, "seated", settings)?;
-    let config = if lockstep { config } else { config.live() };
+    let config = if lockstep { config } else { config.for_live_trial() };
     match args.name {
         NodeName::Sim => nodes::sim(&arm, config)?,
         NodeName::Testbed => {
             let result = nodes::testbed(&registry.methods, &arm, config, args.live)?;
-            proact_app::answer_json(&result)?;
+            proact_app::print_result_json(&result)?;
         }
         NodeName::Emg => nodes::emg(config, trained.as_ref(), armband)?,
         NodeName::Intent => nodes::intent(&registry.methods, &arm, &config)?,
@@ -116,7 +116,7 @@ pub(crate) fn command(registry: &Registry, args: &NodeArgs) -> Result<bool, Box<
         NodeName::Task => nodes::task(&arm, config)?,
         NodeName::Participant => nodes::participant(&registry.methods, &arm, &config)?,
         NodeName::Rosbridge => args.rosbridge.relay()?,
-        NodeName::Meter => proact_app::answer_json(&nodes::meter()?)?,
+        NodeName::Meter => proact_app::print_result_json(&nodes::meter()?)?,
     }
     Ok(true)
 }

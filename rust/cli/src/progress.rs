@@ -4,7 +4,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{IsTerminal, stderr};
 
 /// A progress bar, if it is to be seen and standard error is a terminal.
-pub(crate) fn bar(visible: bool, length: u64, template: &str) -> ProgressBar {
+pub(crate) fn progress_bar(visible: bool, length: u64, template: &str) -> ProgressBar {
     let target = if visible && stderr().is_terminal() {
         ProgressDrawTarget::stderr()
     } else {

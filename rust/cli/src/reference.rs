@@ -1,15 +1,15 @@
 //! The pages of the documentation that the program writes itself: every command with its options, every key of a configuration.
 
 use clap::Args;
-use proact_app::tell;
+use proact_app::print_status;
 use proact_emg::EmgConfig;
-use proact_files::{make_folder, write_whole};
+use proact_files::{make_folder, write_atomically};
 use proact_participants::ParticipantOptions;
 use proact_testbed::{Setup, TrialConfig};
 use std::{error::Error, fmt::Write, path::PathBuf};
 
 /// Files of values with a comment for each: unit, what it does, where it comes from.
-const COMMENTED: [(&str, &str); 4] = [
+const COMMENTED_FILES: [(&str, &str); 4] = [
     ("profile default", include_str!("../../control/data/profiles/default.toml")),
     ("profile original: what differs", include_str!("../../control/data/profiles/original.toml")),
     ("set-up seated", include_str!("../../testbed/data/setups/seated.toml")),
@@ -35,9 +35,9 @@ pub(crate) fn command(mut command: clap::Command, args: &ReferenceArgs) -> Resul
     add_command(&mut commands, &command)?;
     let configuration = configuration()?;
     make_folder(&args.folder)?;
-    write_whole(&args.folder.join("commands.md"), commands)?;
-    write_whole(&args.folder.join("configuration.md"), configuration)?;
-    tell(format_args!("commands.md and configuration.md are in {}", args.folder.display()));
+    write_atomically(&args.folder.join("commands.md"), commands)?;
+    write_atomically(&args.folder.join("configuration.md"), configuration)?;
+    print_status(format_args!("commands.md and configuration.md are in {}", args.folder.display()));
     Ok(true)
 }
 
@@ -68,23 +68,23 @@ fn configuration() -> Result<String, Box<dyn Error>> {
          is missing here is empty by default, and left out of the file.\n\n## Keys of a trial\n\nWith their defaults for `proact demo`, method D.\n\n\
          | key | default |\n|---|---|\n",
     );
-    for (key, value) in keys_of(&table, "") {
+    for (key, value) in flatten_keys(&table, "") {
         text += &format!("| `{key}` | `{}` |\n", value.to_string().replace('|', "\\|").replace('\n', " "));
     }
     // A configuration leaves it out while it has its default.
     text += &format!("| `failed_plans_limit` | `{}` |\n", config.failed_plans_limit);
-    for (name, file) in COMMENTED {
+    for (name, file) in COMMENTED_FILES {
         text += &format!("\n## The {name}\n\n```toml\n{}\n```\n", file.trim_end());
     }
     Ok(text)
 }
 
 /// The keys below a table, with its name and a point before each.
-fn keys_of<'a>(table: &'a toml::Table, before: &str) -> Vec<(String, &'a toml::Value)> {
+fn flatten_keys<'a>(table: &'a toml::Table, before: &str) -> Vec<(String, &'a toml::Value)> {
     table
         .iter()
         .flat_map(|(name, value)| match value {
-            toml::Value::Table(inner) => keys_of(inner, &format!("{before}{name}.")),
+            toml::Value::Table(inner) => flatten_keys(inner, &format!("{before}{name}.")),
             other => vec![(format!("{before}{name}"), other)],
         })
         .collect()
@@ -100,8 +100,8 @@ mod tests {
         for part in [
             "| `method` | `\"D\"` |",
             "| `emg.rate_hz` | `1000.0` |",
-            "| `intent.sigma` | `0.03` |",
-            "| `profile.jog.back_after_ms` | `1000` |",
+            "| `intent.gaze_sigma` | `0.03` |",
+            "| `profile.jog.reverse_cycle_after_ms` | `1000` |",
             "[assumed] HO held this long goes back",
         ] {
             assert!(text.contains(part), "{part}");

@@ -1,6 +1,8 @@
 use crate::replay_page;
 use clap::Args;
-use proact_app::{Replanned, ReplayOptions, answer, answer_json, counterfactual, replay_trial, tell};
+use proact_app::{
+    ReplanResult, ReplayOptions, counterfactual, print_result, print_result_json, print_status, replay_trial,
+};
 use proact_control::MethodRegistry;
 use proact_testbed::Divergence;
 use std::{
@@ -13,7 +15,7 @@ use std::{
 #[command(after_help = "Examples:\n  proact replay trials/D-seated-seed1\n  \
     proact replay trials/A-still-seed1 trials/D-still-seed1 --page\n  \
     proact replay participant1-mode4-trial2.bag --page\n  \
-    proact replay trials/D-seated-seed1 --as intent_model=filtered,intent.sigma=0.05\n\n\
+    proact replay trials/D-seated-seed1 --override intent_model=filtered,intent.gaze_sigma=0.05\n\n\
     A trial that was broken off is recomputed up to its last digest, and called interrupted. Exit code 0 only if every \
     span of the recomputed trial has the recorded digest. A bag that is cut off is shown as far as it goes.")]
 pub(crate) struct ReplayArgs {
@@ -35,9 +37,9 @@ pub(crate) struct ReplayArgs {
     /// Compute every plan again and compare it with the recorded one
     #[arg(long, conflicts_with = "page")]
     replan: bool,
-    /// What other values would have made of the recorded gaze and EMG, with commas between: intent_model=filtered,intent.sigma=0.05
-    #[arg(long = "as", value_name = "KEY=VALUE", value_delimiter = ',', conflicts_with_all = ["page", "replan"])]
-    other: Vec<String>,
+    /// What other values would have made of the recorded gaze and EMG, with commas between: intent_model=filtered,intent.gaze_sigma=0.05
+    #[arg(long = "override", value_name = "KEY=VALUE", value_delimiter = ',', conflicts_with_all = ["page", "replan"])]
+    overrides: Vec<String>,
     /// Replay also what was recorded with other versions of the libraries
     #[arg(long, conflicts_with = "page")]
     other_versions: bool,
@@ -45,7 +47,7 @@ pub(crate) struct ReplayArgs {
 
 pub(crate) fn command(methods: &MethodRegistry, args: &ReplayArgs) -> Result<bool, Box<dyn Error>> {
     if args.page {
-        return replay_page::show(methods, &args.dirs, args.port, !args.no_browser);
+        return replay_page::serve_replays(methods, &args.dirs, args.port, !args.no_browser);
     }
     let [dir] = args.dirs.as_slice() else {
         let count = args.dirs.len();
@@ -58,24 +60,27 @@ pub(crate) fn command(methods: &MethodRegistry, args: &ReplayArgs) -> Result<boo
         )
         .into());
     }
-    if !args.other.is_empty() {
-        return other_values(methods, dir, args).map(|()| true);
+    if !args.overrides.is_empty() {
+        return run_counterfactual(methods, dir, args).map(|()| true);
     }
-    let options =
-        ReplayOptions { replan: args.replan, other_versions: args.other_versions, methods: methods.clone() };
+    let options = ReplayOptions {
+        replan: args.replan,
+        allow_other_versions: args.other_versions,
+        methods: methods.clone(),
+    };
     let replayed = replay_trial(dir, options)?;
     let interrupted =
         format!("interrupted: the record was not closed, and goes up to {:.3} s", replayed.seconds);
     if args.json {
         if !replayed.finished {
-            tell(interrupted);
+            print_status(interrupted);
         }
-        answer_json(&replayed)?;
+        print_result_json(&replayed)?;
         return Ok(replayed.agrees);
     }
     match &replayed.divergence {
-        None => answer(format_args!("agrees: {} spans, digest {}", replayed.spans, replayed.digest))?,
-        Some(Divergence { from, to, fields }) => answer(format_args!(
+        None => print_result(format_args!("agrees: {} spans, digest {}", replayed.spans, replayed.digest))?,
+        Some(Divergence { from, to, fields }) => print_result(format_args!(
             "DIVERGES between {:.3} s and {:.3} s (ticks {} to {}), first in {}\n  recorded   {} by {}\n  recomputed {}",
             from.as_secs(),
             to.as_secs(),
@@ -87,39 +92,41 @@ pub(crate) fn command(methods: &MethodRegistry, args: &ReplayArgs) -> Result<boo
             replayed.digest
         ))?,
     }
-    if let Some(Replanned { equal, different, not_comparable }) = &replayed.replanned {
-        answer(format_args!(
+    if let Some(ReplanResult { equal, different, not_comparable }) = &replayed.replan_result {
+        print_result(format_args!(
             "plans: {equal} equal, {} different {different:?}, {} not comparable {not_comparable:?}",
             different.len(),
             not_comparable.len()
         ))?;
     }
     if !replayed.finished {
-        answer(interrupted)?;
+        print_result(interrupted)?;
     }
     Ok(replayed.agrees)
 }
 
 /// What other values would have made of the trial.
-fn other_values(methods: &MethodRegistry, dir: &Path, args: &ReplayArgs) -> Result<(), Box<dyn Error>> {
-    let found = counterfactual(methods, dir, &args.other, args.other_versions)?;
+fn run_counterfactual(methods: &MethodRegistry, dir: &Path, args: &ReplayArgs) -> Result<(), Box<dyn Error>> {
+    let found = counterfactual(methods, dir, &args.overrides, args.other_versions)?;
     if args.json {
-        return Ok(answer_json(&found)?);
+        return Ok(print_result_json(&found)?);
     }
-    match found.seen_from_s {
-        None => answer(format_args!("the person would have seen the same in all {:.3} s", found.seconds))?,
-        Some(secs) => answer(format_args!(
+    match found.display_differs_from_secs {
+        None => {
+            print_result(format_args!("the person would have seen the same in all {:.3} s", found.seconds))?
+        }
+        Some(secs) => print_result(format_args!(
             "from {secs:.3} s on of {:.3} s the person would have seen something else ({}): what follows is no evidence, since they would \
              have done something else",
             found.seconds,
-            found.seen_first.join(", ")
+            found.first_display_differences.join(", ")
         ))?,
     }
-    answer(format_args!(
+    print_result(format_args!(
         "{:<18}{:>10}{:>10}\n{:<18}{:>10}{:>10}\n{:<18}{:>10}{:>10}\n{:<18}{:>10}{:>10}\nthe same gesture in {:.1} % of the time",
         "",
         "recorded",
-        "as",
+        "override",
         "score",
         found.score[0],
         found.score[1],
@@ -129,7 +136,7 @@ fn other_values(methods: &MethodRegistry, dir: &Path, args: &ReplayArgs) -> Resu
         "plans",
         found.plans[0],
         found.plans[1],
-        100.0 * found.same_gesture
+        100.0 * found.same_gesture_fraction
     ))?;
     Ok(())
 }

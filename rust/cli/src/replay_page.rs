@@ -2,16 +2,16 @@
 
 use crate::{
     announce::announce,
-    interrupt::{interrupt_flag, wait_for},
+    interrupt::{interrupt_flag, wait_for_interrupt},
 };
-use proact_app::{Arm, film, film_of_bag, tell};
+use proact_app::{Arm, bag_playback, print_status, record_playback, with_path};
 use proact_bridge::{PageOptions, PageServer};
 use proact_control::MethodRegistry;
 use proact_testbed::TrialConfig;
 use std::{error::Error, path::PathBuf, sync::Arc};
 
 /// Recomputes the trials in `dirs`, reads those that are bags, and serves them until Ctrl-C.
-pub(crate) fn show(
+pub(crate) fn serve_replays(
     methods: &MethodRegistry,
     dirs: &[PathBuf],
     port: u16,
@@ -20,13 +20,13 @@ pub(crate) fn show(
     let mut trials = Vec::new();
     for dir in dirs {
         let trial = if dir.is_file() {
-            tell(format_args!("reading {}", dir.display()));
-            film_of_bag::read(dir, &Arm::named(TrialConfig::DEFAULT_ARM)?)
+            print_status(format_args!("reading {}", dir.display()));
+            bag_playback::read_playback(dir, &Arm::load(TrialConfig::DEFAULT_ARM)?)
         } else {
-            tell(format_args!("recomputing {}", dir.display()));
-            film::recompute(methods, dir)
+            print_status(format_args!("recomputing {}", dir.display()));
+            record_playback::recompute_playback(methods, dir)
         };
-        trials.push(trial.map_err(|error| format!("{}: {error}", dir.display()))?);
+        trials.push(trial.map_err(|error| with_path(dir, &error))?);
     }
     let Some(first) = trials.first() else {
         return Err("no trial directory was given; expected at least one".into());
@@ -34,6 +34,6 @@ pub(crate) fn show(
     let server = PageServer::start(PageOptions { port, ..PageOptions::default() }, first.content.clone())?;
     server.set_trials(Arc::new(trials))?;
     announce(&server, "replay", open_browser, false);
-    wait_for(&*interrupt_flag()?);
+    wait_for_interrupt(&*interrupt_flag()?);
     Ok(true)
 }

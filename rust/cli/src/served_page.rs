@@ -1,14 +1,14 @@
 //! Where a page for people who drive is served, and how they are told.
 
 use crate::{
-    access_args::{AccessArgs, listed},
-    announce::{announce, printed},
+    access_args::{AccessArgs, parse_allowed_address},
+    announce::{announce, redact_token},
 };
 use clap::Args;
-use proact_app::tell;
+use proact_app::print_status;
 use proact_arm::Side;
 use proact_bridge::{PageContent, PageOptions, PageServer};
-use proact_http::Listed;
+use proact_http::AllowedAddress;
 use std::{
     error::Error,
     net::{IpAddr, Ipv4Addr},
@@ -27,8 +27,8 @@ pub(crate) struct ServedPageArgs {
     #[arg(long, default_value = "127.0.0.1")]
     bind: IpAddr,
     /// Machine that needs no token to watch the page, with =act to drive and end trials too; may be repeated
-    #[arg(long, value_name = "ADDRESS[=act]", value_parser = listed)]
-    page_allow: Vec<Listed>,
+    #[arg(long, value_name = "ADDRESS[=act]", value_parser = parse_allowed_address)]
+    page_allow: Vec<AllowedAddress>,
     /// For a headset: HTTPS on all addresses, and a QR code to open the page with
     #[arg(long)]
     headset: bool,
@@ -53,7 +53,7 @@ impl ServedPageArgs {
         let allow_next = !self.exact_port;
         let options = PageOptions {
             port: self.port,
-            allow_next,
+            allow_next_port: allow_next,
             bind,
             https: self.headset,
             access,
@@ -70,10 +70,10 @@ impl ServedPageArgs {
 /// Tells how to open the page on another machine, for a headset as a QR code.
 fn announce_remote(server: &PageServer, headset: bool, secret: bool) -> Result<(), Box<dyn Error>> {
     let Some(url) = server.remote_url() else { return Ok(()) };
-    tell(format_args!("on another machine: {}", printed(&url, secret)));
+    print_status(format_args!("on another machine: {}", redact_token(&url, secret)));
     if headset {
-        tell(qr_code(&url)?);
-        tell(
+        print_status(qr_code(&url)?);
+        print_status(
             "The certificate is our own: the browser asks once whether to go on, and not again at the next start.",
         );
     }

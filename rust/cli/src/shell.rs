@@ -1,7 +1,7 @@
 //! What a package installs beside the program, made from the command line itself: manual pages and completions.
 
 use clap::{Args, ValueEnum};
-use proact_app::{answer, tell};
+use proact_app::{print_result, print_status};
 use proact_files::make_folder;
 use std::{error::Error, path::PathBuf};
 
@@ -49,7 +49,7 @@ pub(crate) fn completions(
     };
     let mut script = Vec::new();
     clap_complete::generate(shell, command, "proact", &mut script);
-    answer(String::from_utf8(script)?.trim_end())?;
+    print_result(String::from_utf8(script)?.trim_end())?;
     Ok(true)
 }
 
@@ -58,6 +58,6 @@ pub(crate) fn man(command: clap::Command, args: &ManArgs) -> Result<bool, Box<dy
     make_folder(&args.folder)?;
     clap_mangen::generate_to(command, &args.folder)
         .map_err(|error| format!("manual pages cannot be written to {}: {error}", args.folder.display()))?;
-    tell(format_args!("manual pages are in {}", args.folder.display()));
+    print_status(format_args!("manual pages are in {}", args.folder.display()));
     Ok(true)
 }

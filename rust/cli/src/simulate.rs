@@ -8,8 +8,11 @@ use clap::Args;
 use proact_app::{
     Registry,
     analysis::{SweepReport, sweep_report},
-    answer, answer_json,
-    batch::{Batch, BatchFolder, ConditionSummary, Merged, MethodsBatch, NO_EVIDENCE, Sweep, merge},
+    batch::{
+        Batch, BatchFolder, ConditionSummary, MergedBatch, MethodsBatch, SIMULATED_DISCLAIMER, Sweep,
+        merge_shards,
+    },
+    print_result, print_result_json,
     study::Study,
 };
 use proact_types::Number;
@@ -21,14 +24,14 @@ use std::{
 };
 
 /// Trials of each method where nobody says how many.
-const SEEDS: usize = 5;
+const DEFAULT_SEED_COUNT: usize = 5;
 
 /// Arguments of `proact simulate`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  proact simulate\n  proact simulate --methods C,D --seeds 20 --json\n  \
     proact simulate study1 --participants 100 --out night\n  proact simulate study1 --participants 100 --out night --shard 2/4\n  \
     proact simulate --merge night\n  proact simulate study1 --participants 1000 --out night --slurm=50 --sbatch-option --time=4:00:00\n  \
-    proact simulate --methods C,D --vary participant.gaze_error_deg=0,1.5,3 --vary intent.sigma=0.01,0.03,0.1 \
+    proact simulate --methods C,D --sweep participant.gaze_error_deg=0,1.5,3 --sweep intent.gaze_sigma=0.01,0.03,0.1 \
     --out sweep\n\n\
     Simulated participants say nothing about people. Without --out nothing is kept but these figures. With it each trial is a line \
     on the disk as it ends, in DIR/shard-K-of-N.log; when all are there, trials.jsonl and the tables for proact analyze DIR follow, \
@@ -53,7 +56,7 @@ pub(crate) struct SimulateArgs {
     trial: BatchTrialArgs,
     /// Values of a key that are run each, all with all if repeated; heat maps are drawn with --out
     #[arg(long, value_name = "KEY=VALUE,VALUE")]
-    vary: Vec<String>,
+    sweep: Vec<String>,
     /// Put the shards in a folder together, and run nothing
     #[arg(long, value_name = "DIR", exclusive = true)]
     merge: Option<PathBuf>,
@@ -69,18 +72,18 @@ pub(crate) fn command(registry: &Registry, args: &SimulateArgs) -> Result<bool, 
     if let Some(dir) = &args.merge {
         let folder = BatchFolder::open(dir)?;
         // Whatever is missing is an error: that is what was asked for.
-        let merged = merge(&folder, true)?.ok_or("not all trials are there")?;
-        return told_of_folder(args, &folder.dir, merged, start);
+        let merged = merge_shards(&folder, true)?.ok_or("not all trials are there")?;
+        return print_folder_summary(args, &folder.dir, merged, start);
     }
     let interrupted = interrupt_flag()?;
-    let sweep = Sweep::read(&args.vary)?;
+    let sweep = Sweep::parse(&args.sweep)?;
     let batch = match &args.plan {
         Some(plan) => {
             let people = args.participants.map(|people| people as usize);
-            let study = Study::open_for(plan, &registry.methods, people, args.batch.seed)?;
-            Batch::of_study(&study, &args.trial.over_plan(), args.batch.people, sweep)?
+            let study = Study::open_with_participants(plan, &registry.methods, people, args.batch.seed)?;
+            Batch::of_study(&study, &args.trial.plan_overrides(), args.batch.participant_kind, sweep)?
         }
-        None => Batch::of_methods(&args.list(), args.batch.people, sweep)?,
+        None => Batch::of_methods(&args.methods_batch(), args.batch.participant_kind, sweep)?,
     };
     match args.batch.run(registry, &batch, !args.json, &interrupted)? {
         BatchOutcome::Summed(summaries, digests) => {
@@ -88,39 +91,42 @@ pub(crate) fn command(registry: &Registry, args: &SimulateArgs) -> Result<bool, 
             seeds.sort_unstable();
             seeds.dedup();
             let more = json!({ "seeds": seeds, "digests": digests });
-            told(args, &summaries, more, start)
+            print_summary(args, &summaries, more, start)
         }
-        BatchOutcome::Merged(dir, merged) => told_of_folder(args, &dir, *merged, start),
+        BatchOutcome::Merged(dir, merged) => print_folder_summary(args, &dir, *merged, start),
         BatchOutcome::Shard(dir, shard, trials) => {
             let text = format!(
                 "all {trials} trials of shard {shard} are in {}; others are missing. The last shard puts all of them together, as does \
-                 proact simulate --merge {0}. {NO_EVIDENCE}",
+                 proact simulate --merge {0}. {SIMULATED_DISCLAIMER}",
                 dir.display()
             );
-            let object = json!({ "shard": shard.to_string(), "trials": trials, "out": dir, "merged": false, "note": NO_EVIDENCE });
+            let object = json!({ "shard": shard.to_string(), "trials": trials, "out": dir, "merged": false, "note": SIMULATED_DISCLAIMER });
             if args.json {
-                answer_json(&object)?;
+                print_result_json(&object)?;
             } else {
-                answer(text)?;
+                print_result(text)?;
             }
             Ok(true)
         }
         BatchOutcome::Submitted(script, number) => {
-            let object = json!({ "script": script, "job": number, "note": NO_EVIDENCE });
+            let object = json!({ "script": script, "job": number, "note": SIMULATED_DISCLAIMER });
             let text = format!(
                 "job {number} of Slurm, by {}; squeue --job {number} tells how far it is",
                 script.display()
             );
             if args.json {
-                answer_json(&object)?;
+                print_result_json(&object)?;
             } else {
-                answer(text)?;
+                print_result(text)?;
             }
             Ok(true)
         }
         BatchOutcome::Interrupted(dir) => {
             if let Some(dir) = dir {
-                proact_app::tell(format_args!("interrupted; the same command goes on in {}", dir.display()));
+                proact_app::print_status(format_args!(
+                    "interrupted; the same command goes on in {}",
+                    dir.display()
+                ));
             }
             Ok(false)
         }
@@ -128,11 +134,11 @@ pub(crate) fn command(registry: &Registry, args: &SimulateArgs) -> Result<bool, 
 }
 
 impl SimulateArgs {
-    fn list(&self) -> MethodsBatch {
-        let people = self.seeds.or(self.participants).map_or(SEEDS, |people| people as usize);
+    fn methods_batch(&self) -> MethodsBatch {
+        let people = self.seeds.or(self.participants).map_or(DEFAULT_SEED_COUNT, |people| people as usize);
         MethodsBatch {
             methods: self.methods.clone(),
-            common: self.trial.choice(),
+            common: self.trial.trial_options(),
             participants: people,
             trials: self.trials as usize,
             seed: self.batch.seed.unwrap_or(1),
@@ -141,10 +147,10 @@ impl SimulateArgs {
 }
 
 /// What a folder holds, and where; of a sweep with its report.
-fn told_of_folder(
+fn print_folder_summary(
     args: &SimulateArgs,
     dir: &Path,
-    merged: Merged,
+    merged: MergedBatch,
     start: Instant,
 ) -> Result<bool, Box<dyn Error>> {
     let folder = BatchFolder::open(dir)?;
@@ -155,25 +161,30 @@ fn told_of_folder(
         object.insert("figures".into(), json!(figures));
         object.insert("sweep".into(), json!(table));
     }
-    let all_counted = told(args, &merged.tally.summaries(), more, start)?;
+    let all_counted = print_summary(args, &merged.tally.summaries(), more, start)?;
     if !args.json {
         match sweep {
-            Some(report) => answer(format_args!("tables and heat maps: open {}", report.page.display()))?,
-            None => answer(format_args!("tables in {0}; the report: proact analyze {0}", dir.display()))?,
+            Some(report) => {
+                print_result(format_args!("tables and heat maps: open {}", report.page.display()))?
+            }
+            None => {
+                print_result(format_args!("tables in {0}; the report: proact analyze {0}", dir.display()))?
+            }
         }
     }
     Ok(all_counted)
 }
 
 /// Prints the figures. False if all trials of a condition failed.
-fn told(
+fn print_summary(
     args: &SimulateArgs,
     summaries: &[ConditionSummary],
     more: Value,
     start: Instant,
 ) -> Result<bool, Box<dyn Error>> {
     let all_counted = summaries.iter().all(|summary| summary.scores.is_some());
-    summaries.iter().filter_map(ConditionSummary::failed_line).for_each(proact_app::tell);
+    summaries.iter().filter_map(ConditionSummary::failed_line).for_each(proact_app::print_status);
+    summaries.iter().filter_map(ConditionSummary::idle_line).for_each(proact_app::print_status);
     if args.json {
         let mut methods = Map::new();
         for summary in summaries {
@@ -184,31 +195,31 @@ fn told(
             methods.insert(summary.condition.clone(), figures);
         }
         let mut object = json!({ "methods": methods, "jobs": args.batch.jobs(),
-            "wall_seconds": start.elapsed().as_secs_f64(), "note": NO_EVIDENCE });
+            "wall_seconds": start.elapsed().as_secs_f64(), "note": SIMULATED_DISCLAIMER });
         if let (Some(object), Value::Object(more)) = (object.as_object_mut(), more) {
             object.extend(more);
         }
-        answer_json(&object)?;
+        print_result_json(&object)?;
         return Ok(all_counted);
     }
-    answer("         mean    sd   min median   max  trials")?;
-    for ConditionSummary { condition, score_name, scores, failed, failure } in summaries {
+    print_result("         mean    sd   min median   max  trials")?;
+    for ConditionSummary { condition, score_name, scores, failed, failure, .. } in summaries {
         let Some(scores) = scores else {
             let reason = failure.as_deref().unwrap_or_default();
-            answer(format_args!("{condition:6} failed, all {failed} trials: {reason}"))?;
+            print_result(format_args!("{condition:6} failed, all {failed} trials: {reason}"))?;
             continue;
         };
         let sd = scores.sd.map_or("    -".to_owned(), |sd| format!("{sd:5.2}"));
-        answer(format_args!(
+        print_result(format_args!(
             "{condition:6} {:6.2} {sd} {:5.1} {:6.1} {:5.1} {:7}  {score_name}{}",
             Number(scores.mean),
             Number(scores.min),
             Number(scores.median),
             Number(scores.max),
-            scores.trials,
+            scores.count,
             if *failed > 0 { format!("; {failed} more trials failed") } else { String::new() }
         ))?;
     }
-    answer(format_args!("{NO_EVIDENCE} In {:.0} s.", start.elapsed().as_secs_f64()))?;
+    print_result(format_args!("{SIMULATED_DISCLAIMER} In {:.0} s.", start.elapsed().as_secs_f64()))?;
     Ok(all_counted)
 }

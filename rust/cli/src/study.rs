@@ -18,7 +18,7 @@ pub(crate) use run::worker_command;
 pub enum StudyCommand {
     /// Make a folder with a plan, to be changed with any editor
     #[command(
-        after_help = "Examples:\n  proact study new pilot\n  proact study new replication --like study1\n  \
+        after_help = "Examples:\n  proact study new pilot\n  proact study new replication --template study1\n  \
         proact study new mine --from-armsym imitate.json go_to.json\n\n\
         study1 and study2 are those of the ProACT paper; minivie, vie, armsym, holopham and virtual-bbt are like these systems; empty has two methods, two \
         trials each. docs/studies.md says what \
@@ -30,20 +30,20 @@ pub enum StudyCommand {
         after_help = "Examples:\n  proact study check pilot\n  proact study check pilot --schedule > schedule.csv\n\n\
         An imbalance is no error: the exit code is 0 if the plan can be run."
     )]
-    Check(plan::CheckArgs),
+    Check(plan::StudyCheckArgs),
     /// Say how likely a plan is to show a difference, by simulating it many times
     #[command(after_help = "Examples:\n  proact study power pilot --effect expected.toml\n  \
-        proact study power bigger --from pilot --people 8,12,16,24 --dropout 0.1 --figure power\n\n\
+        proact study power bigger --pilot pilot --participants 8,12,16,24 --dropout 0.1 --figure power\n\n\
         The plan's own order is simulated with so many people. A pilot of simulated participants is no evidence about people.")]
     Power(power::PowerArgs),
     /// Conduct sessions: the experimenter's page and the terminal show where the study is, and either can drive it
     #[command(
-        after_help = "Examples:\n  proact study run pilot\n  proact study run pilot --participant P07 --new\n  \
+        after_help = "Examples:\n  proact study run pilot\n  proact study run pilot --participant P07 --enroll\n  \
         proact study run pilot --emg-source ble --headset\n  proact study run pilot --simulated\n\n\
         Whatever ended the last run, this one goes on from the last event on the disk. Ctrl-C ends; a trial under way counts as \
         interrupted and is done again. With --simulated the exit code is 0 only if the study is finished."
     )]
-    Run(run::RunArgs),
+    Run(run::StudyRunArgs),
     /// Say who is next, and with what
     #[command(after_help = "Example:\n  proact study next pilot")]
     Next(status::StatusArgs),
@@ -53,10 +53,10 @@ pub enum StudyCommand {
     /// Write the tables of a study: CSV and SQLite, with a codebook and checksums
     #[command(
         after_help = "Examples:\n  proact study export pilot\n  proact study export pilot --raw --out shared/pilot\n\n\
-        Participants are called by their places in the plan unless --keep-ids. Free words are as they were written: read them \
+        Participants are called by their places in the plan unless --keep-pseudonyms. Free words are as they were written: read them \
         before you share them. One row is one observation; codebook.csv says what each column is."
     )]
-    Export(files::ExportArgs),
+    Export(files::StudyExportArgs),
     /// Put a whole study into one zip file: plan, journal, records, models, with checksums
     #[command(
         after_help = "Example:\n  proact study archive pilot\n\nWhat was written is read again and compared."
@@ -81,7 +81,7 @@ pub fn run(registry: &Registry, command: &StudyCommand, json: bool) -> Result<bo
         StudyCommand::Status(args) => status::status(&registry.methods, args, json)?,
         StudyCommand::Export(args) => files::export(&registry.methods, args, json)?,
         StudyCommand::Archive(args) => files::archive(&registry.methods, args, json)?,
-        StudyCommand::Worker => run::work(registry)?,
+        StudyCommand::Worker => run::run_worker(registry)?,
     }
     Ok(true)
 }

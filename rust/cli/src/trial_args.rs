@@ -1,11 +1,11 @@
 //! The options of a trial, the same for every command that begins one.
 
 use clap::Args;
-use proact_app::{Arm, TrialContext, sets_emg, study::like, trial_config};
+use proact_app::{Arm, TrialContext, sets_emg, study::shipped_trial_options, trial_config};
 use proact_control::{MethodProgram, MethodRegistry};
 use proact_emg::EmgConfig;
 use proact_intent::IntentProgram;
-use proact_study::TrialChoice;
+use proact_study::TrialOptions;
 use proact_testbed::TrialConfig;
 use std::error::Error;
 
@@ -35,7 +35,7 @@ pub(crate) struct TrialArgs {
     task: Option<String>,
     /// Seconds after which the trial ends; by default what the task says
     #[arg(long, value_name = "SECONDS")]
-    limit: Option<f64>,
+    time_limit: Option<f64>,
     /// Where the blocks of modified_bbt stand: red1,red2,blue1,blue2 such as FL,NM,NL,FM; by default from the seed
     #[arg(long)]
     arrangement: Option<String>,
@@ -62,7 +62,7 @@ impl TrialArgs {
         default_setup: &str,
         emg: Option<EmgConfig>,
     ) -> Result<(Arm, TrialConfig), Box<dyn Error>> {
-        let choice = self.choice()?;
+        let choice = self.trial_options()?;
         let words = |command: &String| command.split_whitespace().map(str::to_owned).collect();
         let process = self.method_command.as_ref().map(|command| MethodProgram::new(words(command)));
         let intent = self.intent_command.as_ref().map(|command| IntentProgram::new(words(command)));
@@ -74,19 +74,19 @@ impl TrialArgs {
     }
 
     /// What was asked for, over what the set-up says that it should be like.
-    fn choice(&self) -> Result<TrialChoice, Box<dyn Error>> {
-        let own = TrialChoice {
+    fn trial_options(&self) -> Result<TrialOptions, Box<dyn Error>> {
+        let own = TrialOptions {
             method: self.method.clone(),
             task: self.task.clone(),
             arm: self.arm.clone(),
             setup: self.setup.clone(),
             profile: self.profile.clone(),
-            limit_secs: self.limit,
+            limit_secs: self.time_limit,
             instruction: None,
             set: self.set.clone(),
         };
         Ok(match &self.like {
-            Some(name) => own.over(&like(name)?),
+            Some(name) => own.with_defaults_from(&shipped_trial_options(name)?),
             None => own,
         })
     }
@@ -96,13 +96,13 @@ impl TrialArgs {
     /// # Errors
     /// A set-up that does not exist.
     pub(crate) fn sets_emg(&self) -> Result<bool, Box<dyn Error>> {
-        Ok(sets_emg(&self.choice()?.set))
+        Ok(sets_emg(&self.trial_options()?.set))
     }
 
     /// What is asked for when a page begins another trial: by `method` if it chose one, with the same blocks `again`
     /// or those of the next seed. There is one method at a time: one that the page chose takes the place of another
     /// program.
-    pub(crate) fn next(self, method: Option<String>, again: bool) -> Self {
+    pub(crate) fn next_trial(self, method: Option<String>, again: bool) -> Self {
         let method_command = self.method_command.filter(|_| method.is_none());
         let (method, seed) = (method.or(self.method), self.seed + u64::from(!again));
         Self { method, seed, method_command, ..self }
@@ -115,7 +115,7 @@ mod tests {
 
     #[test]
     fn of_two_methods_one_has_the_say_and_the_record_tells_which() -> Result<(), Box<dyn Error>> {
-        let asked = TrialArgs {
+        let args = TrialArgs {
             method: Some("A".to_owned()),
             like: None,
             profile: None,
@@ -123,24 +123,26 @@ mod tests {
             seed: 5,
             setup: None,
             task: None,
-            limit: None,
+            time_limit: None,
             arrangement: None,
             method_command: Some("python3 method.py".into()),
             intent_command: None,
             set: vec![],
         };
         // A program stands in the place of the method that was named beside it.
-        let config = asked.config(&MethodRegistry::standard(), "still", None)?.1;
+        let config = args.config(&MethodRegistry::standard(), "still", None)?.1;
         let process = config.method_process.clone().expect("a program was named");
         assert_eq!(process.command, ["python3", "method.py"]);
         assert_ne!(config.method_label(), "A");
         // It stays when the page begins anew, and leaves when the page chooses a method.
         assert_eq!(
-            asked.clone().next(None, true).config(&MethodRegistry::standard(), "still", None)?.1,
+            args.clone().next_trial(None, true).config(&MethodRegistry::standard(), "still", None)?.1,
             config
         );
-        let chosen =
-            asked.next(Some("B".to_owned()), false).config(&MethodRegistry::standard(), "still", None)?.1;
+        let chosen = args
+            .next_trial(Some("B".to_owned()), false)
+            .config(&MethodRegistry::standard(), "still", None)?
+            .1;
         assert_eq!((chosen.method_process, chosen.method.to_string(), chosen.seed), (None, "B".into(), 6));
         assert!(config.to_toml()?.contains("method.py"));
         Ok(())
@@ -153,22 +155,22 @@ mod tests {
             #[command(flatten)]
             trial: TrialArgs,
         }
-        let asked = |words: &str| {
+        let parse = |words: &str| {
             let line = <Line as clap::Parser>::try_parse_from(words.split(' '))?;
             line.trial.config(&MethodRegistry::standard(), "still", None)
         };
-        let (_, config) = asked("demo --like holopham")?;
+        let (_, config) = parse("demo --like holopham")?;
         assert_eq!(
             (config.method.to_string(), config.task.name.clone()),
             ("C".into(), "frame_transfer".into())
         );
-        let (_, config) = asked("demo --like minivie:end_point --task bbt --arm mpl_left")?;
+        let (_, config) = parse("demo --like minivie:end_point --task bbt --arm mpl_left")?;
         assert_eq!((config.method.to_string(), config.task.name.clone()), ("B".into(), "bbt".into()));
         assert_eq!(config.arm.name, "mpl_left");
         for (words, part) in
             [("demo --like nothing", "minivie"), ("demo --like vie:nothing", "end_point, joints")]
         {
-            let error = asked(words).map(|_| ()).unwrap_err().to_string();
+            let error = parse(words).map(|_| ()).unwrap_err().to_string();
             assert!(error.contains(part), "{error}");
         }
         Ok(())

@@ -70,20 +70,20 @@ fn paper(dir: &Path) {
         let scores: Vec<usize> = counts.iter().enumerate().flat_map(|(score, n)| vec![score; *n]).collect();
         for (k, score) in scores.iter().enumerate() {
             let person = k % 8;
-            let place =
+            let position =
                 SEQUENCES[person].iter().position(|name| name.trim_end_matches('*') == method).unwrap();
-            let mark = if SEQUENCES[person][place].ends_with('*') { "*" } else { "" };
-            let (person, place, trial) = (person + 1, place + 1, k / 8 + 1);
-            trials += &format!("{person},1,{method},{trial},{place},{mark},{score},blocks on target\n");
+            let mark = if SEQUENCES[person][position].ends_with('*') { "*" } else { "" };
+            let (person, position, trial) = (person + 1, position + 1, k / 8 + 1);
+            trials += &format!("{person},1,{method},{trial},{position},{mark},{score},blocks on target\n");
         }
     }
     fs::write(dir.join("trials.csv"), trials).unwrap();
     let mut answers = "participant,session,condition,form,item,answer\n".to_owned();
-    for (person, told) in (1..).zip(RANKINGS) {
-        for (item, answer) in ["ease", "agency", "speed"].into_iter().zip(told) {
+    for (person, answers_of_person) in (1..).zip(RANKINGS) {
+        for (item, answer) in ["ease", "agency", "speed"].into_iter().zip(answers_of_person) {
             answers += &format!("{person},1,,ranking,{item},\"{answer}\"\n");
         }
-        answers += &format!("{person},1,,last_trial,choice,{}\n", told[3]);
+        answers += &format!("{person},1,,last_trial,choice,{}\n", answers_of_person[3]);
     }
     fs::write(dir.join("answers.csv"), answers).unwrap();
     let deviations =
@@ -93,33 +93,33 @@ fn paper(dir: &Path) {
 
 #[test]
 fn the_papers_tables_give_the_papers_printed_numbers() {
-    let place = tempfile::tempdir().unwrap();
-    let (dir, out) = (place.path().join("paper"), place.path().join("report"));
+    let temp_dir = tempfile::tempdir().unwrap();
+    let (dir, out) = (temp_dir.path().join("paper"), temp_dir.path().join("report"));
     paper(&dir);
     let answer = analyze(&dir, &out);
     assert_eq!(
         lines(&out.join("tables/success.csv")),
         [
-            "Method,mean,sd,min,max,median,n",
-            "A,2.21,1.50,0.00,4.00,2.50,24",
-            "B,1.96,1.60,0.00,4.00,2.00,24",
-            "C,3.29,0.95,1.00,4.00,4.00,24",
-            "D,3.67,0.56,2.00,4.00,4.00,24",
+            "Method,mean,sd,min,max,median,n,flaw",
+            "A,2.21,1.50,0.00,4.00,2.50,24,",
+            "B,1.96,1.60,0.00,4.00,2.00,24,",
+            "C,3.29,0.95,1.00,4.00,4.00,24,",
+            "D,3.67,0.56,2.00,4.00,4.00,24,",
         ]
     );
     // Three trials each: of A 0, 1 and 3 blocks, of D 2, 4 and 4.
     let people = lines(&out.join("tables/by_participant.csv"));
-    assert_eq!(people[0], "Measure,participant,A,B,C,D");
-    assert_eq!(people[1], "\"Score, mean of the trials\",P1,1.33,1.33,2.67,3.33");
+    assert_eq!(people[0], "Measure,participant,A,B,C,D,flaw");
+    assert_eq!(people[1], "\"Score, mean of the trials\",P1,1.33,1.33,2.67,3.33,");
     let sequence = lines(&out.join("tables/sequence.csv"));
-    for (person, told) in SEQUENCES.iter().enumerate() {
-        assert_eq!(sequence[person + 1], format!("P{},{}", person + 1, told.join(",")));
+    for (person, conditions_of_person) in SEQUENCES.iter().enumerate() {
+        assert_eq!(sequence[person + 1], format!("P{},{},", person + 1, conditions_of_person.join(",")));
     }
     let rankings = lines(&out.join("tables/rankings.csv"));
-    assert_eq!(rankings[0], "P,ease,agency,speed,choice");
-    for (person, told) in RANKINGS.iter().enumerate() {
-        let words = told.map(|answer| answer.replace('=', " = ").replace(',', " > "));
-        assert_eq!(rankings[person + 1], format!("P{},{}", person + 1, words.join(",")));
+    assert_eq!(rankings[0], "P,ease,agency,speed,choice,flaw");
+    for (person, answers_of_person) in RANKINGS.iter().enumerate() {
+        let words = answers_of_person.map(|answer| answer.replace('=', " = ").replace(',', " > "));
+        assert_eq!(rankings[person + 1], format!("P{},{},", person + 1, words.join(",")));
     }
     let page = fs::read_to_string(out.join("report.html")).unwrap();
     for text in ["2.21", "0.56", "C*", "D = C &gt; A &gt; B", "technical issue", "<svg", "is missing"] {
@@ -147,10 +147,10 @@ fn the_papers_tables_give_the_papers_printed_numbers() {
 /// Two real trials, of methods A and D.
 fn recorded() -> &'static Path {
     static PLACE: OnceLock<tempfile::TempDir> = OnceLock::new();
-    let place = PLACE.get_or_init(|| {
-        let place = tempfile::tempdir().unwrap();
+    let temp_dir = PLACE.get_or_init(|| {
+        let temp_dir = tempfile::tempdir().unwrap();
         for method in ["A", "D"] {
-            let out = place.path().join(method);
+            let out = temp_dir.path().join(method);
             let output = proact(&[
                 "demo",
                 "--headless",
@@ -163,9 +163,9 @@ fn recorded() -> &'static Path {
             ]);
             assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         }
-        place
+        temp_dir
     });
-    place.path()
+    temp_dir.path()
 }
 
 /// A number of a row, to a thousandth.
@@ -175,11 +175,11 @@ fn seconds(row: &BTreeMap<String, String>, column: &str) -> Option<f64> {
 
 #[test]
 fn a_recorded_trial_is_scored_as_its_task_scored_it() {
-    let place = tempfile::tempdir().unwrap();
-    let out = place.path().join("report");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let out = temp_dir.path().join("report");
     let answer = analyze(recorded(), &out);
-    let told = answer["notes"].as_array().unwrap();
-    assert!(told.iter().all(|note| note.as_str().unwrap().starts_with("No mixed models")), "{answer}");
+    let notes = answer["notes"].as_array().unwrap();
+    assert!(notes.iter().all(|note| note.as_str().unwrap().starts_with("No mixed models")), "{answer}");
     let (blocks, objects) = (rows(&out.join("data/blocks.csv")), rows(&out.join("data/objects.csv")));
     assert_eq!((blocks.len(), objects.len()), (8, 8));
     for block in &blocks {
@@ -191,8 +191,8 @@ fn a_recorded_trial_is_scored_as_its_task_scored_it() {
         if block["outcome"] == "on_target" {
             assert_eq!(object["crossed"], "1", "{object:?}");
             assert_eq!(seconds(block, "pick_s"), seconds(object, "pick_s"), "{block:?} {object:?}");
-            let least: f64 = object["least_distance_mm"].parse().unwrap();
-            assert!(least <= seconds(block, "error_mm").unwrap() + 1.0, "{block:?} {object:?}");
+            let min_distance_mm: f64 = object["least_distance_mm"].parse().unwrap();
+            assert!(min_distance_mm <= seconds(block, "error_mm").unwrap() + 1.0, "{block:?} {object:?}");
         }
         if object["grasps"] == "1" && block["outcome"] == "on_target" {
             assert_eq!(seconds(block, "place_s"), seconds(object, "place_s"), "{block:?} {object:?}");
@@ -206,9 +206,9 @@ fn a_recorded_trial_is_scored_as_its_task_scored_it() {
             .map(|name| seconds(phase, &format!("gaze_{name}")).unwrap());
         let sum: f64 = shares.iter().sum();
         assert!(sum > 0.5 && sum <= 1.0 + 1e-9, "{phase:?}");
-        let looked = if phase["phase"] == "pick" { shares[0] } else { shares[2] };
+        let target_share = if phase["phase"] == "pick" { shares[0] } else { shares[2] };
         // Least of three seeds of A and D: 0.28, where the arm comes between the eyes and the block for a third of the time.
-        assert!(looked > 0.2 && looked + shares[3] + shares[4] > 0.5, "{phase:?}");
+        assert!(target_share > 0.2 && target_share + shares[3] + shares[4] > 0.5, "{phase:?}");
         assert!(seconds(phase, "base_share").is_some_and(|share| (-0.5..1.5).contains(&share)), "{phase:?}");
     }
     let measures = rows(&out.join("data/measures.csv"));
@@ -224,11 +224,11 @@ fn a_recorded_trial_is_scored_as_its_task_scored_it() {
 
 #[test]
 fn a_bag_alone_is_scored_like_the_record_that_it_is_of() {
-    let place = tempfile::tempdir().unwrap();
-    let bags = place.path().join("bags");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let bags = temp_dir.path().join("bags");
     fs::create_dir(&bags).unwrap();
     fs::copy(recorded().join("D/trial.bag"), bags.join("participant3-mode4-trial2.bag")).unwrap();
-    let (of_bag, of_record) = (place.path().join("b"), place.path().join("r"));
+    let (of_bag, of_record) = (temp_dir.path().join("b"), temp_dir.path().join("r"));
     let answer = analyze(&bags, &of_bag);
     assert!(answer["notes"][0].as_str().unwrap().contains("does not tell"), "{answer}");
     analyze(&recorded().join("D"), &of_record);
@@ -250,8 +250,8 @@ fn a_bag_alone_is_scored_like_the_record_that_it_is_of() {
 
 /// Whether R with lme4 and ordinal is there.
 fn r_is_there() -> bool {
-    let asked = Command::new("Rscript").args(["-e", "library(lme4); library(ordinal)"]).output();
-    let there = asked.is_ok_and(|output| output.status.success());
+    let probe = Command::new("Rscript").args(["-e", "library(lme4); library(ordinal)"]).output();
+    let there = probe.is_ok_and(|output| output.status.success());
     if !there {
         println!("skipped: R with lme4 and ordinal not found; ./proact test statistics installs them");
     }
@@ -263,8 +263,8 @@ fn r_fits_the_models_of_the_papers_tables() {
     if !r_is_there() {
         return;
     }
-    let place = tempfile::tempdir().unwrap();
-    let (dir, out) = (place.path().join("paper"), place.path().join("report"));
+    let temp_dir = tempfile::tempdir().unwrap();
+    let (dir, out) = (temp_dir.path().join("paper"), temp_dir.path().join("report"));
     paper(&dir);
     let answer = analyze(&dir, &out);
     assert!(!answer["notes"].to_string().contains("No mixed models"), "{answer}");
@@ -291,8 +291,8 @@ fn copy(from: &Path, to: &Path) {
 
 #[test]
 fn what_is_broken_is_named_and_the_rest_is_reported() {
-    let place = tempfile::tempdir().unwrap();
-    let trials = place.path().join("trials");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let trials = temp_dir.path().join("trials");
     copy(&recorded().join("D"), &trials.join("good"));
     // Killed before its end.
     copy(&recorded().join("D"), &trials.join("interrupted"));
@@ -307,7 +307,7 @@ fn what_is_broken_is_named_and_the_rest_is_reported() {
     bytes[middle] ^= 0x55;
     fs::write(&log, bytes).unwrap();
     fs::write(trials.join("nothing.bag"), "this is no bag").unwrap();
-    let out = place.path().join("report");
+    let out = temp_dir.path().join("report");
     let answer = analyze(&trials, &out);
     let notes: Vec<&str> =
         answer["notes"].as_array().unwrap().iter().map(|note| note.as_str().unwrap()).collect();
@@ -324,32 +324,32 @@ fn what_is_broken_is_named_and_the_rest_is_reported() {
     fs::write(&stale, "of another time").unwrap();
     analyze(&trials, &out);
     assert!(!stale.exists());
-    let output = proact(&["analyze", trials.to_str().unwrap(), "--out", place.path().to_str().unwrap()]);
+    let output = proact(&["analyze", trials.to_str().unwrap(), "--out", temp_dir.path().to_str().unwrap()]);
     assert!(!output.status.success());
     assert!(String::from_utf8_lossy(&output.stderr).contains("no earlier report"));
 }
 
 #[test]
 fn nothing_to_analyse_is_said_with_what_was_expected() {
-    let place = tempfile::tempdir().unwrap();
+    let temp_dir = tempfile::tempdir().unwrap();
     for (dir, expected) in
-        [(place.path().to_owned(), "holds nothing to analyse"), (place.path().join("none"), "none")]
+        [(temp_dir.path().to_owned(), "holds nothing to analyse"), (temp_dir.path().join("none"), "none")]
     {
         let output = proact(&["analyze", dir.to_str().unwrap()]);
         assert!(!output.status.success());
         let error = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(error.contains(expected), "{error}");
     }
-    fs::write(place.path().join("trials.csv"), "a,b\n1,2\n").unwrap();
-    let output = proact(&["analyze", place.path().to_str().unwrap()]);
+    fs::write(temp_dir.path().join("trials.csv"), "a,b\n1,2\n").unwrap();
+    let output = proact(&["analyze", temp_dir.path().to_str().unwrap()]);
     let error = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(error.contains("none of its columns is known, expected participant"), "{error}");
 }
 
 #[test]
 fn all_ties_and_a_missing_value_are_said() {
-    let place = tempfile::tempdir().unwrap();
-    let dir = place.path().join("ties");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let dir = temp_dir.path().join("ties");
     fs::create_dir(&dir).unwrap();
     let mut trials = "participant,condition,trial,score\n".to_owned();
     for person in 1..=5 {
@@ -360,40 +360,40 @@ fn all_ties_and_a_missing_value_are_said() {
         }
     }
     fs::write(dir.join("trials.csv"), trials).unwrap();
-    let out = place.path().join("report");
+    let out = temp_dir.path().join("report");
     analyze(&dir, &out);
     let page = fs::read_to_string(out.join("report.html")).unwrap();
     for text in ["1 of 5 people lack a value", "A and B: nobody differs", "No Friedman test"] {
         assert!(page.contains(text), "{text}");
     }
-    assert_eq!(lines(&out.join("tables/success.csv"))[3], "C,4.00,0.00,4.00,4.00,4.00,4");
+    assert_eq!(lines(&out.join("tables/success.csv"))[3], "C,4.00,0.00,4.00,4.00,4.00,4,");
 }
 
-fn as_if(trial: &str, values: &str) -> Output {
-    proact(&["replay", recorded().join(trial).to_str().unwrap(), "--as", values, "--json"])
+fn replay_with_overrides(trial: &str, values: &str) -> Output {
+    proact(&["replay", recorded().join(trial).to_str().unwrap(), "--override", values, "--json"])
 }
 
 #[track_caller]
 fn counterfactual(trial: &str, values: &str) -> Value {
-    let output = as_if(trial, values);
+    let output = replay_with_overrides(trial, values);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
 #[test]
 fn the_recorded_values_make_the_recorded_trial_and_others_are_marked_from_where_they_show() {
-    let same = counterfactual("D", "intent.sigma=0.03,emg.required=3");
+    let same = counterfactual("D", "intent.gaze_sigma=0.03,emg.consecutive_decisions=3");
     assert_eq!(same["seen_from_s"], Value::Null, "{same}");
     assert_eq!(
         (&same["score"], &same["same_gesture"]),
         (&serde_json::json!([4, 4]), &serde_json::json!(1.0))
     );
-    let slower = counterfactual("D", "emg.required=5");
+    let slower = counterfactual("D", "emg.consecutive_decisions=5");
     assert!(slower["seen_from_s"].as_f64().unwrap() < slower["seconds"].as_f64().unwrap());
     assert!(slower["seen_first"].as_array().unwrap().contains(&serde_json::json!("gesture")), "{slower}");
     let share = slower["same_gesture"].as_f64().unwrap();
     assert!((0.5..0.999).contains(&share), "two decisions later, 100 ms for each change: {slower}");
-    assert_eq!(slower, counterfactual("D", "emg.required=5"), "the same each time");
+    assert_eq!(slower, counterfactual("D", "emg.consecutive_decisions=5"), "the same each time");
     let blind = counterfactual("D", "intent_model=prior_only");
     assert!(blind["seen_from_s"].is_number(), "{blind}");
 }
@@ -403,10 +403,10 @@ fn what_is_no_counterfactual_is_refused_with_the_reason() {
     for (values, expected) in [
         ("method=A", "cannot be changed afterwards"),
         ("physics.engine=ode", "cannot be changed afterwards"),
-        ("intent.sigma=none", "intent"),
+        ("intent.gaze_sigma=none", "intent"),
         ("intent.smear=1", "smear"),
     ] {
-        let output = as_if("D", values);
+        let output = replay_with_overrides("D", values);
         let error = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(!output.status.success() && error.contains(expected), "{values}: {error}");
     }

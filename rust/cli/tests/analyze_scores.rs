@@ -32,15 +32,15 @@ fn number(row: &Row, column: &str) -> f64 {
 /// had the score 0.
 #[test]
 fn a_record_and_its_bag_have_the_motion_that_happened_and_a_cut_bag_is_marked_in_every_table() {
-    let place = tempfile::tempdir().unwrap();
-    let trial = place.path().join("trial");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let trial = temp_dir.path().join("trial");
     let demo = ["demo", "--headless", "--method", "C", "--seed", "3", "--out", trial.to_str().unwrap()];
     proact(&demo);
-    let bags = place.path().join("bags");
+    let bags = temp_dir.path().join("bags");
     fs::create_dir(&bags).unwrap();
     fs::copy(trial.join("trial.bag"), bags.join("participant1-mode3-trial1.bag")).unwrap();
     for (dir, flaw) in [(&trial, ""), (&bags, "bag_only")] {
-        let out = place.path().join(format!("report{flaw}"));
+        let out = temp_dir.path().join(format!("report{flaw}"));
         let answer = analyze(dir, &out);
         assert_eq!(answer["faults"], serde_json::json!([]), "{answer}");
         let pick = &rows(&out.join("data"), "phases")[0];
@@ -51,11 +51,11 @@ fn a_record_and_its_bag_have_the_motion_that_happened_and_a_cut_bag_is_marked_in
         assert!(number(pick, "peak_speed_m_per_s") < 1.5, "{pick:?}");
     }
 
-    let cut = place.path().join("cut");
+    let cut = temp_dir.path().join("cut");
     fs::create_dir(&cut).unwrap();
     let bytes = fs::read(trial.join("trial.bag")).unwrap();
     fs::write(cut.join("x.bag"), &bytes[..bytes.len() * 3 / 5]).unwrap();
-    let out = place.path().join("of_cut");
+    let out = temp_dir.path().join("of_cut");
     let answer = analyze(&cut, &out);
     assert!(answer["notes"].to_string().contains("cut off at byte"), "{answer}");
     for table in ["trials", "blocks", "measures", "objects", "phases"] {
@@ -79,8 +79,8 @@ fn a_record_and_its_bag_have_the_motion_that_happened_and_a_cut_bag_is_marked_in
 
 #[test]
 fn a_value_that_no_arm_or_person_can_produce_is_a_fault_of_the_report_with_record_phase_value_and_limit() {
-    let place = tempfile::tempdir().unwrap();
-    let dir = place.path().join("tables");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let dir = temp_dir.path().join("tables");
     fs::create_dir(&dir).unwrap();
     let key = "participant,id,session,condition,trial";
     fs::write(
@@ -93,7 +93,7 @@ fn a_value_that_no_arm_or_person_can_produce_is_a_fault_of_the_report_with_recor
          1,,1,D,1,pick,red 1,1,9.1,0.7,309\n"
     );
     fs::write(dir.join("phases.csv"), phases).unwrap();
-    let out = place.path().join("report");
+    let out = temp_dir.path().join("report");
     let answer = analyze(&dir, &out);
     let faults = answer["faults"].as_array().unwrap();
     assert_eq!(faults.len(), 1, "{answer}");
@@ -107,8 +107,8 @@ fn a_value_that_no_arm_or_person_can_produce_is_a_fault_of_the_report_with_recor
         (&"peak_speed_m_per_s".into(), &30.5.into(), &6.0.into())
     );
     let note = answer["notes"][0].as_str().unwrap();
-    for told in ["Fault of this report", "trials/one", "pick of red 1", "30.500 m/s", "6 m/s"] {
-        assert!(note.contains(told), "{told}: {note}");
+    for expected_text in ["Fault of this report", "trials/one", "pick of red 1", "30.500 m/s", "6 m/s"] {
+        assert!(note.contains(expected_text), "{expected_text}: {note}");
     }
     assert!(fs::read_to_string(out.join("report.html")).unwrap().contains("Fault of this report"));
 }

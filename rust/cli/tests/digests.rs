@@ -2,7 +2,9 @@
 //! and named by trial, span, stage and field. `tests/digests/README.md` says what to do then.
 #![allow(clippy::disallowed_methods)] // A test of files and of the program.
 
-use proact_app::digests::{Platform, Store, TrialDigest, TrialEntry, differences, outcome_complaints};
+use proact_app::digests::{
+    DigestStore, Platform, TrialDigest, TrialEntry, digest_differences, outcome_violations,
+};
 use std::{
     error::Error,
     fs,
@@ -18,56 +20,59 @@ fn repository() -> PathBuf {
 }
 
 /// Says it past the test's own output, which nobody sees when the test passes.
-fn say(text: &str) {
+fn print_to_stderr(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
 // Catches what a test of one part cannot: that results change although nobody meant them to.
 #[test]
 fn the_trials_have_their_committed_digests() -> Outcome {
-    let (store, platform) = (Store::of(&repository()), Platform::here());
+    let (store, platform) = (DigestStore::in_repository(&repository()), Platform::current());
     let run: Vec<TrialDigest> =
         store.trials()?.iter().map(TrialEntry::run).collect::<Result<_, Box<dyn Error>>>()?;
     assert_eq!(run.len(), 16, "trials of the list");
     let outcomes = store.outcomes()?;
 
     let Some(committed) = store.digests(&platform)? else {
-        say(&format!(
+        print_to_stderr(&format!(
             "digests: the platform {platform} has none committed; only lengths and outcomes of the trials are compared"
         ));
         for now in run.iter().map(|trial| &trial.outcome) {
             let was = outcomes.iter().find(|was| was.trial == now.trial);
             if let Some(was) = was.filter(|was| was.ticks != now.ticks) {
-                say(&format!(
-                    "digests: {} takes {} ms here, {} ms where it was blessed",
+                print_to_stderr(&format!(
+                    "digests: {} takes {} ms here, {} ms where they were updated",
                     now.trial, now.ticks, was.ticks
                 ));
             }
         }
-        let complaints = outcome_complaints(&outcomes, &run);
-        assert!(complaints.is_empty(), "trials end otherwise on {platform}:\n{}", complaints.join("\n"));
+        let violations = outcome_violations(&outcomes, &run);
+        assert!(violations.is_empty(), "trials end otherwise on {platform}:\n{}", violations.join("\n"));
         return Ok(());
     };
-    let different = differences(&committed, &outcomes, &run);
+    let different = digest_differences(&committed, &outcomes, &run);
     let named: Vec<String> = different.iter().map(ToString::to_string).collect();
     assert!(
         named.is_empty(),
-        "digests differ from those committed for {platform}:\n{}\nIf this is meant: ./proact bless \"REASON\"",
+        "digests differ from those committed for {platform}:\n{}\nIf this is meant: ./proact update-digests \"REASON\"",
         named.join("\n")
     );
     Ok(())
 }
 
-/// A repository with one trial of half a second, and `proact bless` in it.
-struct Blessed(tempfile::TempDir);
+/// A repository with one trial of half a second, and `proact update-digests` in it.
+struct DigestRepository(tempfile::TempDir);
 
-impl Blessed {
+impl DigestRepository {
     fn new() -> Outcome<Self> {
-        let place = Self(tempfile::tempdir()?);
-        fs::create_dir_all(place.path().join("tests/digests"))?;
-        fs::write(place.path().join("CHANGELOG.md"), "# Changelog\n\n## Unreleased\n\n### Added\n- a\n")?;
-        place.list("limit_secs=0.5")?;
-        Ok(place)
+        let repository = Self(tempfile::tempdir()?);
+        fs::create_dir_all(repository.path().join("tests/digests"))?;
+        fs::write(
+            repository.path().join("CHANGELOG.md"),
+            "# Changelog\n\n## Unreleased\n\n### Added\n- a\n",
+        )?;
+        repository.list("limit_secs=0.5")?;
+        Ok(repository)
     }
 
     fn path(&self) -> &Path {
@@ -81,9 +86,9 @@ impl Blessed {
         Ok(fs::write(self.path().join("tests/digests/trials.toml"), list)?)
     }
 
-    fn bless(&self, reason: &[&str]) -> Outcome<Output> {
+    fn update_digests(&self, reason: &[&str]) -> Outcome<Output> {
         let mut program = Command::new(env!("CARGO_BIN_EXE_proact"));
-        Ok(program.arg("bless").args(reason).arg("--repository").arg(self.path()).output()?)
+        Ok(program.arg("update-digests").args(reason).arg("--repository").arg(self.path()).output()?)
     }
 
     fn changelog(&self) -> Outcome<String> {
@@ -91,47 +96,50 @@ impl Blessed {
     }
 }
 
-// Catches a blessing that happens by accident, without a word in the changelog.
+// Catches an update that happens by accident, without a word in the changelog.
 #[test]
-fn without_a_reason_nothing_is_blessed() -> Outcome {
-    let place = Blessed::new()?;
+fn without_a_reason_no_digest_is_updated() -> Outcome {
+    let repository = DigestRepository::new()?;
     for reason in [&[][..], &["  "]] {
-        let output = place.bless(reason)?;
+        let output = repository.update_digests(reason)?;
         assert!(!output.status.success());
         let error = String::from_utf8(output.stderr)?;
-        assert_eq!(error, "proact: bless needs the reason why results change: ./proact bless \"REASON\"\n");
+        assert_eq!(
+            error,
+            "proact: update-digests needs the reason why results change: ./proact update-digests \"REASON\"\n"
+        );
     }
-    assert_eq!(fs::read_dir(place.path().join("tests/digests"))?.count(), 1);
-    assert!(!place.changelog()?.contains("### Digests"));
+    assert_eq!(fs::read_dir(repository.path().join("tests/digests"))?.count(), 1);
+    assert!(!repository.changelog()?.contains("### Digests"));
     Ok(())
 }
 
-// Catches a blessing that says nothing of what changed, or that leaves traces when nothing did.
+// Catches an update that says nothing of what changed, or that leaves traces when nothing did.
 #[test]
-fn a_blessing_writes_digests_and_one_line_and_a_second_one_changes_nothing() -> Outcome {
-    let place = Blessed::new()?;
-    let (store, platform) = (Store::of(place.path()), Platform::here());
-    assert!(place.bless(&["the", "first"])?.status.success());
+fn an_update_writes_digests_and_one_line_and_a_second_one_changes_nothing() -> Outcome {
+    let repository = DigestRepository::new()?;
+    let (store, platform) = (DigestStore::in_repository(repository.path()), Platform::current());
+    assert!(repository.update_digests(&["the", "first"])?.status.success());
     let first = store.digests(&platform)?.ok_or("nothing was written")?;
     assert_eq!((first["D"].spans.len(), store.outcomes()?[0].ticks), (5, 500));
-    let changelog = place.changelog()?;
+    let changelog = repository.changelog()?;
     assert!(changelog.ends_with("### Digests\n- the first (1 trials, on a platform that had none).\n"));
 
-    let again = place.bless(&["nothing"])?;
+    let again = repository.update_digests(&["nothing"])?;
     assert!(String::from_utf8(again.stdout)?.starts_with("nothing has changed"));
-    assert_eq!(place.changelog()?, changelog);
+    assert_eq!(repository.changelog()?, changelog);
 
-    place.list("limit_secs=0.3")?;
-    let shorter = place.bless(&["a shorter trial"])?;
-    let said = String::from_utf8(shorter.stdout)?;
+    repository.list("limit_secs=0.3")?;
+    let shorter = repository.update_digests(&["a shorter trial"])?;
+    let stdout = String::from_utf8(shorter.stdout)?;
     // In its last tick the shorter trial is finished.
     assert!(
-        said.contains("D: first differs in ticks 201 to 300, in task.state; its configuration"),
-        "{said}"
+        stdout.contains("D: first differs in ticks 201 to 300, in task.state; its configuration"),
+        "{stdout}"
     );
-    assert!(said.contains("dynamics 4 of 10, task 3 of 5"), "{said}");
+    assert!(stdout.contains("dynamics 4 of 10, task 3 of 5"), "{stdout}");
     let line = "### Digests\n- a shorter trial (1 of 1 trials; ";
-    assert!(place.changelog()?.contains(line), "{}", place.changelog()?);
+    assert!(repository.changelog()?.contains(line), "{}", repository.changelog()?);
     assert_eq!(store.outcomes()?[0].ticks, 300);
     Ok(())
 }

@@ -7,12 +7,12 @@ mod common;
 
 use common::{Running, event, proact, stream};
 use proact_devices::{EmgPacket, LslSource, Recording, RecordingFolder, SampleSource, SourceEvent};
-use proact_types::{Gesture, GestureName};
+use proact_types::{Command, Gesture};
 use serde_json::Value;
 use std::{
     io::{BufRead, BufReader, Lines, Write},
     path::{Path, PathBuf},
-    process::{ChildStdout, Command, Stdio},
+    process::{self, ChildStdout, Stdio},
     time::{Duration, Instant},
 };
 
@@ -68,7 +68,7 @@ fn share(lines: &[Value], gesture: &str) -> f64 {
 #[test]
 fn a_stream_goes_through_two_programs_and_its_classes_are_right() {
     let (first, second) = (name("first"), name("second"));
-    let _simulator = simulator(&first, &["--gesture", "hand_close:1,wrist_flexion:1"]);
+    let _simulator = simulator(&first, &["--gesture-sequence", "hand_close:1,wrist_flexion:1"]);
     let (from_first, from_second) = (format!("lsl:{first}"), format!("lsl:{second}"));
     let mut between = Live::start(&["--source", &from_first, "--lsl", &second]);
     between.find(|line| line["event"] == "open");
@@ -109,14 +109,15 @@ fn processor_secs(pid: u32) -> f64 {
 /// program takes is told, not judged: the machine is shared.
 #[test]
 fn a_grid_of_64_electrodes_at_4_khz_is_trained_on_and_recognised() {
-    let held = [Gesture::NoMotion, Gesture::HandClose, Gesture::WristFlexion];
+    let held = [Command::NoMotion, Command::HandClose, Command::WristFlexion];
     let grid = |of: &str, schedule: &str| {
         let name = name(of);
-        let words = ["--like", "otb", "--emg-rate", "4000", "--seed", "3", "--gesture", schedule];
+        let words =
+            ["--amplifier", "otb", "--emg-rate", "4000", "--seed", "3", "--gesture-sequence", schedule];
         (simulator(&name, &words), format!("lsl:{name}"))
     };
     let dir = tempfile::tempdir().unwrap();
-    let names = held.map(GestureName::from);
+    let names = held.map(Gesture::from);
     let folder = RecordingFolder::create(&dir.path().join("grid"), 4000.0, &names, names[0], &[]).unwrap();
     for gesture in held {
         let (_simulator, source) = grid(gesture.ros_name(), &format!("{}:100", gesture.ros_name()));
@@ -134,7 +135,7 @@ fn a_grid_of_64_electrodes_at_4_khz_is_trained_on_and_recognised() {
             }
         }
         for (repetition, part) in samples[4000..].chunks(16_000).enumerate() {
-            folder.keep(&Recording::bridging(repetition as u32, gesture.into(), part)).unwrap();
+            folder.write_recording(&Recording::bridge_gaps(repetition as u32, gesture.into(), part)).unwrap();
         }
     }
     let model = dir.path().join("model.json");
@@ -157,7 +158,8 @@ fn a_grid_of_64_electrodes_at_4_khz_is_trained_on_and_recognised() {
 #[test]
 fn lost_packets_are_gaps_of_their_length() {
     let name = name("lossy");
-    let _simulator = simulator(&name, &["--gesture", "hand_open:1", "--loss", "0.03", "--seed", "4"]);
+    let _simulator =
+        simulator(&name, &["--gesture-sequence", "hand_open:1", "--loss-rate", "0.03", "--seed", "4"]);
     let lines = stream(&["--source", &format!("lsl:{name}"), "--seconds", "6"]);
     let gaps = event(&lines, "gap");
     assert!(!gaps.is_empty());
@@ -170,7 +172,7 @@ fn lost_packets_are_gaps_of_their_length() {
 #[test]
 fn a_sender_that_goes_away_stops_the_arm_and_is_found_again() {
     let name = name("absent");
-    let first = simulator(&name, &["--gesture", "no_motion:1,hand_close:1"]);
+    let first = simulator(&name, &["--gesture-sequence", "no_motion:1,hand_close:1"]);
     let mut live = Live::start(&["--source", &format!("lsl:{name}")]);
     live.find(|line| line["gesture"] == "hand_close");
     drop(first);
@@ -178,7 +180,7 @@ fn a_sender_that_goes_away_stops_the_arm_and_is_found_again() {
     assert_eq!(stale["gesture"], "no_motion");
     live.find(|line| line["event"] == "lost");
     // The hand was closed when the stream broke off, and still is: that alone must not start the arm.
-    let second = simulator(&name, &["--gesture", "hand_close:60"]);
+    let second = simulator(&name, &["--gesture-sequence", "hand_close:60"]);
     live.find(|line| line["event"] == "restored");
     let gap = live.find(|line| line["event"] == "gap");
     assert!(gap["lost_samples"].as_u64() > Some(1000), "{gap}");
@@ -210,18 +212,18 @@ fn streams_that_cannot_be_used_are_refused_with_the_reason() {
     let markers = format!("lsl:{chain}-decisions");
     assert!(refused(&["stream", "--source", &markers]).contains("nominal rate is 0"));
     assert!(refused(&["simulate", "--lsl", "it's"]).contains("quotation marks"));
-    assert!(refused(&["simulate", "--lsl", "x", "--loss", "NaN"]).contains("--loss is NaN"));
+    assert!(refused(&["simulate", "--lsl", "x", "--loss-rate", "NaN"]).contains("--loss-rate is NaN"));
 }
 
 #[test]
 fn a_board_by_its_double_is_read_at_its_rate_with_its_electrodes_alone() {
     let name = name("board");
-    let _board = simulator(&name, &["--like", "brainflow"]);
+    let _board = simulator(&name, &["--amplifier", "brainflow"]);
     let lines = stream(&["--source", &format!("lsl:{name}"), "--seconds", "4"]);
     let open = event(&lines, "open")[0];
     assert_eq!((&open["rate_hz"], &open["channels"]), (&250.0.into(), &8.into()));
     assert_eq!(event(&lines, "end")[0]["link"]["lost_samples"], 0);
-    let output = proact(&["simulate", "--lsl", "x", "--like", "biosemi"]).output().unwrap();
+    let output = proact(&["simulate", "--lsl", "x", "--amplifier", "biosemi"]).output().unwrap();
     let error = String::from_utf8(output.stderr).unwrap();
     assert!(error.contains("expected one of delsys, otb, brainflow"), "{error}");
 }
@@ -230,7 +232,7 @@ fn a_board_by_its_double_is_read_at_its_rate_with_its_electrodes_alone() {
 fn peer() -> Option<PathBuf> {
     let checkout = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../build/peers");
     let python = std::env::var_os("PROACT_PEERS").map_or(checkout, PathBuf::from).join("bin/python3");
-    let has = Command::new(&python).args(["-c", "import pylsl"]).output();
+    let has = process::Command::new(&python).args(["-c", "import pylsl"]).output();
     if !has.is_ok_and(|output| output.status.success()) {
         println!("skipped: pylsl not found; ./proact peers gets it");
         return None;
@@ -238,8 +240,8 @@ fn peer() -> Option<PathBuf> {
     Some(python)
 }
 
-fn peer_program(python: &Path, words: &[&str]) -> Command {
-    let mut command = Command::new(python);
+fn peer_program(python: &Path, words: &[&str]) -> process::Command {
+    let mut command = process::Command::new(python);
     let program = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/side_by_side/emg/lsl_peer.py");
     command.arg(program).args(words).stderr(Stdio::null());
     command
@@ -270,7 +272,7 @@ fn what_pylsl_sends_arrives_whole_and_its_gap_is_found() {
 fn pylsl_receives_samples_and_decisions() {
     let Some(python) = peer() else { return };
     let (sender, ours) = (name("sender-of-pylsl"), name("ours"));
-    let _simulator = simulator(&sender, &["--gesture", "no_motion:1,hand_close:1"]);
+    let _simulator = simulator(&sender, &["--gesture-sequence", "no_motion:1,hand_close:1"]);
     let mut live = Live::start(&["--source", &format!("lsl:{sender}"), "--lsl", &ours]);
     live.find(|line| line["gesture"] == "hand_close");
     let output = peer_program(&python, &["receive", &ours, "3000"]).output().unwrap();
@@ -299,13 +301,13 @@ fn the_method_of_one_number_follows_a_stream_and_stops_with_it() {
         "import pylsl, sys\nout = pylsl.StreamOutlet(pylsl.StreamInfo('{name}', 'Command', 1, 0, 'float32'))\n\
          out.wait_for_consumers(30)\nfor line in sys.stdin:\n    out.push_sample([float(line)])\n"
     );
-    let mut sender = Command::new(&python);
+    let mut sender = process::Command::new(&python);
     let mut sender =
         sender.args(["-c", &outlet]).stdin(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
     let mut numbers = sender.stdin.take().unwrap();
     let _sender = Running(sender);
     let program = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/methods/lsl_float.py");
-    let mut method = Command::new(&python);
+    let mut method = process::Command::new(&python);
     method
         .arg(program)
         .args([&name, "3", "0.5"])
@@ -359,14 +361,15 @@ fn a_trial_begins_and_ends_with_markers_that_another_program_reads() {
         "import pylsl, sys\ninlet = pylsl.StreamInlet(pylsl.resolve_byprop('name', '{name}', 1, 60)[0])\n\
          inlet.open_stream()\nwhile True:\n    sample, stamp = inlet.pull_sample(60)\n    print(sample[0], stamp, flush=True)\n"
     );
-    let mut command = Command::new(&python);
+    let mut command = process::Command::new(&python);
     let mut read =
         command.args(["-c", &reader]).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
     let mut markers = BufReader::new(read.stdout.take().unwrap()).lines();
     let _read = Running(read);
     // An eye tracker's port, so that time does not wait for the page.
-    let words = ["serve", "--no-browser", "--no-record", "--port", "0", "--gaze-udp", "0", "--limit", "8"];
-    let mut serve = Command::new(env!("CARGO_BIN_EXE_proact"));
+    let words =
+        ["serve", "--no-browser", "--no-record", "--port", "0", "--gaze-udp", "0", "--time-limit", "8"];
+    let mut serve = process::Command::new(env!("CARGO_BIN_EXE_proact"));
     let serve = serve.args(words).args(["--markers-lsl", &name]).stdin(Stdio::null()).stderr(Stdio::null());
     let serve = Running(serve.stdout(Stdio::null()).spawn().unwrap());
     let mut next = || {
@@ -375,16 +378,20 @@ fn a_trial_begins_and_ends_with_markers_that_another_program_reads() {
         (marker.to_owned(), stamp.parse::<f64>().unwrap())
     };
     // The first two may go out before the reader is connected.
-    let mut heard = vec![next()];
-    while heard.last().unwrap().0 != "2" {
-        heard.push(next());
+    let mut received = vec![next()];
+    while received.last().unwrap().0 != "2" {
+        received.push(next());
     }
-    if let [.., (one, began), (_, ended)] = heard.as_slice() {
+    if let [.., (one, began), (_, ended)] = received.as_slice() {
         assert_eq!(one, "1");
-        assert!((7.9..9.0).contains(&(ended - began)), "{heard:?}");
+        assert!((7.9..9.0).contains(&(ended - began)), "{received:?}");
     }
     assert!(
-        Command::new("sh").args(["-c", &format!("kill -INT {}", serve.0.id())]).status().unwrap().success()
+        process::Command::new("sh")
+            .args(["-c", &format!("kill -INT {}", serve.0.id())])
+            .status()
+            .unwrap()
+            .success()
     );
     assert_eq!(next().0, "3");
 }

@@ -55,7 +55,7 @@ fn score(lines: &[Value], rate_hz: f64) -> (f64, usize) {
 
 #[test]
 fn the_simulator_feeds_the_recogniser_and_its_classes_are_right() {
-    let (_running, address) = simulator(&["--gesture", SCRIPT]);
+    let (_running, address) = simulator(&["--gesture-sequence", SCRIPT]);
     let dir = tempfile::tempdir().unwrap();
     let record = dir.path().join("stream.edf");
     let source = format!("gforce-sim://{address}");
@@ -75,7 +75,7 @@ fn the_simulator_feeds_the_recogniser_and_its_classes_are_right() {
 
     // What was recorded, played flat out, is recognised as it was live.
     let file = format!("file:{}", record.display());
-    let again = stream(&["--source", &file, "--zero", "128", "--flat-out"]);
+    let again = stream(&["--source", &file, "--adc-zero", "128", "--no-realtime"]);
     let classes = |lines: &[Value]| -> Vec<(u64, String)> {
         let decisions = lines.iter().filter(|l| l["sample"].is_u64());
         decisions.map(|l| (l["sample"].as_u64().unwrap(), l["window_class"].to_string())).collect()
@@ -85,11 +85,22 @@ fn the_simulator_feeds_the_recogniser_and_its_classes_are_right() {
 
 #[test]
 fn a_poor_radio_leaves_gaps_and_no_wrong_classes() {
-    let faults =
-        ["--loss", "0.01", "--dup", "0.02", "--reorder", "0.01", "--truncate", "0.005", "--jitter", "8"];
+    let faults = [
+        "--loss-rate",
+        "0.01",
+        "--duplicate-rate",
+        "0.02",
+        "--reorder-rate",
+        "0.01",
+        "--truncation-rate",
+        "0.005",
+        "--jitter-ms",
+        "8",
+    ];
     // Every packet is three fragments.
-    let (_running, address) =
-        simulator(&[&["--gesture", SCRIPT, "--notification", "60", "--seed", "3"], &faults[..]].concat());
+    let (_running, address) = simulator(
+        &[&["--gesture-sequence", SCRIPT, "--notification-bytes", "60", "--seed", "3"], &faults[..]].concat(),
+    );
     let lines = stream(&["--source", &format!("gforce-sim://{address}"), "--seconds", "6"]);
     let end = event(&lines, "end")[0];
     assert!(end["link"]["lost_samples"].as_u64() > Some(0), "{end}");
@@ -106,7 +117,7 @@ fn a_poor_radio_leaves_gaps_and_no_wrong_classes() {
 
 #[test]
 fn an_armband_that_goes_away_stops_the_arm_at_once() {
-    let (running, address) = simulator(&["--gesture", "hand_close:9"]);
+    let (running, address) = simulator(&["--gesture-sequence", "hand_close:9"]);
     let mut child = proact(&["stream", "--source", &format!("gforce-sim://{address}"), "--seconds", "4"]);
     let mut child = Running(child.stdout(Stdio::piped()).spawn().unwrap());
     let mut lines = BufReader::new(child.0.stdout.take().unwrap()).lines().map(|l| {
@@ -136,7 +147,7 @@ fn real_recordings_replayed_through_the_armband_are_recognised() {
         return;
     }
     let data = data.to_str().unwrap();
-    let (_running, address) = simulator(&["--data", data, "--gesture", SCRIPT]);
+    let (_running, address) = simulator(&["--data", data, "--gesture-sequence", SCRIPT]);
     let source = format!("gforce-sim://{address}");
     let lines = stream(&["--source", &source, "--data", data, "--seconds", "6.5"]);
     assert_eq!(event(&lines, "open")[0]["rate_hz"], 200.0);
@@ -163,16 +174,16 @@ fn a_source_that_cannot_be_is_refused_with_what_there_is() {
 fn write_model(path: &Path, rate_hz: f64, zero: f64) {
     use proact_devices::{SyntheticEmg, SyntheticModel};
     use proact_emg::{EmgConfig, EmgModel};
-    use proact_types::{EmgSample, Gesture};
-    let rng = proact_devices::stream(9, "test");
+    use proact_types::{Command, EmgSample};
+    let rng = proact_devices::random_stream(9, "test");
     let shipped = SyntheticModel::shipped().unwrap();
     let mut emg = SyntheticEmg::new(&shipped, rate_hz, 8, 1.0, rng).unwrap();
     let mut record = |gesture| -> Vec<EmgSample> {
         let mut raw = || emg.next(gesture).iter().map(|v| (v + zero).round()).collect();
         (0..(6.0 * rate_hz) as u64).map(|counter| EmgSample { counter, channels: raw() }).collect()
     };
-    let recordings = Gesture::ALL.map(|gesture| (gesture, record(gesture)));
-    let slices: Vec<(Gesture, &[EmgSample])> = recordings.iter().map(|(g, s)| (*g, s.as_slice())).collect();
+    let recordings = Command::ALL.map(|gesture| (gesture, record(gesture)));
+    let slices: Vec<(Command, &[EmgSample])> = recordings.iter().map(|(g, s)| (*g, s.as_slice())).collect();
     let config = EmgConfig { rate_hz, ..EmgConfig::default() };
     let model = EmgModel::train(&config, &[zero; 8], &slices).unwrap();
     std::fs::write(path, model.to_json().unwrap()).unwrap();
@@ -184,7 +195,7 @@ fn a_model_file_is_used_with_its_zero_level_and_one_of_another_band_is_refused()
     let (fits, other) = (dir.path().join("fits.json"), dir.path().join("other.json"));
     write_model(&fits, 1000.0, 128.0);
     write_model(&other, 200.0, 128.0);
-    let (_running, address) = simulator(&["--gesture", SCRIPT]);
+    let (_running, address) = simulator(&["--gesture-sequence", SCRIPT]);
     let source = format!("gforce-sim://{address}");
     let lines = stream(&["--source", &source, "--model", fits.to_str().unwrap(), "--seconds", "2"]);
     let (share, decisions) = score(&lines, 1000.0);
@@ -200,11 +211,78 @@ fn a_model_file_is_used_with_its_zero_level_and_one_of_another_band_is_refused()
 
 #[test]
 fn a_simulated_myo_feeds_the_recogniser_too() {
-    let (_running, address) = simulator(&["--myo", "--gesture", SCRIPT]);
+    let (_running, address) = simulator(&["--myo", "--gesture-sequence", SCRIPT]);
     let lines = stream(&["--source", &format!("myo-sim://{address}"), "--seconds", "7"]);
     let open = event(&lines, "open")[0];
     assert_eq!((&open["rate_hz"], &open["channels"]), (&200.0.into(), &8.into()));
     let (share, decisions) = score(&lines, 200.0);
     assert!(share > 0.95 && decisions > 60, "{share} of {decisions}");
     assert_eq!(event(&lines, "end")[0]["link"]["lost_samples"], 0);
+}
+
+/// A stream a hundred times as loud as the training, and one with held channels, were decoded without a word.
+#[test]
+fn a_stream_that_is_not_as_its_training_is_told_once_a_second_at_most() {
+    let dir = tempfile::tempdir().unwrap();
+    let model = dir.path().join("model.json");
+    write_model(&model, 1000.0, 0.0);
+    let shipped = proact_devices::SyntheticModel::shipped().unwrap();
+    let played = |name: &str, gain: f64, held: u64| {
+        let folder = dir.path().join(name);
+        std::fs::create_dir(&folder).unwrap();
+        let mut emg = proact_devices::SyntheticEmg::new(
+            &shipped,
+            1000.0,
+            8,
+            1.0,
+            proact_devices::random_stream(5, "test"),
+        )
+        .unwrap();
+        let mut row: Vec<f64> = vec![0.0; 8];
+        let rows = (0..12_000_u64).map(|k| {
+            let new = emg.next(proact_types::Command::HandClose);
+            for channel in 0..8 {
+                if channel > 3 || k % held == 0 {
+                    row[channel] = (gain * new[channel]).round();
+                }
+            }
+            row.iter().map(f64::to_string).collect::<Vec<_>>().join(",")
+        });
+        let text = rows.collect::<Vec<_>>().join("\n") + "\n";
+        std::fs::write(folder.join("R_0_C_0.csv"), text).unwrap();
+        let source = format!("file:{}", folder.display());
+        let words = [
+            "--source",
+            &source,
+            "--source-repetition",
+            "0",
+            "--emg-rate",
+            "1000",
+            "--no-realtime",
+            "--accept-faults",
+            "--model",
+            model.to_str().unwrap(),
+        ];
+        stream(&words)
+    };
+    let findings_of = |lines: &[Value]| -> Vec<(f64, Vec<String>)> {
+        let kinds = |line: &Value| {
+            line["findings"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .map(|f| f["fault"].as_str().unwrap().to_owned())
+                .collect()
+        };
+        event(lines, "findings").iter().map(|line| (line["t_s"].as_f64().unwrap(), kinds(line))).collect()
+    };
+    assert_eq!(findings_of(&played("same", 1.0, 1)), []);
+    for (name, gain, held, kind) in [
+        ("louder", 100.0, 1, "other_range"),
+        ("quieter", 0.002, 1, "other_range"),
+        ("held", 1.0, 3, "held_channels"),
+    ] {
+        let findings = findings_of(&played(name, gain, held));
+        assert!(findings.len() == 1 && findings[0].1 == [kind], "{name}: {findings:?}");
+    }
 }

@@ -36,7 +36,7 @@ fn trained(dir: &Path) -> (String, String) {
     let at = |name: &str| dir.join(name).to_str().unwrap().to_owned();
     let (model, recordings) = (at("model.json"), at("recordings"));
     let (object, output) =
-        result(&["train", "--source", "synthetic", "--flat-out", "--out", &model, "--save", &recordings]);
+        result(&["train", "--source", "synthetic", "--no-realtime", "--out", &model, "--save", &recordings]);
     assert!(output.status.success(), "{}", error(&output));
     assert_eq!(
         (&object["good_enough"], &object["rounds"], &object["refused"]),
@@ -66,16 +66,28 @@ fn the_simulated_person_follows_the_prompts_over_the_armbands_protocol() {
     let dir = tempfile::tempdir().unwrap();
     let model = dir.path().join("model.json");
     let model = model.to_str().unwrap();
-    let (object, output) =
-        result(&["train", "--source", &source, "--out", model, "--secs", "0.6", "--prepare", "0.6"]);
+    let (object, output) = result(&[
+        "train",
+        "--source",
+        &source,
+        "--out",
+        model,
+        "--repetition-seconds",
+        "0.6",
+        "--prepare-seconds",
+        "0.6",
+    ]);
     assert!(output.status.success(), "{}", error(&output));
     assert!(object["accuracy"].as_f64().unwrap() > 0.9, "{object}");
     // Raw codes: the zero level was found at rest.
-    let centring: Vec<f64> =
+    let dc_offset: Vec<f64> =
         object["centring"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
-    assert!(centring.len() == 8 && centring.iter().all(|level| (level - 128.0).abs() <= 1.0), "{centring:?}");
+    assert!(
+        dc_offset.len() == 8 && dc_offset.iter().all(|level| (level - 128.0).abs() <= 1.0),
+        "{dc_offset:?}"
+    );
     // The model knows raw codes, so it refuses a stream that is centred already, and says why.
-    let error = refused(&["test", "--model", model, "--source", "synthetic", "--flat-out"]);
+    let error = refused(&["test", "--model", model, "--source", "synthetic", "--no-realtime"]);
     assert!(error.contains("rests at") && error.contains("centring differs"), "{error}");
 }
 
@@ -89,7 +101,7 @@ fn a_trained_model_passes_the_tests_and_a_cursor_reaches_its_targets() {
         &model,
         "--source",
         "synthetic",
-        "--flat-out",
+        "--no-realtime",
         "--tests",
         "sequence,trial,motion,tac1,tac3,cursor",
     ];
@@ -101,10 +113,10 @@ fn a_trained_model_passes_the_tests_and_a_cursor_reaches_its_targets() {
     assert_eq!(motion["attempts"].as_array().unwrap().len(), 12, "four gestures, three times each");
     assert!(motion["completion_rate"].as_f64().unwrap() > 0.8, "{motion}");
     // The simulated person thinks of one joint at a time: of two together it brings half the targets home.
-    for (name, targets, least) in [("tac1", 4, 0.75), ("tac3", 2, 0.5)] {
+    for (name, targets, min_rate) in [("tac1", 4, 0.75), ("tac3", 2, 0.5)] {
         let report = &object[name];
         assert_eq!(report["trials"].as_array().unwrap().len(), targets, "{report}");
-        assert!(report["completion_rate"].as_f64().unwrap() >= least, "{report}");
+        assert!(report["completion_rate"].as_f64().unwrap() >= min_rate, "{report}");
     }
     let cursor = &object["cursor"];
     let number = |name: &str| cursor[name].as_f64().unwrap();
@@ -116,7 +128,7 @@ fn a_trained_model_passes_the_tests_and_a_cursor_reaches_its_targets() {
     assert_eq!(object.get("adaptation"), None);
     let (before, adapted) = (std::fs::read_to_string(&model).unwrap(), dir.path().join("adapted.json"));
     let words =
-        ["test", "--model", &model, "--source", "synthetic", "--flat-out", "--tests", "trial", "--adapt"];
+        ["test", "--model", &model, "--source", "synthetic", "--no-realtime", "--tests", "trial", "--adapt"];
     let words = [&words[..], &[adapted.to_str().unwrap()]].concat();
     let (object, output) = result(&words);
     assert!(output.status.success(), "{}", error(&output));
@@ -141,7 +153,7 @@ fn a_trained_model_passes_the_tests_and_a_cursor_reaches_its_targets() {
 fn object_of(model: &str, dir: &tempfile::TempDir) -> Value {
     let copy = dir.path().join("copy.json");
     let (object, _) =
-        result(&["train", "--source", "synthetic", "--flat-out", "--out", copy.to_str().unwrap()]);
+        result(&["train", "--source", "synthetic", "--no-realtime", "--out", copy.to_str().unwrap()]);
     assert_eq!(std::fs::read_to_string(&copy).unwrap(), std::fs::read_to_string(model).unwrap());
     object
 }
@@ -165,10 +177,10 @@ fn a_person_whose_gestures_are_others_fails_and_the_model_is_still_written() {
         &model,
         "--source",
         &person,
-        "--rep",
+        "--source-repetition",
         "1",
-        "--flat-out",
-        "--attempts",
+        "--no-realtime",
+        "--max-sequences",
         "4",
     ]);
     assert!(
@@ -212,16 +224,16 @@ fn a_dead_channel_is_never_trained_on() {
         "train",
         "--source",
         &person,
-        "--rep",
+        "--source-repetition",
         "0",
-        "--flat-out",
-        "--patience",
+        "--no-realtime",
+        "--timeout",
         "0.1",
         "--out",
         out.to_str().unwrap(),
-        "--secs",
+        "--repetition-seconds",
         "1",
-        "--prepare",
+        "--prepare-seconds",
         "1",
     ]);
     assert!(error.contains("channel 0 is red (flat: a dead channel)"), "{error}");
@@ -253,33 +265,33 @@ fn recordings_are_checked_like_a_live_band_and_judged_for_reading() {
             std::fs::write(file(folder, rep, class), rows).unwrap();
         }
     };
-    let said =
+    let refusal =
         |folder: &Path| refused(&["train", "--source", &source(folder), "--out", out.to_str().unwrap()]);
     let first = |row: &str, value: String| format!("{value},{}", row.split_once(',').unwrap().1);
     let dead = spoilt("dead", &|f| each_row(f, &|_, row| first(row, "3".to_owned())));
-    let why = said(&dead);
+    let why = refusal(&dead);
     assert!(why.contains("channel 0 is red (flat: a dead channel) in 10 of 10 recordings"), "{why}");
     assert!(!out.exists());
     let stamps =
         spoilt("stamps", &|f| each_row(f, &|k, row| first(row, format!("{}", 17.5 + 0.001 * k as f64))));
-    let why = said(&stamps);
+    let why = refusal(&stamps);
     assert!(why.contains("channel 0 only rises: a column of time stamps"), "{why}");
     let hum = |k: usize| 4000.0 * (0.1 * std::f64::consts::PI * k as f64).sin();
     let humming =
         spoilt("hum", &|f| each_row(f, &|k, row| first(row, format!("{}", hum(k) + (k % 3) as f64))));
-    let why = said(&humming);
+    let why = refusal(&humming);
     assert!(why.contains("channel 0 is red (mains hum)"), "{why}");
     let copied = spoilt("copied", &|f| {
         std::fs::copy(file(f, 0, 1), file(f, 1, 1)).unwrap();
     });
-    let why = said(&copied);
+    let why = refusal(&copied);
     assert!(
         why.contains("repetition 1 of hand_open has 3000 of its 3000 samples in common with repetition 0"),
         "{why}"
     );
-    let lacking =
+    let incomplete =
         spoilt("lacking", &|f| (0..2).for_each(|rep| std::fs::remove_file(file(f, rep, 1)).unwrap()));
-    let words = ["train", "--source", &source(&lacking), "--out", out.to_str().unwrap()];
+    let words = ["train", "--source", &source(&incomplete), "--out", out.to_str().unwrap()];
     let output = proact(&words).output().unwrap();
     assert!(error(&output).contains("no recording of hand_open"), "{}", error(&output));
     std::fs::remove_file(&out).unwrap();
@@ -305,7 +317,7 @@ fn a_turned_band_is_found_before_training_and_the_earlier_model_can_be_rolled_to
     let out = dir.path().join("turned.json");
     let out = out.to_str().unwrap();
     let source = format!("file:{recordings}");
-    let (object, output) = result(&["train", "--source", &source, "--check", &model, "--out", out]);
+    let (object, output) = result(&["train", "--source", &source, "--band-check", &model, "--out", out]);
     assert!(output.status.success(), "{}", error(&output));
     assert_eq!(object["band"]["proposal"], "keep");
     let change = |files: &dyn Fn(&str) -> bool, row: &dyn Fn(&mut Vec<&str>)| {
@@ -323,8 +335,8 @@ fn a_turned_band_is_found_before_training_and_the_earlier_model_can_be_rolled_to
             }
         }
     };
-    let check = ["train", "--source", &source, "--check", &model, "--out", out, "--replace"];
-    let accepted = [&check[..], &["--accept-roll"]].concat();
+    let check = ["train", "--source", &source, "--band-check", &model, "--out", out, "--replace"];
+    let accepted = [&check[..], &["--accept-rotation"]].concat();
     // Two electrodes that changed places are no turn, and no roll mends them.
     change(&|_| true, &|row| row.swap(1, 4));
     let error_text = refused(&accepted);
@@ -346,13 +358,35 @@ fn a_turned_band_is_found_before_training_and_the_earlier_model_can_be_rolled_to
     assert!(output.status.success(), "{}", error(&output));
     assert_eq!(object["band"]["proposal"]["roll"], 3);
     let person = format!("person:{recordings}");
-    let live = ["train", "--source", &person, "--rep", "1", "--flat-out", "--secs", "1", "--prepare", "1"];
-    let live = [&live[..], &["--check", &model, "--out", out, "--replace", "--accept-roll"]].concat();
+    let live = [
+        "train",
+        "--source",
+        &person,
+        "--source-repetition",
+        "1",
+        "--no-realtime",
+        "--repetition-seconds",
+        "1",
+        "--prepare-seconds",
+        "1",
+    ];
+    let live =
+        [&live[..], &["--band-check", &model, "--out", out, "--replace", "--accept-rotation"]].concat();
     let (object, output) = result(&live);
     assert!(output.status.success() && object["band"]["proposal"]["roll"] == 3, "{}", error(&output));
-    let (object, output) = result(&["test", "--model", out, "--source", &person, "--rep", "1", "--flat-out"]);
+    let (object, output) =
+        result(&["test", "--model", out, "--source", &person, "--source-repetition", "1", "--no-realtime"]);
     assert!(output.status.success() && object["passed"] == true, "{}", error(&output));
-    let (_, output) = result(&["test", "--model", &model, "--source", &person, "--rep", "1", "--flat-out"]);
+    let (_, output) = result(&[
+        "test",
+        "--model",
+        &model,
+        "--source",
+        &person,
+        "--source-repetition",
+        "1",
+        "--no-realtime",
+    ]);
     assert!(!output.status.success(), "the model as it was does not know the turned band");
 }
 
@@ -372,10 +406,12 @@ fn what_cannot_be_trained_on_is_refused_before_anybody_holds_a_gesture() {
     assert!(
         refused(&["train", "--source", &format!("file:{taken}"), "--out", out]).contains("name a folder")
     );
-    assert!(refused(&["train", "--source", "synthetic", "--out", out, "--target", "2"]).contains("0 to 1"));
     assert!(
-        refused(&["train", "--source", "synthetic", "--out", out, "--patience", "NaN"])
-            .contains("--patience")
+        refused(&["train", "--source", "synthetic", "--out", out, "--target-accuracy", "2"])
+            .contains("0 to 1")
+    );
+    assert!(
+        refused(&["train", "--source", "synthetic", "--out", out, "--timeout", "NaN"]).contains("--timeout")
     );
     assert!(refused(&["test", "--source", "synthetic", "--model", taken]).contains("taken.json"));
     assert!(
@@ -397,12 +433,12 @@ fn a_calibration_that_was_killed_goes_on_with_the_repetition_at_which_it_stopped
             &source,
             "--out",
             out.to_str().unwrap(),
-            "--secs",
+            "--repetition-seconds",
             "0.6",
-            "--prepare",
+            "--prepare-seconds",
             "0.6",
             // How good the windows are is another test's question: a busy machine would ask for a third round.
-            "--target",
+            "--target-accuracy",
             "0",
         ];
         usual.iter().map(|w| (*w).to_owned()).chain(more.iter().map(|w| (*w).to_owned())).collect::<Vec<_>>()
@@ -464,9 +500,9 @@ fn real_recordings_of_people_are_trained_on() {
         let output = proact(&["train", "--source", &source, "--out", out.to_str().unwrap(), "--replace"])
             .output()
             .unwrap();
-        let said = error(&output);
-        assert_eq!(output.status.success(), good_enough, "{set}: {said}");
-        assert_eq!(said.contains("not good enough"), !good_enough, "{set}: {said}");
-        std::fs::remove_file(&out).unwrap_or_else(|e| panic!("{set} left no model: {e}; {said}"));
+        let message = error(&output);
+        assert_eq!(output.status.success(), good_enough, "{set}: {message}");
+        assert_eq!(message.contains("not good enough"), !good_enough, "{set}: {message}");
+        std::fs::remove_file(&out).unwrap_or_else(|e| panic!("{set} left no model: {e}; {message}"));
     }
 }

@@ -90,22 +90,22 @@ fn read(file: &Path) -> BTreeMap<String, Found> {
 
 #[test]
 fn an_exported_trial_has_what_was_recorded_at_its_times() {
-    let place = tempfile::tempdir().unwrap();
-    let trial = place.path().join("trial");
-    let file = place.path().join("trial.xdf");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let trial = temp_dir.path().join("trial");
+    let file = temp_dir.path().join("trial.xdf");
     let (trial, out) = (trial.to_str().unwrap(), file.to_str().unwrap());
-    proact(&["demo", "--headless", "--seed", "1", "--limit", "12", "--out", trial]).unwrap();
-    let told = proact(&["export", trial, "--xdf", out, "--json"]).unwrap();
-    let told: Value = serde_json::from_str(&told).unwrap();
-    assert_eq!((told["seconds"].as_f64(), told["finished"].as_bool()), (Some(12.0), Some(true)));
+    proact(&["demo", "--headless", "--seed", "1", "--time-limit", "12", "--out", trial]).unwrap();
+    let stdout = proact(&["export", trial, "--xdf", out, "--json"]).unwrap();
+    let report: Value = serde_json::from_str(&stdout).unwrap();
+    assert_eq!((report["seconds"].as_f64(), report["finished"].as_bool()), (Some(12.0), Some(true)));
 
     let streams = read(&file);
-    for said in told["streams"].as_array().unwrap() {
-        let name = said["name"].as_str().unwrap();
+    for reported in report["streams"].as_array().unwrap() {
+        let name = reported["name"].as_str().unwrap();
         let stream = &streams[name];
-        assert_eq!(said["samples"], stream.times.len(), "{name}");
+        assert_eq!(reported["samples"], stream.times.len(), "{name}");
         assert_eq!(element(&stream.footer, "sample_count"), stream.times.len().to_string(), "{name}");
-        assert_eq!(said["channels"], stream.header.matches("<channel>").count(), "{name}");
+        assert_eq!(reported["channels"], stream.header.matches("<channel>").count(), "{name}");
         assert!(
             stream.times.is_sorted() && stream.times.iter().all(|time| (-0.1..=12.0).contains(time)),
             "{name}"
@@ -147,7 +147,7 @@ fn an_exported_trial_has_what_was_recorded_at_its_times() {
     assert!(again.contains("trial.xdf") && fs::metadata(&file).unwrap().len() > 100_000, "{again}");
     let events = Path::new(trial).join("events.jsonl");
     fs::write(&events, lines.replacen("gesture", "gesturf", 1)).unwrap();
-    let other = place.path().join("other.xdf");
+    let other = temp_dir.path().join("other.xdf");
     assert!(proact(&["export", trial, "--xdf", other.to_str().unwrap()]).is_err());
     assert!(!other.exists());
 }

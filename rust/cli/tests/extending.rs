@@ -30,14 +30,14 @@ fn run(program: &Path, words: &[&str]) -> Output {
     Command::new(program).args(words).output().unwrap()
 }
 
-fn told(output: &Output) -> String {
+fn stderr_text(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 /// What the program says on standard output, if it succeeds.
-fn said(program: &Path, words: &[&str]) -> String {
+fn stdout_text(program: &Path, words: &[&str]) -> String {
     let output = run(program, words);
-    assert!(output.status.success(), "{words:?}: {}", told(&output));
+    assert!(output.status.success(), "{words:?}: {}", stderr_text(&output));
     String::from_utf8(output.stdout).unwrap()
 }
 
@@ -45,20 +45,20 @@ const SHORT: [&str; 6] = ["demo", "--headless", "--json", "--setup", "still", "-
 
 #[test]
 fn a_method_in_rust_is_chosen_by_its_name_and_its_trial_is_recorded_and_replayed() {
-    let (program, place) = (laboratory(), tempfile::tempdir().unwrap());
-    let dir = place.path().join("trial");
+    let (program, temp_dir) = (laboratory(), tempfile::tempdir().unwrap());
+    let dir = temp_dir.path().join("trial");
     let out = dir.to_str().unwrap();
-    let result = said(&program, &[&SHORT[..], &["--method", "follow_gaze", "--out", out]].concat());
+    let result = stdout_text(&program, &[&SHORT[..], &["--method", "follow_gaze", "--out", out]].concat());
     let result: Value = serde_json::from_str(&result).unwrap();
     assert_eq!(result["method"], "follow_gaze");
-    assert!(said(&program, &["replay", out]).starts_with("agrees: "));
+    assert!(stdout_text(&program, &["replay", out]).starts_with("agrees: "));
     // The program that ships does not know it, and says what it knows.
     let refused = run(env!("CARGO_BIN_EXE_proact").as_ref(), &["replay", out]);
     let reason = "method \"follow_gaze\" is unknown; expected one of A, B, C, D";
-    assert!(!refused.status.success() && told(&refused).contains(reason), "{}", told(&refused));
-    let help = said(&program, &["demo", "--help"]);
+    assert!(!refused.status.success() && stderr_text(&refused).contains(reason), "{}", stderr_text(&refused));
+    let help = stdout_text(&program, &["demo", "--help"]);
     assert!(help.contains("follow_gaze: Towards what you look at") && help.contains("log:PATH"), "{help}");
-    let listed = said(&program, &["doctor", "--json"]);
+    let listed = stdout_text(&program, &["doctor", "--json"]);
     assert!(
         listed.contains("A, B, C, D, vmpl, synergy, imitate, follow_gaze")
             && listed.contains("textband://HOST:PORT"),
@@ -68,25 +68,25 @@ fn a_method_in_rust_is_chosen_by_its_name_and_its_trial_is_recorded_and_replayed
 
 #[test]
 fn a_method_in_python_is_chosen_by_its_file_and_its_trial_replays_without_it() {
-    let (program, place) = (Path::new(env!("CARGO_BIN_EXE_proact")), tempfile::tempdir().unwrap());
-    let dir = place.path().join("trial");
+    let (program, temp_dir) = (Path::new(env!("CARGO_BIN_EXE_proact")), tempfile::tempdir().unwrap());
+    let dir = temp_dir.path().join("trial");
     let out = dir.to_str().unwrap();
-    let result = said(program, &[&SHORT[..], &["--method", METHOD_FILE, "--out", out]].concat());
+    let result = stdout_text(program, &[&SHORT[..], &["--method", METHOD_FILE, "--out", out]].concat());
     let result: Value = serde_json::from_str(&result).unwrap();
     assert_eq!(result["method"], "follow_gaze");
-    assert!(said(program, &["replay", out]).starts_with("agrees: "));
+    assert!(stdout_text(program, &["replay", out]).starts_with("agrees: "));
     let config = fs::read_to_string(dir.join("config.toml")).unwrap();
     assert!(config.contains("title = \"Towards what you look at\""), "{config}");
-    let help = said(program, &["serve", "--method", METHOD_FILE, "--help"]);
+    let help = stdout_text(program, &["serve", "--method", METHOD_FILE, "--help"]);
     assert!(help.contains("follow_gaze: Towards what you look at"), "{help}");
     let refused = run(program, &["demo", "--method", METHOD_FILE, "--headless", "--set", "gaze=false"]);
-    assert!(told(&refused).contains("method \"follow_gaze\" needs gaze"), "{}", told(&refused));
+    assert!(stderr_text(&refused).contains("method \"follow_gaze\" needs gaze"), "{}", stderr_text(&refused));
 }
 
 #[test]
 fn a_feedback_device_gets_events_and_forces_beside_the_driver_of_motors() {
-    let (program, place) = (laboratory(), tempfile::tempdir().unwrap());
-    let file = |name: &str| place.path().join(name).display().to_string();
+    let (program, temp_dir) = (laboratory(), tempfile::tempdir().unwrap());
+    let file = |name: &str| temp_dir.path().join(name).display().to_string();
     let (log, motors) = (file("cues.txt"), file("motors.txt"));
     fs::write(&motors, "").unwrap();
     let (to_log, to_motors) = (format!("log:{log}"), format!("vibration:{motors}"));
@@ -94,7 +94,7 @@ fn a_feedback_device_gets_events_and_forces_beside_the_driver_of_motors() {
                     { from = \"pressure\", full_n = 5.0 }]";
     let words = ["demo", "--headless", "--json", "--no-record", "--seed", "1", "--set=limit_secs=60.0"];
     let sinks = ["--feedback", &to_log, "--feedback", &to_motors, "--set", mappings];
-    said(&program, &[&words[..], &sinks].concat());
+    stdout_text(&program, &[&words[..], &sinks].concat());
     let cues = fs::read_to_string(&log).unwrap();
     assert!(cues.contains("ContactMade, all, strength 1.00"), "{cues}");
     let pressed: Vec<&str> = cues.lines().filter(|line| line.contains("Pressure")).collect();
@@ -123,12 +123,16 @@ fn an_armband_is_opened_by_its_scheme() {
             }
         }
     });
-    let text = said(&laboratory(), &["emg", "--json", "stream", "--source", &source]);
+    let text = stdout_text(&laboratory(), &["emg", "--json", "stream", "--source", &source]);
     let lines: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert_eq!(lines[0]["event"], "open");
     assert!(lines[0]["source"].as_str().unwrap().starts_with("text band at 127.0.0.1:"), "{}", lines[0]);
     let decisions = lines.iter().filter(|line| line.get("event").is_none()).count();
     assert!(decisions >= 5, "two seconds of samples, in windows: {text}");
     let refused = run(&laboratory(), &["emg", "stream", "--source", "textband"]);
-    assert!(told(&refused).contains("expected one of gforce-sim://HOST:PORT"), "{}", told(&refused));
+    assert!(
+        stderr_text(&refused).contains("expected one of gforce-sim://HOST:PORT"),
+        "{}",
+        stderr_text(&refused)
+    );
 }

@@ -17,12 +17,12 @@ fn localize(dir: &Path, words: &[&str]) -> Output {
 }
 
 fn object(output: &Output) -> Value {
-    let told = String::from_utf8_lossy(&output.stderr);
-    serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {told}"))
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {stderr}"))
 }
 
-fn pose(place: [f64; 3], turn: [f64; 3]) -> Pose {
-    Pose::from_parts(Vector3::from(place).into(), UnitQuaternion::from_scaled_axis(Vector3::from(turn)))
+fn pose(position: [f64; 3], turn: [f64; 3]) -> Pose {
+    Pose::from_parts(Vector3::from(position).into(), UnitQuaternion::from_scaled_axis(Vector3::from(turn)))
 }
 
 /// One file of poses in the order of time.
@@ -63,17 +63,17 @@ fn a_headset_is_calibrated_from_a_file_saved_shown_and_refused_when_somebody_cha
     assert!(head(0.0).translation.vector.norm() > 0.1);
 
     // A head that never tilts: told which movement is missing, nothing saved.
-    let output = localize(dir, &["headset", "level.csv", "--markers", "HololensSG"]);
-    let told = object(&output);
-    assert!(!output.status.success() && told["good"] == false, "{told}");
-    assert!(told["verdict"].as_str().unwrap().contains("tilt the head"), "{told}");
+    let output = localize(dir, &["headset", "level.csv", "--marker-body", "HololensSG"]);
+    let report = object(&output);
+    assert!(!output.status.success() && report["good"] == false, "{report}");
+    assert!(report["verdict"].as_str().unwrap().contains("tilt the head"), "{report}");
     assert!(!dir.join("calibrations").exists());
 
-    let output = localize(dir, &["headset", "minute.csv", "--markers", "HololensSG"]);
-    let told = object(&output);
-    assert!(output.status.success() && told["verdict"] == "good", "{told}");
-    assert!(told["residual_m"].as_f64().unwrap() < 1e-4, "{told}");
-    assert!(told["details"]["observability"]["turned_deg"][2].as_f64().unwrap() > 5.0, "{told}");
+    let output = localize(dir, &["headset", "minute.csv", "--marker-body", "HololensSG"]);
+    let report = object(&output);
+    assert!(output.status.success() && report["verdict"] == "good", "{report}");
+    assert!(report["residual_m"].as_f64().unwrap() < 1e-4, "{report}");
+    assert!(report["details"]["observability"]["turned_deg"][2].as_f64().unwrap() > 5.0, "{report}");
 
     let output = localize(dir, &["show"]);
     assert!(output.status.success());
@@ -103,13 +103,13 @@ fn a_shoulder_is_calibrated_from_rest_and_circles_and_what_is_wrong_with_a_file_
     write_poses(&dir.join("mm.csv"), 300, 100.0, &[("Shoulderpad", &still)], 1000.0);
     write_poses(&dir.join("circles.csv"), 900, 100.0, &[("Shoulderpad", &still), ("UpperArm", &arm)], 1.0);
     let words = ["shoulder", "rest.csv", "--body", "Shoulderpad", "--heading-deg", "40"];
-    let circles = ["--circles", "circles.csv", "--arm", "UpperArm"];
+    let circles = ["--circles", "circles.csv", "--upper-arm-body", "UpperArm"];
     let output = localize(dir, &[&words[..], &circles[..]].concat());
-    let told = object(&output);
-    assert!(output.status.success() && told["verdict"] == "good", "{told}");
-    let is: Vec<f64> = serde_json::from_value(told["details"]["world_from_shoulder"].clone()).unwrap();
+    let report = object(&output);
+    assert!(output.status.success() && report["verdict"] == "good", "{report}");
+    let is: Vec<f64> = serde_json::from_value(report["details"]["world_from_shoulder"].clone()).unwrap();
     let expected = [-0.6, -0.18, 1.445];
-    assert!(is.iter().zip(expected).all(|(is, expected)| (is - expected).abs() < 1e-3), "{told}");
+    assert!(is.iter().zip(expected).all(|(is, expected)| (is - expected).abs() < 1e-3), "{report}");
     // The doctor finds it in the folder in which it is asked.
     let mut doctor = Command::new(env!("CARGO_BIN_EXE_proact"));
     let output = doctor.current_dir(dir).args(["doctor"]).output().unwrap();
@@ -118,9 +118,10 @@ fn a_shoulder_is_calibrated_from_rest_and_circles_and_what_is_wrong_with_a_file_
 
     // What is in reach from there, and the box moved by keys.
     let output = localize(dir, &["reach"]);
-    let told = object(&output);
-    let (still, leaning) = (told["still_share"].as_f64().unwrap(), told["leaning_share"].as_f64().unwrap());
-    assert!(told["calibrated"] == true && still < leaning && leaning > 0.9, "{told}");
+    let report = object(&output);
+    let (still, leaning) =
+        (report["still_share"].as_f64().unwrap(), report["leaning_share"].as_f64().unwrap());
+    assert!(report["calibrated"] == true && still < leaning && leaning > 0.9, "{report}");
     let keys = |typed: &str| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_proact"));
         let command = command.current_dir(dir).args(["localize", "--json", "correct"]);
@@ -144,10 +145,10 @@ fn a_shoulder_is_calibrated_from_rest_and_circles_and_what_is_wrong_with_a_file_
         assert!(!output.status.success() && output.stdout.is_empty(), "{output:?}");
         String::from_utf8_lossy(&output.stderr).into_owned()
     };
-    let millimetres = refused(&["shoulder", "mm.csv", "--body", "Shoulderpad"]);
-    assert!(millimetres.contains("metres_per_unit = 0.001"), "{millimetres}");
+    let millimeters = refused(&["shoulder", "mm.csv", "--body", "Shoulderpad"]);
+    assert!(millimeters.contains("meters_per_unit = 0.001"), "{millimeters}");
     let unknown = refused(&["shoulder", "rest.csv", "--body", "ShoulderpadL"]);
     assert!(unknown.contains("there are Shoulderpad"), "{unknown}");
-    let legs = refused(&["shoulder", "rest.csv", "--body", "Shoulderpad", "--profile", "study_1"]);
+    let legs = refused(&["shoulder", "rest.csv", "--body", "Shoulderpad", "--box-placement", "study_1"]);
     assert!(legs.contains("knees"), "{legs}");
 }

@@ -44,8 +44,8 @@ fn every_command_has_a_manual_page_with_its_options() {
 fn a_folder_that_cannot_be_made_is_named() {
     let file = tempfile::NamedTempFile::new().unwrap();
     let output = Command::new(env!("CARGO_BIN_EXE_proact")).arg("man").arg(file.path()).output().unwrap();
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert!(!output.status.success() && told.contains(&*file.path().to_string_lossy()), "{told}");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success() && stderr.contains(&*file.path().to_string_lossy()), "{stderr}");
 }
 
 #[test]
@@ -63,9 +63,12 @@ fn completions_know_the_commands_and_what_can_be_chosen() {
     // bash is on every machine that these tests run on: the script parses, and completes a word.
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("completions"), output_of(&["completions", "bash"])).unwrap();
-    let asked = ". ./completions; COMP_WORDS=(proact stud); COMP_CWORD=1; _proact proact stud proact; echo \"<${COMPREPLY[*]}>\"";
-    let output =
-        Command::new("bash").args(["--norc", "-c", asked]).current_dir(folder.path()).output().unwrap();
+    let completion_script = ". ./completions; COMP_WORDS=(proact stud); COMP_CWORD=1; _proact proact stud proact; echo \"<${COMPREPLY[*]}>\"";
+    let output = Command::new("bash")
+        .args(["--norc", "-c", completion_script])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
     let complaint = String::from_utf8_lossy(&output.stderr);
     assert_eq!(String::from_utf8_lossy(&output.stdout), "<study>\n", "{complaint}");
 }

@@ -33,7 +33,7 @@ fn a_new_study_is_called_as_its_folder_and_its_check_names_every_imbalance() {
     let dir = dir.path();
     for like in ["study1", "study2", "empty", "minivie", "vie", "armsym", "holopham", "virtual-bbt"] {
         let name = format!("my-{like}");
-        answer(dir, &["study", "new", &name, "--like", like]);
+        answer(dir, &["study", "new", &name, "--template", like]);
         let report: Value = serde_json::from_str(&answer(dir, &["study", "check", &name, "--json"])).unwrap();
         assert_eq!(report["name"], name.as_str());
         let minutes = report["minutes_per_session"].as_object().unwrap();
@@ -129,14 +129,14 @@ fn a_plan_whose_trials_cannot_be_run_is_refused_by_file_and_condition() {
 }
 
 /// The paper's table of success.
-const EXPECTED: &str = "least = 0\nmost = 4\nstep = 1\n[conditions]\nA = { mean = 2.21, sd = 1.50 }\nB = { mean = 1.96, sd = 1.60 }\n\
+const EXPECTED: &str = "min_score = 0\nmax_score = 4\nscore_step = 1\n[conditions]\nA = { mean = 2.21, sd = 1.50 }\nB = { mean = 1.96, sd = 1.60 }\n\
                         C = { mean = 3.29, sd = 0.95 }\nD = { mean = 3.67, sd = 0.56 }\n";
 
 #[test]
 fn the_papers_eight_people_hardly_ever_tell_its_c_and_d_apart() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
-    answer(dir, &["study", "new", "replication", "--like", "study1"]);
+    answer(dir, &["study", "new", "replication", "--template", "study1"]);
     fs::write(dir.join("expected.toml"), EXPECTED).unwrap();
     let words = [
         "study",
@@ -144,7 +144,7 @@ fn the_papers_eight_people_hardly_ever_tell_its_c_and_d_apart() {
         "replication",
         "--effect",
         "expected.toml",
-        "--people",
+        "--participants",
         "8,24",
         "--runs",
         "500",
@@ -175,7 +175,7 @@ fn the_papers_eight_people_hardly_ever_tell_its_c_and_d_apart() {
 fn a_power_that_cannot_be_had_is_refused_in_one_sentence() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
-    answer(dir, &["study", "new", "pilot", "--like", "empty"]);
+    answer(dir, &["study", "new", "pilot", "--template", "empty"]);
     fs::write(dir.join("none.toml"), "[conditions]\nA = { mean = 1, sd = 1 }\n").unwrap();
     fs::write(dir.join("odd.toml"), "spread = 1\n[conditions]\n").unwrap();
     for (words, expected) in [
@@ -185,7 +185,7 @@ fn a_power_that_cannot_be_had_is_refused_in_one_sentence() {
         let error = refusal(dir, words);
         assert!(error.contains(expected), "{words:?}: {error}");
     }
-    let output = proact(dir, &["study", "power", "pilot", "--from", "pilot"]);
+    let output = proact(dir, &["study", "power", "pilot", "--pilot", "pilot"]);
     assert!(
         !output.status.success() && String::from_utf8_lossy(&output.stderr).contains("no finished trial")
     );

@@ -2,12 +2,14 @@
 #![allow(clippy::disallowed_methods)] // A test of files and processes.
 #![allow(clippy::unwrap_used)]
 
+mod common;
+
+use common::in_folder::{answer, json, table};
 use serde_json::Value;
 use std::{
-    collections::BTreeMap,
     fs,
     path::Path,
-    process::{Command, Output, Stdio},
+    process::{Command, Stdio},
 };
 
 /// Trials of 3 s, in which nobody gets anywhere: what is tested is what is kept of them.
@@ -54,24 +56,9 @@ most = 5
 step = 1
 "#;
 
-fn proact(dir: &Path, words: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_proact")).args(words).current_dir(dir).output().unwrap()
-}
-
-fn answer(dir: &Path, words: &[&str]) -> String {
-    let output = proact(dir, words);
-    assert!(output.status.success(), "{words:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
-
-fn json(dir: &Path, words: &[&str]) -> Value {
-    serde_json::from_str(&answer(dir, words)).unwrap()
-}
-
+/// A refusal, which is one sentence.
 fn refusal(dir: &Path, words: &[&str]) -> String {
-    let output = proact(dir, words);
-    assert!(!output.status.success(), "{words:?} is refused");
-    let error = String::from_utf8(output.stderr).unwrap();
+    let error = common::in_folder::refusal(dir, words);
     assert_eq!(error.trim_end().lines().count(), 1, "one sentence: {error}");
     error
 }
@@ -81,16 +68,6 @@ fn study(dir: &Path, name: &str) {
     fs::write(dir.join(name).join("plan.toml"), PLAN).unwrap();
     fs::create_dir(dir.join(name).join("forms")).unwrap();
     fs::write(dir.join(name).join("forms/own.toml"), OWN_FORM).unwrap();
-}
-
-/// Rows of a table as the columns by name.
-fn table(dir: &Path, name: &str) -> Vec<BTreeMap<String, String>> {
-    let mut reader = csv::Reader::from_path(dir.join(format!("{name}.csv"))).unwrap();
-    let columns = reader.headers().unwrap().clone();
-    let row = |row: csv::StringRecord| {
-        columns.iter().map(str::to_owned).zip(row.iter().map(str::to_owned)).collect()
-    };
-    reader.records().map(|record| row(record.unwrap())).collect()
 }
 
 /// The total score of each file of ArmSym's below a folder.
@@ -170,9 +147,9 @@ fn a_simulated_study_has_the_rows_of_its_plan_and_the_digests_of_its_trials_what
         };
         let header = fs::read_to_string(tables.join(format!("{name}.csv"))).unwrap();
         for column in header.lines().next().unwrap().split(',') {
-            let told = codebook.iter().find(|row| row["table"] == name && row["column"] == column);
-            let told = told.unwrap_or_else(|| panic!("the codebook has no {name}.{column}"));
-            assert!(!told["meaning"].is_empty() && !told["source"].is_empty(), "{name}.{column}");
+            let entry = codebook.iter().find(|row| row["table"] == name && row["column"] == column);
+            let entry = entry.unwrap_or_else(|| panic!("the codebook has no {name}.{column}"));
+            assert!(!entry["meaning"].is_empty() && !entry["source"].is_empty(), "{name}.{column}");
         }
     }
 
@@ -181,11 +158,14 @@ fn a_simulated_study_has_the_rows_of_its_plan_and_the_digests_of_its_trials_what
         table(&tables, "actions").into_iter().map(|mut row| row.remove("action").unwrap()).collect();
     assert!(actions.contains("gesture_changed") && actions.contains("plan_finished"), "{actions:?}");
     assert!(!actions.contains(""), "{actions:?}");
-    answer(dir, &["study", "export", "one", "--like", "armsym", "--out", "events"]);
+    answer(dir, &["study", "export", "one", "--extra-format", "armsym", "--out", "events"]);
     let scored: Vec<&str> = trials.iter().map(|row| row["score"].as_str()).collect();
-    let told = armsym_scores(&dir.join("events/armsym"));
-    assert_eq!(told.len(), scored.len());
-    assert!(told.iter().all(|score| scored.contains(&score.as_str())), "{told:?} of {scored:?}");
+    let exported_scores = armsym_scores(&dir.join("events/armsym"));
+    assert_eq!(exported_scores.len(), scored.len());
+    assert!(
+        exported_scores.iter().all(|score| scored.contains(&score.as_str())),
+        "{exported_scores:?} of {scored:?}"
+    );
     answer(dir, &["study", "export", "one", "--out", "events"]);
     assert!(!dir.join("events/armsym").exists(), "what was not asked for this time is gone");
 
@@ -214,8 +194,8 @@ fn a_simulated_study_has_the_rows_of_its_plan_and_the_digests_of_its_trials_what
 
 #[test]
 fn a_study_with_simulated_persons_is_the_batch_of_the_same_persons_and_takes_no_others() {
-    let place = tempfile::tempdir().unwrap();
-    let dir = place.path();
+    let temp_dir = tempfile::tempdir().unwrap();
+    let dir = temp_dir.path();
     let digests = |name: &str| -> Vec<String> {
         let rows = table(&dir.join(name).join("tables"), "trials");
         rows.into_iter().map(|mut row| row.remove("digest").unwrap()).collect()
@@ -225,22 +205,22 @@ fn a_study_with_simulated_persons_is_the_batch_of_the_same_persons_and_takes_no_
     for (name, plan) in [("free", &plan), ("limited", &limited)] {
         study(dir, name);
         fs::write(dir.join(name).join("plan.toml"), plan).unwrap();
-        answer(dir, &["study", "run", name, "--simulated", "--people", "person", "--json"]);
+        answer(dir, &["study", "run", name, "--simulated", "--participant-kind", "person", "--json"]);
         // What a person has done before and was told is the same in both, or the second trials would differ.
         let file = format!("{name}/plan.toml");
-        let batch = json(dir, &["simulate", &file, "--people", "person", "--json"]);
+        let batch = json(dir, &["simulate", &file, "--participant-kind", "person", "--json"]);
         assert_eq!(batch["digests"], serde_json::json!(digests(name)));
     }
     let body_share = |name: &str| {
         let config = dir.join(name).join("trials/participant1-modeA-trial2");
         let text = fs::read_to_string(config.join("config.toml")).unwrap();
         let config: toml::Table = text.parse().unwrap();
-        config["participant"]["person"]["body_share"].as_float().unwrap()
+        config["participant"]["person"]["trunk_share"].as_float().unwrap()
     };
     assert!(body_share("limited") < 0.5 * body_share("free"), "told to keep the body still");
     let error = refusal(dir, &["study", "run", "free", "--simulated"]);
     assert!(error.contains("has simulated (person) participants"), "{error}");
-    let error = refusal(dir, &["simulate", "--methods", "A", "--vary", "instruction=still", "--json"]);
+    let error = refusal(dir, &["simulate", "--methods", "A", "--sweep", "instruction=still", "--json"]);
     assert!(error.contains("free or limit_body"), "{error}");
 }
 
@@ -296,27 +276,27 @@ fn what_a_study_cannot_take_is_refused_in_one_sentence() {
 
 #[test]
 fn a_report_on_a_study_that_was_broken_off_says_how_far_it_got() {
-    let place = tempfile::tempdir().unwrap();
-    study(place.path(), "half");
+    let temp_dir = tempfile::tempdir().unwrap();
+    study(temp_dir.path(), "half");
     let plan = PLAN.replace("participants = 3", "participants = 40");
-    fs::write(place.path().join("half/plan.toml"), plan).unwrap();
+    fs::write(temp_dir.path().join("half/plan.toml"), plan).unwrap();
     let mut run = Command::new(env!("CARGO_BIN_EXE_proact"))
         .args(["study", "run", "half", "--simulated", "--jobs", "1"])
-        .current_dir(place.path())
+        .current_dir(temp_dir.path())
         .stdout(Stdio::null())
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
-    let begun = || fs::read_dir(place.path().join("half/trials")).map_or(0, Iterator::count);
-    while begun() < 3 && run.try_wait().unwrap().is_none() {
+    let trial_count = || fs::read_dir(temp_dir.path().join("half/trials")).map_or(0, Iterator::count);
+    while trial_count() < 3 && run.try_wait().unwrap().is_none() {
         std::thread::yield_now();
     }
     assert!(Command::new("sh").args(["-c", &format!("kill -INT {}", run.id())]).status().unwrap().success());
     assert!(!run.wait().unwrap().success(), "it was broken off");
-    let report = json(place.path(), &["analyze", "half", "--json"]);
+    let report = json(temp_dir.path(), &["analyze", "half", "--json"]);
     let notes = report["notes"].to_string();
     assert!(notes.contains("not finished") && notes.contains("of 80 planned trials"), "{notes}");
-    let trials = fs::read_to_string(place.path().join("half/analysis/tables/trials.csv")).unwrap();
+    let trials = fs::read_to_string(temp_dir.path().join("half/analysis/tables/trials.csv")).unwrap();
     let counted = trials.lines().count() - 1;
     assert!(
         (1..80).contains(&counted) && notes.contains(&format!(": {counted} of 80")),
@@ -326,13 +306,13 @@ fn a_report_on_a_study_that_was_broken_off_says_how_far_it_got() {
 
 #[test]
 fn a_report_names_the_questionnaires_that_lack_answers_and_scores_none_of_them() {
-    let place = tempfile::tempdir().unwrap();
+    let temp_dir = tempfile::tempdir().unwrap();
     let plan = PLAN.replace("form = \"pros_tlx\"", "form = \"sus\"");
-    study(place.path(), "unasked");
-    fs::write(place.path().join("unasked/plan.toml"), plan).unwrap();
-    answer(place.path(), &["study", "run", "unasked", "--simulated", "--json"]);
+    study(temp_dir.path(), "unasked");
+    fs::write(temp_dir.path().join("unasked/plan.toml"), plan).unwrap();
+    answer(temp_dir.path(), &["study", "run", "unasked", "--simulated", "--json"]);
     // As if the second person had got up and left one form empty, and half of another.
-    let journal = rusqlite::Connection::open(place.path().join("unasked/study.sqlite")).unwrap();
+    let journal = rusqlite::Connection::open(temp_dir.path().join("unasked/study.sqlite")).unwrap();
     let left_out =
         "DELETE FROM journal WHERE kind = 'answered' AND json_extract(event, '$.spot.participant') = 2 AND
         json_extract(event, '$.form') = ?1 AND json_extract(event, '$.item') LIKE ?2";
@@ -344,25 +324,25 @@ fn a_report_names_the_questionnaires_that_lack_answers_and_scores_none_of_them()
         json_extract(event, '$.form') = 'sus' LIMIT 1)";
     assert_eq!(journal.execute(skipped, []).unwrap(), 1);
     journal.close().unwrap();
-    let report = json(place.path(), &["analyze", "unasked", "--json"]);
+    let report = json(temp_dir.path(), &["analyze", "unasked", "--json"]);
     let notes = report["notes"].to_string();
-    for lack in [
+    for gap in [
         "P2: sus lacks 10 of 10 answers about shared control, 10 of 10 answers about A",
         "P2: own lacks 1 of 1 answers about shared control, 1 of 1 answers about A",
     ] {
-        assert!(notes.contains(lack), "{lack}: {notes}");
+        assert!(notes.contains(gap), "{gap}: {notes}");
     }
     assert!(notes.contains("P3: sus lacks all answers, skipped, about"), "{notes}");
     assert!(!notes.contains("P1: sus") && !notes.contains("P3: own"), "{notes}");
-    let scores = fs::read_to_string(place.path().join("unasked/analysis/data/scores.csv")).unwrap();
+    let scores = fs::read_to_string(temp_dir.path().join("unasked/analysis/data/scores.csv")).unwrap();
     let of = |who: &str| {
         scores.lines().filter(|line| line.starts_with(who)).map(str::to_owned).collect::<Vec<_>>()
     };
     let empty: Vec<String> = of("2,");
     assert!(empty.len() == 2 && empty.iter().all(|line| line.contains(",sus,,")), "{empty:?}");
     // The tables alone tell it too, as far as there are scores.
-    answer(place.path(), &["study", "export", "unasked"]);
-    let report = json(place.path(), &["analyze", "unasked/tables", "--json"]);
+    answer(temp_dir.path(), &["study", "export", "unasked"]);
+    let report = json(temp_dir.path(), &["analyze", "unasked/tables", "--json"]);
     assert!(report["notes"].to_string().contains("P2: sus about A lacks sus_1, sus_2,"), "{report}");
     assert!(of("1,").iter().all(|line| !line.contains(",sus,,")), "{scores}");
 }

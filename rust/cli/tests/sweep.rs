@@ -15,27 +15,29 @@ fn table(path: &Path) -> Vec<BTreeMap<String, String>> {
 
 #[test]
 fn number_and_pitch_of_objects_are_swept_by_keys_and_come_out_as_any_other_axis() {
-    let place = tempfile::tempdir().unwrap();
+    let temp_dir = tempfile::tempdir().unwrap();
     let task = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/tasks/cluttered.toml");
     let simulate = |words: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_proact"));
-        command.args(["simulate", "--methods", "C,D", "--seeds", "1", "--limit", "0.5", "--task"]).arg(&task);
-        command.args(words).current_dir(place.path()).output().unwrap()
+        command
+            .args(["simulate", "--methods", "C,D", "--seeds", "1", "--time-limit", "0.5", "--task"])
+            .arg(&task);
+        command.args(words).current_dir(temp_dir.path()).output().unwrap()
     };
     let output = simulate(&[
-        "--vary",
+        "--sweep",
         "task.grid.count=4,[2, 3]",
-        "--vary",
-        "task.grid.pitch=0.06,[0.1, 0.05]",
+        "--sweep",
+        "task.grid.spacing_m=0.06,[0.1, 0.05]",
         "--out",
         "grid",
     ]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let dir = place.path().join("grid");
+    let dir = temp_dir.path().join("grid");
     let rows = table(&dir.join("sweep.csv"));
     let cells: Vec<[&str; 3]> = rows
         .iter()
-        .map(|row| ["task.grid.count", "task.grid.pitch", "method"].map(|key| &*row[key]))
+        .map(|row| ["task.grid.count", "task.grid.spacing_m", "method"].map(|key| &*row[key]))
         .collect();
     assert_eq!(cells.len(), 8, "four cells of two methods: {cells:?}");
     assert_eq!(cells[2], ["4", "[0.1, 0.05]", "C"]);
@@ -45,10 +47,10 @@ fn number_and_pitch_of_objects_are_swept_by_keys_and_come_out_as_any_other_axis(
     for row in table(&dir.join("blocks.csv")) {
         *blocks.entry(row["condition"].clone()).or_default() += 1;
     }
-    assert_eq!(blocks["C, task.grid.count=4, task.grid.pitch=0.06"], 4);
-    assert_eq!(blocks["D, task.grid.count=[2, 3], task.grid.pitch=0.06"], 6);
+    assert_eq!(blocks["C, task.grid.count=4, task.grid.spacing_m=0.06"], 4);
+    assert_eq!(blocks["D, task.grid.count=[2, 3], task.grid.spacing_m=0.06"], 6);
     // What cannot be is told before the first trial.
-    let output = simulate(&["--vary", "task.grid.pitch=0.06,0.02", "--out", "other"]);
+    let output = simulate(&["--sweep", "task.grid.spacing_m=0.06,0.02", "--out", "other"]);
     let error = String::from_utf8(output.stderr).unwrap();
     assert!(!output.status.success() && error.contains("overlaps"), "{error}");
     assert_eq!(error.trim_end().lines().count(), 1, "one sentence: {error}");

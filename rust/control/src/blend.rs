@@ -10,13 +10,17 @@ use proact_types::SimTime;
 pub struct Blend<U, A> {
     user: U,
     assistant: A,
-    share: f64,
+    assistance_share: f64,
 }
 
 impl<U: ControlMethod, A: ControlMethod> Blend<U, A> {
     /// The assistant has `share` of the speed, from 0 to 1; values outside are taken to the nearer end.
     pub fn new(user: U, assistant: A, share: f64) -> Self {
-        Self { user, assistant, share: if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 } }
+        Self {
+            user,
+            assistant,
+            assistance_share: if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 },
+        }
     }
 }
 
@@ -35,7 +39,7 @@ impl<U: ControlMethod, A: ControlMethod> ControlMethod for Blend<U, A> {
         {
             let usable = help.len() == user.len() && help.iter().all(|speed| speed.is_finite());
             for (user, help) in user.iter_mut().zip(&help).filter(|_| usable) {
-                *user += self.share * (help - *user);
+                *user += self.assistance_share * (help - *user);
             }
         }
         output

@@ -1,7 +1,7 @@
 use crate::ports::NoProcess;
 use crate::{
-    Blend, ControlError, ControlMethod, DeadMan, FollowsLimb, Guide, JointSubset, Limited, MethodRegistry,
-    Profile,
+    Blend, CommandLimiter, ControlError, ControlMethod, DeadManSwitch, JointSubset, LimbFollower,
+    MethodRegistry, Profile, ReachAssistant,
 };
 use proact_arm::ArmModel;
 
@@ -29,22 +29,22 @@ pub fn build(
 }
 
 /// `method` with the profile's safeguards around it.
-pub(crate) fn guarded(
+pub(crate) fn with_safeguards(
     mut method: Box<dyn ControlMethod>,
     profile: &Profile,
     subset: JointSubset,
     model: &ArmModel,
 ) -> Box<dyn ControlMethod> {
     if let Some(blend) = &profile.blend {
-        let assistant = Guide::new(blend, profile, &subset, model);
-        method = Box::new(Blend::new(method, assistant, blend.share));
+        let assistant = ReachAssistant::new(blend, profile, &subset, model);
+        method = Box::new(Blend::new(method, assistant, blend.assistance_share));
     }
-    method = Box::new(DeadMan::new(method));
+    method = Box::new(DeadManSwitch::new(method));
     if let Some(limiter) = &profile.limiter {
-        method = Box::new(Limited::new(method, limiter, model));
+        method = Box::new(CommandLimiter::new(method, limiter, model));
     }
     if !subset.is_whole() {
-        method = Box::new(FollowsLimb::new(method, subset, model));
+        method = Box::new(LimbFollower::new(method, subset, model));
     }
     method
 }

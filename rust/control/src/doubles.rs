@@ -6,17 +6,18 @@
 use crate::ports::{ArmKinematics, IkOutcome, KinematicsError};
 use nalgebra::{DMatrix, UnitQuaternion, Vector3, Vector6};
 use proact_arm::{
-    ArmModel, Chain, ChainPoses, Columns, Joint, JointKind, JointLimits, Link, NamedPose, damped_step_within,
+    ArmModel, Chain, ChainPoses, JacobianColumns, Joint, JointKind, JointLimits, Link, NamedPose,
+    damped_step_within_limits,
 };
 use proact_types::{JointVector, Point, Pose, Vector, joints};
 
 /// Where the arm of [`test_arm`] starts a trial, as in the original, rad.
-pub const START: [f64; 7] = [1.029, -0.161, 0.1291, 1.029, 1.57, 0.0174, 0.1006];
+pub const START_RAD: [f64; 7] = [1.029, -0.161, 0.1291, 1.029, 1.57, 0.0174, 0.1006];
 
 /// The seven arm joints of the MPL: name, origin, yaw of the origin, axis, lower and upper limit (Apache-2.0, from
 /// the description of the Johns Hopkins APL arm).
-type Row = (&'static str, [f64; 3], f64, [f64; 3], f64, f64);
-const ARM: [Row; 7] = [
+type ArmJointRow = (&'static str, [f64; 3], f64, [f64; 3], f64, f64);
+const ARM: [ArmJointRow; 7] = [
     ("shoulder", [0.0, 0.0, 0.0], 0.0, [0.0, 0.0, 1.0], -1.4, 1.53),
     ("humerus", [0.00164, -1e-5, 0.12058], -0.01153, [1.0, 0.0, 0.0], -1.35, 0.345),
     ("elbow", [-0.00164, -0.15006, 0.01389], 0.0, [0.0, 1.0, 0.0], -0.697, 1.57),
@@ -33,7 +34,7 @@ const SETTINGS: &str = include_str!("../../../ros1_ws/src/proact_description/arm
 const FINGERS: [(&str, [f64; 3], [f64; 3]); 2] =
     [("thumb", [-0.03, -0.06, -0.03], [0.0, 1.0, 0.0]), ("finger", [0.03, -0.06, -0.03], [0.0, -1.0, 0.0])];
 /// Angle of a closed finger, rad; an open one is at zero.
-const FINGER_CLOSED: f64 = 1.2;
+const FINGER_CLOSED_RAD: f64 = 1.2;
 
 /// The seven arm joints of the MPL without its hand: shapes, masses and poses are left out.
 pub fn test_arm() -> ArmModel {
@@ -73,7 +74,7 @@ pub fn test_hand() -> ArmModel {
         model.hand.push(model.joints.len());
         let origin = Pose::translation(xyz[0], xyz[1], xyz[2]);
         let mut joint = joint(name, model.tip, model.links.len() - 1, origin, axis.into());
-        joint.limits = JointLimits { lower: 0.0, upper: FINGER_CLOSED, velocity: 2.0, effort: 1.0 };
+        joint.limits = JointLimits { lower: 0.0, upper: FINGER_CLOSED_RAD, velocity: 2.0, effort: 1.0 };
         model.joints.push(joint);
     }
     let pose = |group: &str, name: &str, angles: &[f64]| NamedPose {
@@ -82,13 +83,13 @@ pub fn test_hand() -> ArmModel {
         angles: angles.to_vec(),
     };
     model.poses = vec![
-        pose("arm", "start", &START),
+        pose("arm", "start", &START_RAD),
         pose("hand", "open", &[0.0; 2]),
-        pose("hand", "closed", &[FINGER_CLOSED; 2]),
+        pose("hand", "closed", &[FINGER_CLOSED_RAD; 2]),
     ];
     // As in the MPL's description.
     model.grasps =
-        vec![proact_arm::Grasp { centre: Vector::new(0.0145, -0.0825, -0.091), ..Default::default() }];
+        vec![proact_arm::Grasp { center: Vector::new(0.0145, -0.0825, -0.091), ..Default::default() }];
     model
 }
 
@@ -103,11 +104,11 @@ fn joint(name: &str, parent: usize, child: usize, origin: Pose, axis: Vector) ->
 }
 
 /// Steps of the inverse before it gives up.
-const MOST_STEPS: usize = 400;
+const MAX_IK_STEPS: usize = 400;
 /// Damping of the inverse, the square of 0.02 in the units of its rows (m and rad).
 const DAMPING: f64 = 4e-4;
 /// Furthest that a joint turns in one step of the inverse, rad.
-const LONGEST_STEP: f64 = 0.2;
+const MAX_STEP_RAD: f64 = 0.2;
 /// A solution is this near, m and rad.
 const TOLERANCE: f64 = 1e-6;
 
@@ -140,7 +141,7 @@ impl SerialKinematics {
             let point = poses.tip * in_tip;
             let mut columns = chain.jacobian(poses, &point);
             columns.iter_mut().for_each(|column| column.fixed_rows_mut::<3>(3).fill(0.0));
-            (rows(&(in_base - point), &Vector::zeros()), columns)
+            (twist_rows(&(in_base - point), &Vector::zeros()), columns)
         })
     }
 
@@ -148,18 +149,25 @@ impl SerialKinematics {
     fn search(
         &mut self,
         seed: &[f64],
-        task: impl Fn(&Chain, &ChainPoses) -> (Vector6<f64>, Columns),
+        task: impl Fn(&Chain, &ChainPoses) -> (Vector6<f64>, JacobianColumns),
     ) -> Result<IkOutcome, KinematicsError> {
         self.check(seed)?;
         let mut q = joints(seed);
         let mut poses = ChainPoses::default();
-        for _ in 0..MOST_STEPS {
-            self.chain.place(&q, &mut poses);
+        for _ in 0..MAX_IK_STEPS {
+            self.chain.link_poses_into(&q, &mut poses);
             let (error, mut columns) = task(&self.chain, &poses);
             if error.norm() < TOLERANCE {
                 return Ok(IkOutcome::Solved(q));
             }
-            damped_step_within(&mut q, self.chain.limits(), &mut columns, &error, DAMPING, LONGEST_STEP);
+            damped_step_within_limits(
+                &mut q,
+                self.chain.limits(),
+                &mut columns,
+                &error,
+                DAMPING,
+                MAX_STEP_RAD,
+            );
         }
         Ok(IkOutcome::NotFound)
     }
@@ -176,7 +184,7 @@ impl SerialKinematics {
     }
 }
 
-fn rows(linear: &Vector, angular: &Vector) -> Vector6<f64> {
+fn twist_rows(linear: &Vector, angular: &Vector) -> Vector6<f64> {
     Vector6::from_iterator(linear.iter().chain(angular).copied())
 }
 
@@ -193,7 +201,7 @@ impl ArmKinematics for SerialKinematics {
     fn jacobian(&mut self, q: &[f64]) -> Result<DMatrix<f64>, KinematicsError> {
         self.check(q)?;
         let mut poses = ChainPoses::default();
-        self.chain.place(q, &mut poses);
+        self.chain.link_poses_into(q, &mut poses);
         let tip = Point::from(poses.tip.translation.vector);
         let columns = self.chain.jacobian(&poses, &tip);
         Ok(DMatrix::from_fn(6, columns.len(), |row, k| columns[k][row]))
@@ -209,7 +217,7 @@ impl ArmKinematics for SerialKinematics {
             let tip = Point::from(poses.tip.translation.vector);
             let linear = base_from_tip.translation.vector - tip.coords;
             let angular = (base_from_tip.rotation * poses.tip.rotation.inverse()).scaled_axis();
-            (rows(&linear, &angular), chain.jacobian(poses, &tip))
+            (twist_rows(&linear, &angular), chain.jacobian(poses, &tip))
         })
     }
 }
@@ -237,7 +245,7 @@ mod tests {
                 let there = arm.forward(&found).expect("finite angles");
                 prop_assert!((there.translation.vector - target.translation.vector).norm() < 2e-6);
                 prop_assert!(there.rotation.angle_to(&target.rotation) < 2e-6);
-                let inside = |(angle, row): (&f64, &Row)| (row.4..=row.5).contains(angle);
+                let inside = |(angle, row): (&f64, &ArmJointRow)| (row.4..=row.5).contains(angle);
                 prop_assert!(found.iter().zip(&ARM).all(inside), "{found:?}");
             }
         }
@@ -246,11 +254,12 @@ mod tests {
     #[test]
     fn a_point_out_of_reach_is_not_found_and_nonsense_is_refused() {
         let mut arm = SerialKinematics::new(&test_hand());
-        let mut reach = |x: f64| arm.reach(&Point::new(0.0, -0.08, 0.0), &Point::new(x, -0.3, -0.3), &START);
+        let mut reach =
+            |x: f64| arm.reach(&Point::new(0.0, -0.08, 0.0), &Point::new(x, -0.3, -0.3), &START_RAD);
         assert!(matches!(reach(0.1), Ok(IkOutcome::Solved(_))));
         assert_eq!(reach(5.0), Ok(IkOutcome::NotFound));
-        assert!(matches!(arm.forward(&START[..6]), Err(KinematicsError::WrongJointCount { .. })));
-        let refused = arm.inverse(&Pose::translation(f64::NAN, 0.0, 0.0), &START);
+        assert!(matches!(arm.forward(&START_RAD[..6]), Err(KinematicsError::WrongJointCount { .. })));
+        let refused = arm.inverse(&Pose::translation(f64::NAN, 0.0, 0.0), &START_RAD);
         assert!(matches!(refused, Err(KinematicsError::NotFinite { .. })), "{refused:?}");
     }
 }

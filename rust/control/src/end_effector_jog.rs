@@ -1,14 +1,14 @@
-use crate::inverse::{Damped, NEAR_SINGULAR, NOT_FINITE, moore_penrose};
-use crate::jog::{Jog, JogMotion, Press};
+use crate::inverse::{DampedInverse, NEAR_SINGULAR, NOT_FINITE, moore_penrose};
+use crate::jog::{BlockedMotion, Jog, JogMotion};
 use crate::ports::ArmKinematics;
-use crate::simultaneous::{Driven, DrivenMotion};
+use crate::simultaneous::{ProportionalDrives, ProportionalMotion};
 use crate::{
     Axis, AxisEntry, AxisMotion, ControlError, ControlInput, ControlMethod, ControlOutput,
     EndEffectorJogProfile, InverseProfile, JointSubset, MotionCommand, Profile, STEP_SECS,
 };
 use nalgebra::Vector6;
 use proact_arm::{ArmModel, JointLimits};
-use proact_types::{Gesture, JointVector, ModeView, Moves, SimTime, joints, zeros};
+use proact_types::{Command, ControlledDof, JointVector, ModeView, SimTime, joints, zeros};
 
 /// Method B: HO cycles through the axes of the arm's base, WE and WF move the hand along or turn it about the
 /// selected one, HC toggles the hand (ProACT, arXiv:2407.05025, "Direct end-effector control").
@@ -24,12 +24,12 @@ use proact_types::{Gesture, JointVector, ModeView, Moves, SimTime, joints, zeros
 pub struct EndEffectorJog {
     jog: Jog,
     /// None where gestures move along one axis after the other.
-    driven: Option<Driven>,
+    proportional_drives: Option<ProportionalDrives>,
     profile: EndEffectorJogProfile,
     limits: Vec<JointLimits>,
     subset: JointSubset,
     goals: Option<JointVector>,
-    press: Press,
+    blocked_motion: BlockedMotion,
     refusal: Option<String>,
 }
 
@@ -41,15 +41,17 @@ impl EndEffectorJog {
     pub fn new(profile: &Profile, model: &ArmModel, subset: &JointSubset) -> Result<Self, ControlError> {
         let mut settings = profile.end_effector_jog.clone();
         if let Some(at_once) = profile.jog.simultaneous() {
-            settings.axes =
-                at_once.moved().map(|name| find(&settings.axes, name)).collect::<Result<_, _>>()?;
+            settings.axes = at_once
+                .driven_names()
+                .map(|name| find_axis(&settings.axes, name))
+                .collect::<Result<_, _>>()?;
         }
         let views = settings.axes.iter().map(|entry| {
             let axis = entry.axis as u8;
             ModeView {
-                moves: match entry.motion {
-                    AxisMotion::Translate => Moves::Translation(axis),
-                    AxisMotion::Rotate => Moves::Rotation(axis),
+                controlled_dof: match entry.motion {
+                    AxisMotion::Translate => ControlledDof::Translation(axis),
+                    AxisMotion::Rotate => ControlledDof::Rotation(axis),
                 },
                 name: entry.name.clone(),
                 directions: [entry.we.clone(), entry.wf.clone()],
@@ -58,24 +60,24 @@ impl EndEffectorJog {
             }
         });
         Ok(Self {
-            jog: Jog::new(views.collect(), &profile.jog, settings.drops_open_after_close),
-            driven: profile.jog.driven(),
+            jog: Jog::new(views.collect(), &profile.jog, settings.ignores_open_after_close),
+            proportional_drives: profile.jog.proportional_drives(),
             profile: settings,
             limits: model.arm.iter().map(|&j| model.joints[j].limits).collect(),
             subset: subset.clone(),
             goals: None,
-            press: Press::default(),
+            blocked_motion: BlockedMotion::default(),
             refusal: None,
         })
     }
 
     /// Twist along the selected axis, `linear` metres or `angular` radians long.
     fn twist(&self, sign: f64, linear: f64, angular: f64) -> Vector6<f64> {
-        Self::along(&self.profile.axes[self.jog.selected()], sign, linear, angular)
+        Self::axis_twist(&self.profile.axes[self.jog.selected()], sign, linear, angular)
     }
 
     /// Twist along, or about, an axis.
-    fn along(entry: &AxisEntry, sign: f64, linear: f64, angular: f64) -> Vector6<f64> {
+    fn axis_twist(entry: &AxisEntry, sign: f64, linear: f64, angular: f64) -> Vector6<f64> {
         let (first, size) = match entry.motion {
             AxisMotion::Translate => (0, linear),
             AxisMotion::Rotate => (3, angular),
@@ -107,7 +109,7 @@ impl EndEffectorJog {
                     let got = (input.commanded.len(), input.measured.len());
                     return Err(format!("got {got:?} joint angles, the arm has {count}"));
                 }
-                let damped = Damped { profile, limits: &self.limits, subset: &self.subset };
+                let damped = DampedInverse { profile, limits: &self.limits, subset: &self.subset };
                 damped.solve(twist, input.commanded, input.measured, horizon, &mut jacobian_at).map(Some)
             }
             InverseProfile::MoorePenrose(profile) => {
@@ -126,7 +128,7 @@ impl EndEffectorJog {
 }
 
 /// The entry of the axis called `x` to `z` or `rx` to `rz`.
-fn find(axes: &[AxisEntry], name: &str) -> Result<AxisEntry, ControlError> {
+fn find_axis(axes: &[AxisEntry], name: &str) -> Result<AxisEntry, ControlError> {
     let called = |entry: &AxisEntry| {
         let axis = ["x", "y", "z"][entry.axis as usize];
         if entry.motion == AxisMotion::Rotate { format!("r{axis}") } else { axis.to_owned() }
@@ -145,14 +147,14 @@ impl ControlMethod for EndEffectorJog {
         input: &ControlInput<'_>,
         kinematics: &mut dyn ArmKinematics,
     ) -> ControlOutput {
-        if let Some(mut driven) = self.driven.take() {
+        if let Some(mut driven) = self.proportional_drives.take() {
             let output = self.drive(now, &mut driven, input, kinematics);
-            self.driven = Some(driven);
+            self.proportional_drives = Some(driven);
             return output;
         }
         let (motion, hand) = self.jog.step(now, input);
         // What was refused stays on display between the messages of a gesture that goes on.
-        let moves = matches!(input.gesture, Gesture::WristExtension | Gesture::WristFlexion);
+        let moves = matches!(input.command, Command::WristExtension | Command::WristFlexion);
         if motion != JogMotion::None || !moves {
             self.refusal = None;
         }
@@ -161,7 +163,7 @@ impl ControlMethod for EndEffectorJog {
             JogMotion::Stop => Some(MotionCommand::Hold),
             JogMotion::Speed(sign) => {
                 let twist = self.twist(sign, self.profile.speed_m_per_s, self.profile.speed_rad_per_s);
-                Some(self.velocity(&twist, input, kinematics))
+                Some(self.axis_velocity(&twist, input, kinematics))
             }
             JogMotion::Step { sign, repeated } => {
                 let twist = self.twist(sign, self.profile.step_m, self.profile.step_rad);
@@ -172,21 +174,21 @@ impl ControlMethod for EndEffectorJog {
                 Some(match self.solve(&twist, 1.0, input, kinematics) {
                     Ok(Some(step)) if step.len() == from.len() => {
                         let goals: JointVector = from.iter().zip(&step).map(|(q, dq)| q + dq).collect();
-                        self.send(goals)
+                        self.send_goals(goals)
                     }
                     // The original sends its last goal again.
                     Ok(None) => {
                         let last = self.goals.clone().unwrap_or_else(|| joints(input.commanded));
                         self.refusal = Some(NEAR_SINGULAR.to_owned());
-                        self.send(last)
+                        self.send_goals(last)
                     }
-                    Ok(Some(_)) => self.refuse(NOT_FINITE.to_owned()),
-                    Err(reason) => self.refuse(reason),
+                    Ok(Some(_)) => self.refuse_motion(NOT_FINITE.to_owned()),
+                    Err(reason) => self.refuse_motion(reason),
                 })
             }
         };
-        let shown = self.jog.shown(self.refusal.as_deref());
-        ControlOutput { motion, hand, shown, ..ControlOutput::default() }
+        let display = self.jog.display(self.refusal.as_deref());
+        ControlOutput { motion, hand, display, ..ControlOutput::default() }
     }
 }
 
@@ -195,27 +197,27 @@ impl EndEffectorJog {
     fn drive(
         &mut self,
         now: SimTime,
-        driven: &mut Driven,
+        driven: &mut ProportionalDrives,
         input: &ControlInput<'_>,
         kinematics: &mut dyn ArmKinematics,
     ) -> ControlOutput {
         let (motion, hand) = driven.step(now, input);
         self.refusal = None;
         let motion = match motion {
-            DrivenMotion::None => None,
-            DrivenMotion::Stop => Some(MotionCommand::Hold),
-            DrivenMotion::Shares(shares) => {
+            ProportionalMotion::None => None,
+            ProportionalMotion::Stop => Some(MotionCommand::Hold),
+            ProportionalMotion::Shares(shares) => {
                 let (linear, angular) = (self.profile.speed_m_per_s, self.profile.speed_rad_per_s);
                 let axes = self.profile.axes.iter().zip(&shares);
-                let twist = axes.map(|(entry, share)| Self::along(entry, *share, linear, angular)).sum();
-                Some(self.velocity(&twist, input, kinematics))
+                let twist = axes.map(|(entry, share)| Self::axis_twist(entry, *share, linear, angular)).sum();
+                Some(self.axis_velocity(&twist, input, kinematics))
             }
         };
-        let shown = self.jog.shown_at_once(self.refusal.as_deref(), driven.waits_secs(now));
-        ControlOutput { motion, hand, shown, ..ControlOutput::default() }
+        let display = self.jog.display_all(self.refusal.as_deref(), driven.remaining_secs(now));
+        ControlOutput { motion, hand, display, ..ControlOutput::default() }
     }
 
-    fn velocity(
+    fn axis_velocity(
         &mut self,
         twist: &Vector6<f64>,
         input: &ControlInput<'_>,
@@ -223,22 +225,22 @@ impl EndEffectorJog {
     ) -> MotionCommand {
         let refusal = match self.solve(twist, STEP_SECS, input, kinematics) {
             Ok(Some(speeds)) => {
-                self.press = Press::default();
+                self.blocked_motion = BlockedMotion::default();
                 return MotionCommand::Velocity(speeds);
             }
             Ok(None) => NEAR_SINGULAR.to_owned(),
             Err(reason) => reason,
         };
         self.refusal = Some(refusal);
-        self.press.on(self.refusal.as_deref(), input.commanded.len())
+        self.blocked_motion.command(self.refusal.as_deref(), input.commanded.len())
     }
 
-    fn refuse(&mut self, reason: String) -> MotionCommand {
+    fn refuse_motion(&mut self, reason: String) -> MotionCommand {
         self.refusal = Some(reason);
         MotionCommand::Hold
     }
 
-    fn send(&mut self, goals: JointVector) -> MotionCommand {
+    fn send_goals(&mut self, goals: JointVector) -> MotionCommand {
         self.goals = Some(goals.clone());
         MotionCommand::Goto(goals)
     }

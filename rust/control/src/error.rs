@@ -1,4 +1,4 @@
-use proact_types::number_text;
+use proact_types::format_number;
 
 /// Why a method cannot be built.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -14,7 +14,7 @@ pub enum ControlError {
     },
     /// There is a method of this name already.
     #[error("method {got:?} exists already, among {known}: give yours another name")]
-    MethodTwice {
+    DuplicateMethod {
         /// The name.
         got: String,
         /// What there is.
@@ -45,7 +45,7 @@ pub enum ControlError {
     },
     /// The program of a trial is another method.
     #[error("method is {method:?}, but method_process.info is that of {program:?}: give both the same name")]
-    OtherProgram {
+    ProgramMismatch {
         /// What the trial names.
         method: String,
         /// What its program is called.
@@ -61,7 +61,7 @@ pub enum ControlError {
     #[error("the profile is unreadable: {0}")]
     Text(String),
     /// A number is outside its range.
-    #[error("profile: {key} = {}, expected {expected}", number_text(*got))]
+    #[error("profile: {key} = {}, expected {expected}", format_number(*got))]
     Value {
         /// Such as `joint_jog.speed_rad_per_s`.
         key: &'static str,
@@ -84,7 +84,7 @@ pub enum ControlError {
     #[error(
         "profile: jog.simultaneous.drives.\"{drive}\" moves {moves}, which another moves already; expected each once"
     )]
-    DrivenTwice {
+    DuplicateDrive {
         /// The second of them.
         drive: String,
         /// What both move.

@@ -1,22 +1,22 @@
-use crate::jog::Confirm;
+use crate::jog::DoubleConfirmation;
 use crate::ports::ArmKinematics;
 use crate::{
-    ControlInput, ControlMethod, ControlOutput, HandCommand, JointSubset, LockOnceProfile, MotionCommand,
-    MotionState, PlanCommand, Shown,
+    ControlInput, ControlMethod, ControlOutput, HandCommand, JointSubset, LockOnceProfile, MethodDisplay,
+    MotionCommand, MotionState, PlanCommand,
 };
 use proact_arm::{ArmModel, Chain, ChainPoses};
 use proact_types::{
-    Gesture, HandState, MethodEvent, ObjectId, PlanGoal, PlanReply, PlanStatus, PlannerView, Point, Pose,
+    Command, HandState, MethodEvent, ObjectId, PlanGoal, PlanReply, PlanStatus, PlannerView, Point, Pose,
     SimTime, TargetView,
 };
 
 /// A base that moves less than this from one control step to the next stands still, metres and rad: 50 mm/s and
 /// 3 degrees/s at 100 Hz. Plans are made for a base at rest.
-const BASE_STILL: (f64, f64) = (5e-4, 5.2e-4);
+const BASE_STATIONARY_M_RAD: (f64, f64) = (5e-4, 5.2e-4);
 /// A target with a block this near its centre is taken, metres: the diameter of a block.
-const OCCUPIED: f64 = 0.05;
+const OCCUPIED_RADIUS_M: f64 = 0.05;
 /// An intermediate plan shorter than this leads nowhere, s: the arm is as near as it gets.
-const WORTHWHILE_SECS: f64 = 0.3;
+const MIN_INTERMEDIATE_PLAN_SECS: f64 = 0.3;
 
 /// Methods C and D: gaze selects a block or a place, WF locks it, WE plans and moves while it is held, HC and HO
 /// close and open the hand (ProACT, arXiv:2407.05025, "Gaze-assisted control" and "Context-assisted control").
@@ -33,18 +33,18 @@ const WORTHWHILE_SECS: f64 = 0.3;
 #[derive(Clone, Debug)]
 pub struct GazeAssisted {
     rules: LockOnceProfile,
-    confirm: Confirm,
-    gesture: Gesture,
-    holds: Option<ObjectId>,
-    lock: Option<Selection>,
-    drive: Drive,
+    confirm: DoubleConfirmation,
+    command: Command,
+    held_object: Option<ObjectId>,
+    locked_selection: Option<Selection>,
+    motion_phase: MotionPhase,
     /// Where the block stood for which the plan was asked.
-    planned_for: Option<Point>,
+    planned_block_position: Option<Point>,
     /// Intermediate goals reached one after the other from one base.
     intermediates: u32,
     last_base: Option<Pose>,
     /// Of part of an arm: the whole arm, and the position of the last joint that the person's own limb has.
-    limb: Option<(Chain, usize)>,
+    residual_limb: Option<(Chain, usize)>,
     /// Seconds in which a second HO opens the hand.
     confirm_in_secs: Option<f64>,
 }
@@ -58,7 +58,7 @@ enum Selection {
 
 /// Where the motion stands.
 #[derive(Clone, Debug, PartialEq)]
-enum Drive {
+enum MotionPhase {
     /// Nothing asked for.
     Idle,
     /// A plan is in the making for this base.
@@ -76,63 +76,66 @@ impl GazeAssisted {
     pub fn new(rules: LockOnceProfile) -> Self {
         Self {
             rules,
-            confirm: Confirm::new(rules.confirm_open_ms),
-            gesture: Gesture::NoMotion,
-            holds: None,
-            lock: None,
-            drive: Drive::Idle,
-            planned_for: None,
+            confirm: DoubleConfirmation::new(rules.confirm_open_ms),
+            command: Command::NoMotion,
+            held_object: None,
+            locked_selection: None,
+            motion_phase: MotionPhase::Idle,
+            planned_block_position: None,
             intermediates: 0,
             last_base: None,
-            limb: None,
+            residual_limb: None,
             confirm_in_secs: None,
         }
     }
 
     /// The same for the joints of `subset` of `model`: plans are for where the person's own limb holds them, and void once
     /// it has moved as far as a base may.
-    pub fn on_limb(mut self, subset: &JointSubset, model: &ArmModel) -> Self {
+    pub fn with_residual_limb(mut self, subset: &JointSubset, model: &ArmModel) -> Self {
         let last = (0..model.arm_count()).rev().find(|joint| !subset.contains(*joint));
-        self.limb = last.map(|joint| (Chain::new(model), joint));
+        self.residual_limb = last.map(|joint| (Chain::new(model), joint));
         self
     }
 
     /// Where what the method drives begins: at the shoulder, or at the end of the person's own limb. In `world`.
     fn base(&self, input: &ControlInput<'_>) -> Pose {
         let Some((chain, last)) =
-            self.limb.as_ref().filter(|(chain, _)| chain.joint_count() == input.measured.len())
+            self.residual_limb.as_ref().filter(|(chain, _)| chain.joint_count() == input.measured.len())
         else {
             return input.world_from_base;
         };
         let mut poses = ChainPoses::default();
-        chain.place(input.measured, &mut poses);
+        chain.link_poses_into(input.measured, &mut poses);
         input.world_from_base * poses.links[*last]
     }
 
     /// Where WE would put the block down: where the gaze is, or the free target near it.
-    fn place(&self, input: &ControlInput<'_>) -> Point {
-        let apart = |a: &Point, b: &Point| (a.xy() - b.xy()).norm();
-        let held = self.holds.map(ObjectId::index);
+    fn place_point(&self, input: &ControlInput<'_>) -> Point {
+        let distance = |a: &Point, b: &Point| (a.xy() - b.xy()).norm();
+        let held = self.held_object.map(ObjectId::index);
         let others = || input.objects.iter().enumerate().filter(|(k, _)| Some(*k) != held);
-        let taken = |centre: &Point| others().any(|(_, object)| apart(object, centre) < OCCUPIED);
-        let free = input.targets.iter().map(|target| target.centre).filter(|centre| !taken(centre));
-        let nearest = free.min_by(|a, b| apart(a, &input.place).total_cmp(&apart(b, &input.place)));
-        nearest.filter(|centre| apart(centre, &input.place) < self.rules.snap_radius_m).unwrap_or(input.place)
+        let taken = |center: &Point| others().any(|(_, object)| distance(object, center) < OCCUPIED_RADIUS_M);
+        let free = input.targets.iter().map(|target| target.center).filter(|center| !taken(center));
+        let nearest =
+            free.min_by(|a, b| distance(a, &input.place_point).total_cmp(&distance(b, &input.place_point)));
+        nearest
+            .filter(|center| distance(center, &input.place_point) < self.rules.snap_radius_m)
+            .unwrap_or(input.place_point)
     }
 
     /// The selection that WE would act on now.
     fn selection(&self, input: &ControlInput<'_>) -> Option<Selection> {
-        self.lock.or(match self.holds {
-            Some(_) => Some(Selection::Place(self.place(input))),
+        self.locked_selection.or(match self.held_object {
+            Some(_) => Some(Selection::Place(self.place_point(input))),
             None => input.highlight.map(Selection::Block),
         })
     }
 
     fn toggle_lock(&mut self, input: &ControlInput<'_>, output: &mut ControlOutput) {
-        if self.lock.take().is_some() {
+        if self.locked_selection.take().is_some() {
             output.events.push(MethodEvent::Unlocked);
         } else if let Some(selection) = self.selection(input) {
-            self.lock = Some(selection);
+            self.locked_selection = Some(selection);
             let block = match selection {
                 Selection::Block(block) => Some(block),
                 Selection::Place(_) => None,
@@ -143,79 +146,86 @@ impl GazeAssisted {
 
     /// Ends whatever motion or planning goes on.
     fn stop(&mut self, output: &mut ControlOutput) {
-        match self.drive {
-            Drive::Planning { .. } => output.plan = Some(PlanCommand::Cancel),
-            Drive::Following { .. } => {
+        match self.motion_phase {
+            MotionPhase::Planning { .. } => output.plan = Some(PlanCommand::Cancel),
+            MotionPhase::Following { .. } => {
                 output.motion = Some(MotionCommand::Hold);
                 output.events.push(MethodEvent::MotionStopped);
             }
             // What was reached or refused stays on display until the next command.
-            Drive::Idle | Drive::Arrived { .. } | Drive::Failed { .. } => return,
+            MotionPhase::Idle | MotionPhase::Arrived { .. } | MotionPhase::Failed { .. } => return,
         }
-        self.drive = Drive::Idle;
+        self.motion_phase = MotionPhase::Idle;
     }
 
-    fn request(&mut self, input: &ControlInput<'_>, output: &mut ControlOutput) {
+    fn request_plan(&mut self, input: &ControlInput<'_>, output: &mut ControlOutput) {
         let base = self.base(input);
-        let refuse =
-            |reason: &str| Drive::Failed { base, status: PlanStatus::Invalid, reason: reason.to_owned() };
-        if self.holds.is_none() && input.hand.state == HandState::Opening {
+        let refuse = |reason: &str| MotionPhase::Failed {
+            base,
+            status: PlanStatus::Invalid,
+            reason: reason.to_owned(),
+        };
+        if self.held_object.is_none() && input.hand.state == HandState::Opening {
             return;
         }
-        if self.holds.is_none() && input.hand.state != HandState::Open {
-            self.drive = refuse("the hand is closed and empty: open it first (HO)");
+        if self.held_object.is_none() && input.hand.state != HandState::Open {
+            self.motion_phase = refuse("the hand is closed and empty: open it first (HO)");
             return;
         }
         let Some(selection) = self.selection(input) else {
-            self.drive = refuse("nothing is selected: look at a block");
+            self.motion_phase = refuse("nothing is selected: look at a block");
             return;
         };
         let goal = match selection {
             Selection::Block(block) => PlanGoal::Pick { object: block, centre: input.objects[block.index()] },
             Selection::Place(point) => PlanGoal::Place { point },
         };
-        self.planned_for = match selection {
+        self.planned_block_position = match selection {
             Selection::Block(block) => Some(input.objects[block.index()]),
             Selection::Place(_) => None,
         };
         output.plan = Some(PlanCommand::Request(goal));
-        self.drive = Drive::Planning { base, selection };
+        self.motion_phase = MotionPhase::Planning { base, selection };
     }
 
     /// The block that the plan leads to is elsewhere by now: fallen, pushed, or taken away.
-    fn target_gone(&self, input: &ControlInput<'_>) -> bool {
-        let (Drive::Planning { selection, .. } | Drive::Following { selection, .. }) = &self.drive else {
+    fn has_target_moved(&self, input: &ControlInput<'_>) -> bool {
+        let (MotionPhase::Planning { selection, .. } | MotionPhase::Following { selection, .. }) =
+            &self.motion_phase
+        else {
             return false;
         };
-        let (Selection::Block(block), Some(was)) = (selection, self.planned_for) else { return false };
+        let (Selection::Block(block), Some(was)) = (selection, self.planned_block_position) else {
+            return false;
+        };
         // Written so that a place that is no number counts as gone.
-        let stays = (input.objects[block.index()] - was).norm() <= OCCUPIED;
+        let stays = (input.objects[block.index()] - was).norm() <= OCCUPIED_RADIUS_M;
         !stays
     }
 
     fn take_plan(&mut self, reply: &PlanReply, output: &mut ControlOutput) {
-        let Drive::Planning { base, selection } = self.drive else { return };
-        self.drive = match reply.status {
-            PlanStatus::Ok => Drive::Following { base, selection, intermediate: false, progress: 0.0 },
-            PlanStatus::Intermediate if reply.trajectory.duration_secs() < WORTHWHILE_SECS => {
-                Drive::Arrived { base, intermediate: true }
+        let MotionPhase::Planning { base, selection } = self.motion_phase else { return };
+        self.motion_phase = match reply.status {
+            PlanStatus::Ok => MotionPhase::Following { base, selection, intermediate: false, progress: 0.0 },
+            PlanStatus::Intermediate if reply.trajectory.duration_secs() < MIN_INTERMEDIATE_PLAN_SECS => {
+                MotionPhase::Arrived { base, intermediate: true }
             }
             PlanStatus::Intermediate => {
-                Drive::Following { base, selection, intermediate: true, progress: 0.0 }
+                MotionPhase::Following { base, selection, intermediate: true, progress: 0.0 }
             }
-            status => Drive::Failed { base, status, reason: reply.reason.clone() },
+            status => MotionPhase::Failed { base, status, reason: reply.reason.clone() },
         };
-        if matches!(self.drive, Drive::Following { .. }) {
+        if matches!(self.motion_phase, MotionPhase::Following { .. }) {
             output.motion = Some(MotionCommand::Follow(reply.trajectory.clone()));
         }
     }
 
     /// WE is held: plan, follow, and go on when the base or an intermediate goal asks for it.
     fn advance(&mut self, input: &ControlInput<'_>, base_still: bool, output: &mut ControlOutput) {
-        if self.target_gone(input) {
+        if self.has_target_moved(input) {
             // From rest, a plan to where it is now; one that is on its way is not followed.
             self.stop(output);
-            self.drive = Drive::Idle;
+            self.motion_phase = MotionPhase::Idle;
             return;
         }
         if let Some(reply) = input.plan {
@@ -223,34 +233,34 @@ impl GazeAssisted {
             return;
         }
         let here = self.base(input);
-        match &mut self.drive {
-            Drive::Idle if base_still => self.request(input, output),
-            Drive::Idle | Drive::Planning { .. } => {}
-            Drive::Following { base, .. } if moved(&self.rules, base, &here) => {
+        match &mut self.motion_phase {
+            MotionPhase::Idle if base_still => self.request_plan(input, output),
+            MotionPhase::Idle | MotionPhase::Planning { .. } => {}
+            MotionPhase::Following { base, .. } if has_base_moved(&self.rules, base, &here) => {
                 self.stop(output);
             }
-            Drive::Following { base, intermediate, progress, .. } => match input.motion {
+            MotionPhase::Following { base, intermediate, progress, .. } => match input.motion {
                 MotionState::Following(now) => *progress = now,
                 MotionState::Finished
-                    if *intermediate && self.intermediates < self.rules.most_intermediates =>
+                    if *intermediate && self.intermediates < self.rules.max_intermediate_goals =>
                 {
                     output.events.push(MethodEvent::MotionFinished);
                     self.intermediates += 1;
-                    self.drive = Drive::Idle;
+                    self.motion_phase = MotionPhase::Idle;
                 }
                 MotionState::Finished => {
                     output.events.push(MethodEvent::MotionFinished);
-                    self.drive = Drive::Arrived { base: *base, intermediate: *intermediate };
+                    self.motion_phase = MotionPhase::Arrived { base: *base, intermediate: *intermediate };
                 }
                 MotionState::Holding => {}
             },
-            Drive::Arrived { base, intermediate: true } | Drive::Failed { base, .. } => {
-                if moved(&self.rules, base, &here) && base_still {
+            MotionPhase::Arrived { base, intermediate: true } | MotionPhase::Failed { base, .. } => {
+                if has_base_moved(&self.rules, base, &here) && base_still {
                     self.intermediates = 0;
-                    self.request(input, output);
+                    self.request_plan(input, output);
                 }
             }
-            Drive::Arrived { intermediate: false, .. } => {}
+            MotionPhase::Arrived { intermediate: false, .. } => {}
         }
     }
 }
@@ -266,63 +276,65 @@ impl ControlMethod for GazeAssisted {
         let base = self.base(input);
         let base_still = self.last_base.replace(base).is_some_and(|last| {
             let step = last.inv_mul(&base);
-            step.translation.vector.norm() < BASE_STILL.0 && step.rotation.angle() < BASE_STILL.1
+            step.translation.vector.norm() < BASE_STATIONARY_M_RAD.0
+                && step.rotation.angle() < BASE_STATIONARY_M_RAD.1
         });
 
         // Taking or losing a block begins a new phase, with a selection of its own.
-        if input.hand.holds != self.holds {
-            self.holds = input.hand.holds;
-            if self.lock.take().is_some() {
+        if input.hand.held_object != self.held_object {
+            self.held_object = input.hand.held_object;
+            if self.locked_selection.take().is_some() {
                 output.events.push(MethodEvent::Unlocked);
             }
             self.stop(&mut output);
-            self.drive = Drive::Idle;
+            self.motion_phase = MotionPhase::Idle;
         }
 
-        let changed = input.gesture != self.gesture;
-        self.gesture = input.gesture;
-        if input.gesture != Gesture::WristExtension {
+        let changed = input.command != self.command;
+        self.command = input.command;
+        if input.command != Command::WristExtension {
             self.stop(&mut output);
         }
-        match input.gesture {
-            Gesture::WristExtension => {
+        match input.command {
+            Command::WristExtension => {
                 if changed {
-                    self.drive = Drive::Idle;
+                    self.motion_phase = MotionPhase::Idle;
                     self.intermediates = 0;
                 }
                 self.advance(input, base_still, &mut output);
             }
-            Gesture::WristFlexion if changed => self.toggle_lock(input, &mut output),
-            Gesture::HandClose if changed => output.hand = Some(HandCommand::Close),
-            Gesture::HandOpen if changed => {
-                let granted = self.holds.is_none() || self.confirm.granted(now);
+            Command::WristFlexion if changed => self.toggle_lock(input, &mut output),
+            Command::HandClose if changed => output.hand = Some(HandCommand::Close),
+            Command::HandOpen if changed => {
+                let granted = self.held_object.is_none() || self.confirm.is_confirmed(now);
                 output.hand = granted.then_some(HandCommand::Open);
             }
             _ => {}
         }
 
-        self.confirm_in_secs = self.confirm.waits_secs(now);
-        output.shown = Shown { mode: None, target: self.view(input), planner: self.planner() };
+        self.confirm_in_secs = self.confirm.remaining_secs(now);
+        output.display =
+            MethodDisplay { mode: None, target: self.target_view(input), planner: self.planner_view() };
         output
     }
 }
 
 impl GazeAssisted {
-    fn planner(&self) -> PlannerView {
-        match &self.drive {
-            Drive::Idle => match self.confirm_in_secs {
+    fn planner_view(&self) -> PlannerView {
+        match &self.motion_phase {
+            MotionPhase::Idle => match self.confirm_in_secs {
                 Some(secs) => PlannerView::Failed {
                     status: PlanStatus::Invalid,
                     reason: format!("HO again within {secs:.1} s opens the hand"),
                 },
                 None => PlannerView::Idle,
             },
-            Drive::Planning { .. } => PlannerView::Planning,
-            Drive::Following { intermediate, progress, .. } => {
+            MotionPhase::Planning { .. } => PlannerView::Planning,
+            MotionPhase::Following { intermediate, progress, .. } => {
                 PlannerView::Executing { progress: *progress, intermediate: *intermediate }
             }
-            Drive::Arrived { intermediate, .. } => PlannerView::Arrived { intermediate: *intermediate },
-            Drive::Failed { status, reason, .. } => {
+            MotionPhase::Arrived { intermediate, .. } => PlannerView::Arrived { intermediate: *intermediate },
+            MotionPhase::Failed { status, reason, .. } => {
                 PlannerView::Failed { status: *status, reason: reason.clone() }
             }
         }
@@ -332,12 +344,14 @@ impl GazeAssisted {
 impl GazeAssisted {
     /// The marker shows what is locked, else what the arm moves to, else what WE would act on. The place marker
     /// is there from the start (its late appearance is the flaw that the authors fixed between their studies).
-    fn view(&self, input: &ControlInput<'_>) -> TargetView {
-        let driven = match self.drive {
-            Drive::Planning { selection, .. } | Drive::Following { selection, .. } => Some(selection),
+    fn target_view(&self, input: &ControlInput<'_>) -> TargetView {
+        let driven = match self.motion_phase {
+            MotionPhase::Planning { selection, .. } | MotionPhase::Following { selection, .. } => {
+                Some(selection)
+            }
             _ => None,
         };
-        let shown = self.lock.or(driven).or_else(|| self.selection(input));
+        let shown = self.locked_selection.or(driven).or_else(|| self.selection(input));
         TargetView {
             object: match shown {
                 Some(Selection::Block(block)) => Some(block),
@@ -345,17 +359,17 @@ impl GazeAssisted {
             },
             place: Some(match shown {
                 Some(Selection::Place(point)) => point,
-                _ => self.place(input),
+                _ => self.place_point(input),
             }),
-            locked: self.lock.is_some(),
+            locked: self.locked_selection.is_some(),
             posterior: input.posterior.to_vec(),
         }
     }
 }
 
-fn moved(rules: &LockOnceProfile, from: &Pose, to: &Pose) -> bool {
+fn has_base_moved(rules: &LockOnceProfile, from: &Pose, to: &Pose) -> bool {
     let step = from.inv_mul(to);
-    step.translation.vector.norm() > rules.base_moved_m || step.rotation.angle() > rules.base_turned_rad
+    step.translation.vector.norm() > rules.replan_distance_m || step.rotation.angle() > rules.replan_angle_rad
 }
 
 #[cfg(test)]

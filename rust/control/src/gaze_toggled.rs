@@ -1,12 +1,12 @@
 use crate::ports::ArmKinematics;
 use crate::{
-    ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, PlanCommand, Shown,
-    ToggleLocksProfile,
+    ControlInput, ControlMethod, ControlOutput, HandCommand, MethodDisplay, MotionCommand, MotionState,
+    PlanCommand, ToggleLocksProfile,
 };
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use proact_arm::{ArmModel, Chain, ChainPoses};
 use proact_types::{
-    Gesture, MethodEvent, ObjectId, PlanGoal, PlanReply, PlanStatus, PlannerView, Point, Pose, SimTime,
+    Command, MethodEvent, ObjectId, PlanGoal, PlanReply, PlanStatus, PlannerView, Point, Pose, SimTime,
     TargetView,
 };
 use std::f64::consts::FRAC_PI_2;
@@ -26,18 +26,18 @@ use std::f64::consts::FRAC_PI_2;
 pub struct GazeToggled {
     rules: ToggleLocksProfile,
     chain: Chain,
-    gesture: Gesture,
-    holds: Option<ObjectId>,
+    command: Command,
+    held_object: Option<ObjectId>,
     closed: bool,
     pick_locked: bool,
     place_locked: bool,
     block: ObjectId,
     place: Point,
-    drive: Drive,
+    motion_phase: ToggledMotionPhase,
 }
 
 #[derive(Clone, Debug)]
-enum Drive {
+enum ToggledMotionPhase {
     Idle,
     Planning,
     Following { intermediate: bool, progress: f64 },
@@ -51,21 +51,21 @@ impl GazeToggled {
         Self {
             rules,
             chain: Chain::new(model),
-            gesture: Gesture::NoMotion,
-            holds: None,
+            command: Command::NoMotion,
+            held_object: None,
             closed: false,
             pick_locked: false,
             place_locked: true,
             block: ObjectId(0),
             place: Point::origin(),
-            drive: Drive::Idle,
+            motion_phase: ToggledMotionPhase::Idle,
         }
     }
 
     /// Origin of the second arm joint's link in `world`: the original's shoulder point.
     fn shoulder(&self, input: &ControlInput<'_>) -> Point {
         let mut poses = ChainPoses::default();
-        self.chain.place(input.measured, &mut poses);
+        self.chain.link_poses_into(input.measured, &mut poses);
         input.world_from_base * poses.links.get(1).map_or(Point::origin(), |link| link * Point::origin())
     }
 
@@ -75,16 +75,16 @@ impl GazeToggled {
         let away = point - shoulder;
         let (x, y, z) = (-away.y, away.x, -away.z);
         let (reach, bearing) = (x.hypot(y), y.atan2(x));
-        let beta = (rules.elbow_drop_m / rules.upper_m).asin();
-        let gamma = ((z - rules.upper_m * beta.sin()) / rules.fore_m).asin();
-        let (m1, m2) = (rules.upper_m * beta.cos(), rules.fore_m * gamma.cos());
+        let beta = (rules.elbow_drop_m / rules.upper_arm_length_m).asin();
+        let gamma = ((z - rules.upper_arm_length_m * beta.sin()) / rules.forearm_length_m).asin();
+        let (m1, m2) = (rules.upper_arm_length_m * beta.cos(), rules.forearm_length_m * gamma.cos());
         let phi = ((reach * reach + m2 * m2 - m1 * m1) / (2.0 * reach * m2)).acos();
         phi + bearing - FRAC_PI_2
     }
 
     /// The constant orientation of a grasp with its heading replaced.
     fn orientation(&self, heading: f64) -> UnitQuaternion<f64> {
-        let [w, x, y, z] = self.rules.grasp_wxyz;
+        let [w, x, y, z] = self.rules.grasp_orientation_wxyz;
         let (roll, pitch, _) = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).euler_angles();
         UnitQuaternion::from_euler_angles(roll, pitch, heading)
     }
@@ -93,26 +93,26 @@ impl GazeToggled {
     fn pick_pose(&self, block: &Point, shoulder: &Point) -> Pose {
         let heading = self.heading(block, shoulder);
         let (sin, cos) = (heading - FRAC_PI_2).sin_cos();
-        let back = self.rules.back_off_m * Vector3::new(cos, sin, 0.0);
+        let back = self.rules.standoff_m * Vector3::new(cos, sin, 0.0);
         let position = block.coords - back + Vector3::z() * self.rules.pick_height_m;
         Pose::from_parts(position.into(), self.orientation(heading))
     }
 
     /// `world_from_tip` that brings the block in hand over the place. `tip_from_block` is its centre in the tip.
-    fn place_pose(&self, place: &Point, shoulder: &Point, tip_from_block: &Vector3<f64>) -> Pose {
-        let orientation = self.orientation(self.heading(place, shoulder));
-        let block = place.coords + Vector3::z() * self.rules.place_height_m;
+    fn place_pose(&self, place_point: &Point, shoulder: &Point, tip_from_block: &Vector3<f64>) -> Pose {
+        let orientation = self.orientation(self.heading(place_point, shoulder));
+        let block = place_point.coords + Vector3::z() * self.rules.place_height_m;
         Pose::from_parts((block - orientation * tip_from_block).into(), orientation)
     }
 
-    fn request(
+    fn request_plan(
         &mut self,
         input: &ControlInput<'_>,
         kinematics: &mut dyn ArmKinematics,
         output: &mut ControlOutput,
     ) {
         let shoulder = self.shoulder(input);
-        let pose = match self.holds {
+        let pose = match self.held_object {
             None => Ok(self.pick_pose(&input.objects[self.block.index()], &shoulder)),
             Some(held) => {
                 kinematics.forward(input.measured).map_err(|e| e.to_string()).map(|base_from_tip| {
@@ -125,23 +125,23 @@ impl GazeToggled {
         let finite = |pose: &Pose| {
             pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|v| v.is_finite())
         };
-        self.drive = match pose {
+        self.motion_phase = match pose {
             Ok(pose) if finite(&pose) => {
                 output.plan = Some(PlanCommand::Request(PlanGoal::TipPose { pose }));
-                Drive::Planning
+                ToggledMotionPhase::Planning
             }
-            Ok(_) => Drive::Failed {
+            Ok(_) => ToggledMotionPhase::Failed {
                 status: PlanStatus::Unreachable,
                 reason: "the two-link arm does not reach the target: its heading is not a number".to_owned(),
             },
-            Err(reason) => Drive::Failed { status: PlanStatus::Invalid, reason },
+            Err(reason) => ToggledMotionPhase::Failed { status: PlanStatus::Invalid, reason },
         };
     }
 
     /// Follows grasp events: a block taken or lost.
     fn follow_grasp(&mut self, input: &ControlInput<'_>, output: &mut ControlOutput) {
-        let held = std::mem::replace(&mut self.holds, input.hand.holds);
-        if held.is_some() && self.holds.is_none() {
+        let held = std::mem::replace(&mut self.held_object, input.hand.held_object);
+        if held.is_some() && self.held_object.is_none() {
             self.closed = false;
             output.hand = Some(HandCommand::Open);
         }
@@ -153,18 +153,18 @@ impl GazeToggled {
         kinematics: &mut dyn ArmKinematics,
         output: &mut ControlOutput,
     ) {
-        match self.gesture {
-            Gesture::HandClose if !self.closed => {
+        match self.command {
+            Command::HandClose if !self.closed => {
                 self.closed = true;
                 output.hand = Some(HandCommand::Close);
             }
-            Gesture::HandOpen if self.closed => {
+            Command::HandOpen if self.closed => {
                 self.closed = false;
                 output.hand = Some(HandCommand::Open);
             }
-            Gesture::HandClose | Gesture::HandOpen => {}
-            Gesture::WristFlexion => {
-                let (lock, block) = match self.holds {
+            Command::HandClose | Command::HandOpen => {}
+            Command::WristFlexion => {
+                let (lock, block) = match self.held_object {
                     None => {
                         self.pick_locked = !self.pick_locked;
                         self.block = input.highlight.filter(|_| self.pick_locked).unwrap_or(self.block);
@@ -172,7 +172,7 @@ impl GazeToggled {
                     }
                     Some(_) => {
                         self.place_locked = !self.place_locked;
-                        self.place = if self.place_locked { input.place } else { self.place };
+                        self.place = if self.place_locked { input.place_point } else { self.place };
                         (self.place_locked, None)
                     }
                 };
@@ -182,47 +182,47 @@ impl GazeToggled {
                     MethodEvent::Unlocked
                 });
             }
-            Gesture::WristExtension => self.request(input, kinematics, output),
-            Gesture::NoMotion => {
-                match self.drive {
-                    Drive::Planning => output.plan = Some(PlanCommand::Cancel),
-                    Drive::Following { .. } => {
+            Command::WristExtension => self.request_plan(input, kinematics, output),
+            Command::NoMotion => {
+                match self.motion_phase {
+                    ToggledMotionPhase::Planning => output.plan = Some(PlanCommand::Cancel),
+                    ToggledMotionPhase::Following { .. } => {
                         output.motion = Some(MotionCommand::Hold);
                         output.events.push(MethodEvent::MotionStopped);
                     }
                     _ => return,
                 }
-                self.drive = Drive::Idle;
+                self.motion_phase = ToggledMotionPhase::Idle;
             }
         }
     }
 
     /// A plan in force and what became of it.
     fn advance(&mut self, input: &ControlInput<'_>, output: &mut ControlOutput) {
-        if let (Drive::Planning, Some(reply)) = (&self.drive, input.plan) {
-            self.drive = Self::take_plan(reply, output);
+        if let (ToggledMotionPhase::Planning, Some(reply)) = (&self.motion_phase, input.plan) {
+            self.motion_phase = Self::take_plan(reply, output);
             return;
         }
-        if let Drive::Following { intermediate, progress } = &mut self.drive {
+        if let ToggledMotionPhase::Following { intermediate, progress } = &mut self.motion_phase {
             match input.motion {
                 MotionState::Following(now) => *progress = now,
                 MotionState::Finished => {
                     output.events.push(MethodEvent::MotionFinished);
-                    self.drive = Drive::Arrived { intermediate: *intermediate };
+                    self.motion_phase = ToggledMotionPhase::Arrived { intermediate: *intermediate };
                 }
                 MotionState::Holding => {}
             }
         }
     }
 
-    fn take_plan(reply: &PlanReply, output: &mut ControlOutput) -> Drive {
+    fn take_plan(reply: &PlanReply, output: &mut ControlOutput) -> ToggledMotionPhase {
         match reply.status {
             PlanStatus::Ok | PlanStatus::Intermediate => {
                 output.motion = Some(MotionCommand::Follow(reply.trajectory.clone()));
                 let intermediate = reply.status == PlanStatus::Intermediate;
-                Drive::Following { intermediate, progress: 0.0 }
+                ToggledMotionPhase::Following { intermediate, progress: 0.0 }
             }
-            status => Drive::Failed { status, reason: reply.reason.clone() },
+            status => ToggledMotionPhase::Failed { status, reason: reply.reason.clone() },
         }
     }
 }
@@ -237,31 +237,33 @@ impl ControlMethod for GazeToggled {
         let mut output = ControlOutput::default();
         self.follow_grasp(input, &mut output);
         self.advance(input, &mut output);
-        if std::mem::replace(&mut self.gesture, input.gesture) != input.gesture {
+        if std::mem::replace(&mut self.command, input.command) != input.command {
             self.act(input, kinematics, &mut output);
         }
         let live = if self.pick_locked { Some(self.block) } else { input.highlight };
         let target = TargetView {
-            object: live.filter(|_| self.holds.is_none()),
-            place: Some(if self.place_locked { self.place } else { input.place }),
-            locked: if self.holds.is_some() { self.place_locked } else { self.pick_locked },
+            object: live.filter(|_| self.held_object.is_none()),
+            place: Some(if self.place_locked { self.place } else { input.place_point }),
+            locked: if self.held_object.is_some() { self.place_locked } else { self.pick_locked },
             posterior: input.posterior.to_vec(),
         };
-        output.shown = Shown { mode: None, target, planner: self.planner() };
+        output.display = MethodDisplay { mode: None, target, planner: self.planner_view() };
         output
     }
 }
 
 impl GazeToggled {
-    fn planner(&self) -> PlannerView {
-        match &self.drive {
-            Drive::Idle => PlannerView::Idle,
-            Drive::Planning => PlannerView::Planning,
-            Drive::Following { intermediate, progress } => {
+    fn planner_view(&self) -> PlannerView {
+        match &self.motion_phase {
+            ToggledMotionPhase::Idle => PlannerView::Idle,
+            ToggledMotionPhase::Planning => PlannerView::Planning,
+            ToggledMotionPhase::Following { intermediate, progress } => {
                 PlannerView::Executing { progress: *progress, intermediate: *intermediate }
             }
-            Drive::Arrived { intermediate } => PlannerView::Arrived { intermediate: *intermediate },
-            Drive::Failed { status, reason } => {
+            ToggledMotionPhase::Arrived { intermediate } => {
+                PlannerView::Arrived { intermediate: *intermediate }
+            }
+            ToggledMotionPhase::Failed { status, reason } => {
                 PlannerView::Failed { status: *status, reason: reason.clone() }
             }
         }

@@ -1,14 +1,14 @@
 use crate::ports::ArmKinematics;
-use crate::{ControlInput, ControlMethod, ControlOutput, HandCommand, MethodEntry, Shown};
-use proact_types::{Gesture, MethodHelp, MethodInfo, MethodStyle, Needs, SimTime};
+use crate::{ControlInput, ControlMethod, ControlOutput, HandCommand, MethodDisplay, MethodEntry};
+use proact_types::{Command, MethodHelp, MethodInfo, MethodNeeds, MethodStyle, SimTime};
 
-/// The arm imitates the person's own limb, which leads every joint ([`FollowsLimb`](crate::FollowsLimb) moves them, each at most at
+/// The arm imitates the person's own limb, which leads every joint ([`LimbFollower`](crate::FollowsLimb) moves them, each at most at
 /// its speed limit); of gestures, HC closes the hand and HO opens it. This is the mode of ArmSym in which the arm goes where the
 /// person's hand goes: whoever tracks the hand finds the joints by inverse kinematics (`HandFit` of the crate `proact-arm`).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Imitation {
     /// The hand was told of this gesture.
-    acted_on: Option<Gesture>,
+    last_command: Option<Command>,
 }
 
 impl Imitation {
@@ -18,7 +18,7 @@ impl Imitation {
         let info = MethodInfo {
             name: "imitate".to_owned(),
             title: "Imitated hand".to_owned(),
-            needs: Needs { limb: true, ..Needs::default() },
+            needs: MethodNeeds { limb: true, ..MethodNeeds::default() },
             style: MethodStyle::Imitating,
             help: MethodHelp {
                 summary: "The arm goes where your own hand goes.".to_owned(),
@@ -34,17 +34,21 @@ impl Imitation {
 
 impl ControlMethod for Imitation {
     fn step(&mut self, _: SimTime, input: &ControlInput<'_>, _: &mut dyn ArmKinematics) -> ControlOutput {
-        let hand = match input.gesture {
-            Gesture::HandClose => Some(HandCommand::Close),
-            Gesture::HandOpen => Some(HandCommand::Open),
+        let hand = match input.command {
+            Command::HandClose => Some(HandCommand::Close),
+            Command::HandOpen => Some(HandCommand::Open),
             _ => None,
         };
-        let made = hand.filter(|_| self.acted_on != Some(input.gesture));
-        self.acted_on = Some(input.gesture);
+        let made = hand.filter(|_| self.last_command != Some(input.command));
+        self.last_command = Some(input.command);
         let planner = match input.limb {
-            Some(_) => Shown::default().planner,
-            None => crate::method::refused("your hand is not tracked yet"),
+            Some(_) => MethodDisplay::default().planner,
+            None => crate::method::refusal_view("your hand is not tracked yet"),
         };
-        ControlOutput { hand: made, shown: Shown { planner, ..Shown::default() }, ..ControlOutput::default() }
+        ControlOutput {
+            hand: made,
+            display: MethodDisplay { planner, ..MethodDisplay::default() },
+            ..ControlOutput::default()
+        }
     }
 }

@@ -1,4 +1,4 @@
-use crate::simultaneous::Driven;
+use crate::simultaneous::ProportionalDrives;
 use crate::{ControlError, Simultaneous};
 use serde::{Deserialize, Serialize};
 
@@ -9,14 +9,14 @@ pub enum JogProfile {
     /// At a speed, for as long as a gesture is held.
     Time {
         /// HO held this long goes back by one from where it began, once in each such span; 0 is never.
-        back_after_ms: u64,
+        reverse_cycle_after_ms: u64,
         /// HO that follows HC directly counts once it has lasted this long.
         open_after_close_ms: u64,
         /// With a block in hand, opening is asked for twice within this time; 0 is off.
         confirm_open_ms: u64,
         /// A slow and a fast step; without them there is one speed.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        steps: Option<JogSteps>,
+        speed_steps: Option<JogSteps>,
         /// Speed by how hard the gesture is made; without it there is one speed. Keys are at full effort.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         proportional: Option<ProportionalSpeed>,
@@ -31,9 +31,9 @@ pub enum JogProfile {
     /// By a step for each message of the classifier (the original).
     Message {
         /// Spacing of the messages assumed while none has come: gestures from keys make none.
-        nominal_ms: u64,
+        nominal_period_ms: u64,
         /// Messages after a change of mode are dropped until the next joint state, one in each such span.
-        joint_state_ms: u64,
+        joint_state_period_ms: u64,
     },
 }
 
@@ -44,15 +44,17 @@ impl JogProfile {
     }
 
     /// From drives to motion, where a regressor drives.
-    pub(crate) fn driven(&self) -> Option<Driven> {
+    pub(crate) fn proportional_drives(&self) -> Option<ProportionalDrives> {
         let JogProfile::Time { simultaneous: Some(simultaneous), confirm_open_ms, .. } = self else {
             return None;
         };
-        Some(Driven::new(simultaneous, *confirm_open_ms))
+        Some(ProportionalDrives::new(simultaneous, *confirm_open_ms))
     }
 
     pub(crate) fn check(&self) -> Result<(), ControlError> {
-        let JogProfile::Time { steps, proportional, ramp, simultaneous, .. } = self else { return Ok(()) };
+        let JogProfile::Time { speed_steps: steps, proportional, ramp, simultaneous, .. } = self else {
+            return Ok(());
+        };
         simultaneous.as_ref().map_or(Ok(()), Simultaneous::check)?;
         steps.as_ref().map_or(Ok(()), JogSteps::check)?;
         proportional.as_ref().map_or(Ok(()), ProportionalSpeed::check)?;
@@ -65,28 +67,28 @@ impl JogProfile {
 #[serde(deny_unknown_fields)]
 pub struct ProportionalSpeed {
     /// Efforts up to here stand still, 0 to 1.
-    pub rest: f64,
+    pub rest_effort: f64,
     /// From this effort on the speed is whole, at least 0.001 above `rest` and at most 1.
-    pub full: f64,
+    pub full_effort: f64,
 }
 
 impl ProportionalSpeed {
     fn check(&self) -> Result<(), ControlError> {
-        let Self { rest, full } = *self;
+        let Self { rest_effort: rest, full_effort: full } = *self;
         let refused = |key, got, expected| Err(ControlError::Value { key, got, expected });
         if !(0.0..1.0).contains(&rest) {
-            return refused("jog.proportional.rest", rest, "0 and below 1");
+            return refused("jog.proportional.rest_effort", rest, "0 and below 1");
         }
         if !(full >= rest + 0.001 && full <= 1.0) {
-            let expected = "at least 0.001 above jog.proportional.rest and at most 1";
-            return refused("jog.proportional.full", full, expected);
+            let expected = "at least 0.001 above jog.proportional.rest_effort and at most 1";
+            return refused("jog.proportional.full_effort", full, expected);
         }
         Ok(())
     }
 
     /// The share of the speed at this effort.
-    pub fn share(&self, effort: f64) -> f64 {
-        ((effort - self.rest) / (self.full - self.rest)).clamp(0.0, 1.0)
+    pub fn speed_factor(&self, effort: f64) -> f64 {
+        ((effort - self.rest_effort) / (self.full_effort - self.rest_effort)).clamp(0.0, 1.0)
     }
 }
 
@@ -97,27 +99,27 @@ impl ProportionalSpeed {
 #[serde(deny_unknown_fields)]
 pub struct VelocityRamp {
     /// From rest to the whole speed, ms.
-    pub up_ms: u64,
+    pub rise_ms: u64,
     /// How many times as fast it falls, 1 to 100; 2 in the publication.
-    pub falls: f64,
+    pub fall_rate_factor: f64,
 }
 
 impl VelocityRamp {
     fn check(&self) -> Result<(), ControlError> {
         let refused = |key, got, expected| Err(ControlError::Value { key, got, expected });
-        if !(1..=10_000).contains(&self.up_ms) {
-            return refused("jog.ramp.up_ms", self.up_ms as f64, "1 to 10000");
+        if !(1..=10_000).contains(&self.rise_ms) {
+            return refused("jog.ramp.rise_ms", self.rise_ms as f64, "1 to 10000");
         }
-        if !(1.0..=100.0).contains(&self.falls) {
-            return refused("jog.ramp.falls", self.falls, "1 to 100");
+        if !(1.0..=100.0).contains(&self.fall_rate_factor) {
+            return refused("jog.ramp.fall_rate_factor", self.fall_rate_factor, "1 to 100");
         }
         Ok(())
     }
 
     /// The counter of a direction, 0 to 1, after `millis` in which it was decided for or not.
-    pub fn count(&self, before: f64, millis: u64, decided: bool) -> f64 {
-        let change = millis as f64 / self.up_ms as f64;
-        (before + if decided { change } else { -self.falls * change }).clamp(0.0, 1.0)
+    pub fn next_counter(&self, before: f64, millis: u64, decided: bool) -> f64 {
+        let change = millis as f64 / self.rise_ms as f64;
+        (before + if decided { change } else { -self.fall_rate_factor * change }).clamp(0.0, 1.0)
     }
 }
 
@@ -129,38 +131,42 @@ pub struct JogSteps {
     /// Slow for so long.
     pub slow_ms: u64,
     /// Share of the speed until then, 0.001 to 1.
-    pub slow: f64,
+    pub slow_factor: f64,
     /// Fast from here on.
     pub fast_after_ms: u64,
     /// Share of the speed from then on, 1 to 4.
-    pub fast: f64,
+    pub fast_factor: f64,
 }
 
 impl JogSteps {
     /// For keys, which have no effort. [assumed]: with method B a tap of 0.15 s goes 5 mm, and 0.3 m take 2.4 s instead of
     /// 3.75 s.
-    pub const KEYS: Self = Self { slow_ms: 250, slow: 0.4, fast_after_ms: 900, fast: 2.0 };
+    pub const KEYS: Self = Self { slow_ms: 250, slow_factor: 0.4, fast_after_ms: 900, fast_factor: 2.0 };
 
     fn check(&self) -> Result<(), ControlError> {
-        let JogSteps { slow_ms, slow, fast_after_ms, fast } = *self;
+        let JogSteps { slow_ms, slow_factor: slow, fast_after_ms, fast_factor: fast } = *self;
         let refused = |key, got, expected| Err(ControlError::Value { key, got, expected });
         if !(0.001..=1.0).contains(&slow) {
-            return refused("jog.steps.slow", slow, "0.001 to 1");
+            return refused("jog.speed_steps.slow_factor", slow, "0.001 to 1");
         }
         if !(1.0..=4.0).contains(&fast) {
-            return refused("jog.steps.fast", fast, "1 to 4");
+            return refused("jog.speed_steps.fast_factor", fast, "1 to 4");
         }
         if fast_after_ms < slow_ms {
-            return refused("jog.steps.fast_after_ms", fast_after_ms as f64, "at least jog.steps.slow_ms");
+            return refused(
+                "jog.speed_steps.fast_after_ms",
+                fast_after_ms as f64,
+                "at least jog.speed_steps.slow_ms",
+            );
         }
         Ok(())
     }
 
     /// The share of the speed once a gesture has been held for `held_ms`.
-    pub fn share(&self, held_ms: u64) -> f64 {
+    pub fn speed_factor(&self, held_ms: u64) -> f64 {
         match held_ms {
-            held if held >= self.fast_after_ms => self.fast,
-            held if held < self.slow_ms => self.slow,
+            held if held >= self.fast_after_ms => self.fast_factor,
+            held if held < self.slow_ms => self.slow_factor,
             _ => 1.0,
         }
     }

@@ -1,13 +1,13 @@
-use crate::inverse::RUNS_AHEAD;
-use crate::jog::{Confirm, Jog, JogMotion, Press};
+use crate::inverse::NOT_FOLLOWING;
+use crate::jog::{BlockedMotion, DoubleConfirmation, Jog, JogMotion};
 use crate::ports::ArmKinematics;
-use crate::simultaneous::{Driven, DrivenMotion};
+use crate::simultaneous::{ProportionalDrives, ProportionalMotion};
 use crate::{
     ControlError, ControlInput, ControlMethod, ControlOutput, HandCommand, JogProfile, JointSubset,
     MotionCommand, Profile, STEP_SECS,
 };
-use proact_arm::{ArmModel, JointLimits, is_named};
-use proact_types::{Gesture, HandState, JointVector, ModeView, Moves, SimTime, joints, zeros};
+use proact_arm::{ArmModel, JointLimits, matches_short_name};
+use proact_types::{Command, ControlledDof, HandState, JointVector, ModeView, SimTime, joints, zeros};
 
 /// Method A: HO cycles through the joints, WE and WF move the selected one, HC toggles the hand (ProACT,
 /// arXiv:2407.05025, "Direct joint control").
@@ -24,21 +24,21 @@ use proact_types::{Gesture, HandState, JointVector, ModeView, Moves, SimTime, jo
 pub struct JointJog {
     jog: Jog,
     /// None where gestures move one joint after the other.
-    driven: Option<Driven>,
-    modes: Vec<Mode>,
+    proportional_drives: Option<ProportionalDrives>,
+    modes: Vec<JointMode>,
     limits: Vec<JointLimits>,
-    speed: f64,
-    step: f64,
-    drift_limit: f64,
+    speed_rad_per_s: f64,
+    step_rad: f64,
+    tracking_error_limit_rad: f64,
     /// The hand has yet to be closed at the start.
     close_first: bool,
     /// With a block in hand, opening it by its mode is asked for twice.
-    confirm: Confirm,
+    confirm: DoubleConfirmation,
     /// What the hand was asked for by its mode, while that lasts.
-    asked: Option<HandCommand>,
+    active_hand_command: Option<HandCommand>,
     /// The last goal of each joint.
-    goals: Option<JointVector>,
-    press: Press,
+    joint_goals: Option<JointVector>,
+    blocked_motion: BlockedMotion,
     refusal: Option<String>,
 }
 
@@ -47,7 +47,7 @@ const HAND: &str = "hand";
 
 /// A joint that is cycled through, or the hand.
 #[derive(Clone, Debug)]
-struct Mode {
+struct JointMode {
     /// Position among the arm joints; behind the last is the hand.
     joint: usize,
     we_sign: f64,
@@ -68,37 +68,37 @@ impl JointJog {
         for joint in cycle {
             let full = model.arm.get(joint).map_or(HAND, |&joint| &model.joints[joint].name);
             let mut entries = settings.joints.iter().chain(&own.joints);
-            let entry = entries.find(|entry| is_named(full, &entry.joint));
+            let entry = entries.find(|entry| matches_short_name(full, &entry.joint));
             let (name, we, wf, sign) = match entry {
                 Some(entry) => (&*entry.name, &*entry.we, &*entry.wf, entry.we_sign),
                 None if joint == hand => (HAND, "open", "close", 1),
                 None => (full, "+", "-", 1),
             };
             views.push(ModeView {
-                moves: Moves::Joint(joint as u8),
+                controlled_dof: ControlledDof::Joint(joint as u8),
                 name: name.to_owned(),
                 directions: [we.to_owned(), wf.to_owned()],
                 we_sign: sign,
                 next_in_secs: None,
             });
-            modes.push(Mode { joint, we_sign: f64::from(sign), name: name.to_owned() });
+            modes.push(JointMode { joint, we_sign: f64::from(sign), name: name.to_owned() });
         }
         Ok(Self {
             jog: Jog::new(views, &profile.jog, false),
-            driven: profile.jog.driven(),
+            proportional_drives: profile.jog.proportional_drives(),
             modes,
             limits: model.arm.iter().map(|&j| model.joints[j].limits).collect(),
-            speed: settings.speed_rad_per_s,
-            step: settings.step_rad,
-            drift_limit: settings.drift_limit_rad,
+            speed_rad_per_s: settings.speed_rad_per_s,
+            step_rad: settings.step_rad,
+            tracking_error_limit_rad: settings.tracking_error_limit_rad,
             close_first: settings.starts_closed,
-            confirm: Confirm::new(match profile.jog {
+            confirm: DoubleConfirmation::new(match profile.jog {
                 JogProfile::Time { confirm_open_ms, .. } => confirm_open_ms,
                 JogProfile::Message { .. } => 0,
             }),
-            asked: None,
-            goals: None,
-            press: Press::default(),
+            active_hand_command: None,
+            joint_goals: None,
+            blocked_motion: BlockedMotion::default(),
             refusal: None,
         })
     }
@@ -116,9 +116,9 @@ impl JointJog {
         let hand = model.arm_count();
         let find = |name: &String| if name == HAND { Ok(hand) } else { subset.find(model, name) };
         if let Some(drives) = profile.jog.simultaneous() {
-            return drives.moved().map(find).collect();
+            return drives.driven_names().map(find).collect();
         }
-        match (profile.joint_jog.cycle.as_slice(), model.settings.cycle.as_slice()) {
+        match (profile.joint_jog.cycle.as_slice(), model.settings.joint_cycle.as_slice()) {
             ([], []) => Ok(subset.driven().to_vec()),
             // The arm's own order, of those joints that the prosthesis has.
             ([], names) => Ok(names.iter().filter_map(|name| find(name).ok()).collect()),
@@ -136,14 +136,14 @@ impl JointJog {
         let selected = self.jog.selected();
         match self.speed_of(selected, sign, input) {
             Ok(speed) => {
-                self.press = Press::default();
+                self.blocked_motion = BlockedMotion::default();
                 let mut speeds = zeros(input.commanded.len());
                 speeds[self.modes[selected].joint] = speed;
                 MotionCommand::Velocity(speeds)
             }
             Err(refusal) => {
                 self.refusal = refusal;
-                self.press.on(self.refusal.as_deref(), input.commanded.len())
+                self.blocked_motion.command(self.refusal.as_deref(), input.commanded.len())
             }
         }
     }
@@ -151,9 +151,9 @@ impl JointJog {
     /// All joints at their shares of the speed. One that cannot move stands, the others go on.
     fn velocities(&mut self, shares: &[f64], input: &ControlInput<'_>) -> MotionCommand {
         let mut speeds = zeros(input.commanded.len());
-        for (place, share) in shares.iter().enumerate().filter(|(_, share)| **share != 0.0) {
-            match self.speed_of(place, *share, input) {
-                Ok(speed) => speeds[self.modes[place].joint] = speed,
+        for (drive_index, share) in shares.iter().enumerate().filter(|(_, share)| **share != 0.0) {
+            match self.speed_of(drive_index, *share, input) {
+                Ok(speed) => speeds[self.modes[drive_index].joint] = speed,
                 Err(refusal) => self.refusal = refusal.or(self.refusal.take()),
             }
         }
@@ -161,57 +161,72 @@ impl JointJog {
     }
 
     /// Speed of the joint of a mode, rad/s, or why it cannot move, if that is worth telling.
-    fn speed_of(&self, place: usize, sign: f64, input: &ControlInput<'_>) -> Result<f64, Option<String>> {
-        let mode = &self.modes[place];
+    fn speed_of(
+        &self,
+        drive_index: usize,
+        sign: f64,
+        input: &ControlInput<'_>,
+    ) -> Result<f64, Option<String>> {
+        let mode = &self.modes[drive_index];
         let (Some(&angle), Some(limits)) = (input.commanded.get(mode.joint), self.limits.get(mode.joint))
         else {
             return Err(None);
         };
-        let speed = (sign * mode.we_sign * self.speed).clamp(-limits.velocity, limits.velocity);
-        let room = ((limits.lower - angle) / STEP_SECS, (limits.upper - angle) / STEP_SECS);
-        let speed = speed.clamp(room.0.min(0.0), room.1.max(0.0));
+        let speed = (sign * mode.we_sign * self.speed_rad_per_s).clamp(-limits.velocity, limits.velocity);
+        let speed_limits = ((limits.lower - angle) / STEP_SECS, (limits.upper - angle) / STEP_SECS);
+        let speed = speed.clamp(speed_limits.0.min(0.0), speed_limits.1.max(0.0));
         if speed == 0.0 {
             return Err(Some(format!("{}: the joint is at its limit", mode.name)));
         }
         let drift = input.measured.get(mode.joint).map_or(0.0, |measured| angle - measured);
-        if drift.abs() > self.drift_limit && drift * speed > 0.0 {
-            return Err(Some(RUNS_AHEAD.to_owned()));
+        if drift.abs() > self.tracking_error_limit_rad && drift * speed > 0.0 {
+            return Err(Some(NOT_FOLLOWING.to_owned()));
         }
         Ok(speed)
     }
 
     /// The hand by its mode, once for each time that it is asked for.
-    fn hand(&mut self, now: SimTime, sign: f64, input: &ControlInput<'_>) -> Option<HandCommand> {
+    fn hand_mode_command(
+        &mut self,
+        now: SimTime,
+        sign: f64,
+        input: &ControlInput<'_>,
+    ) -> Option<HandCommand> {
         let opens = sign * self.modes[self.jog.selected()].we_sign > 0.0;
         let command = if opens { HandCommand::Open } else { HandCommand::Close };
-        if self.asked.replace(command) == Some(command) {
+        if self.active_hand_command.replace(command) == Some(command) {
             return None;
         }
         let closed = matches!(input.hand.state, HandState::Closed | HandState::Closing);
-        let holds = opens && closed && input.hand.holds.is_some();
-        (!holds || self.confirm.granted(now)).then_some(command)
+        let holds = opens && closed && input.hand.held_object.is_some();
+        (!holds || self.confirm.is_confirmed(now)).then_some(command)
     }
 
     /// One step of a regressor's drives.
-    fn drive(&mut self, now: SimTime, driven: &mut Driven, input: &ControlInput<'_>) -> ControlOutput {
+    fn proportional_step(
+        &mut self,
+        now: SimTime,
+        driven: &mut ProportionalDrives,
+        input: &ControlInput<'_>,
+    ) -> ControlOutput {
         let (motion, hand) = driven.step(now, input);
         self.refusal = None;
         let first = std::mem::take(&mut self.close_first).then_some(HandCommand::Close);
         let motion = match motion {
-            DrivenMotion::None => None,
-            DrivenMotion::Stop => Some(MotionCommand::Hold),
-            DrivenMotion::Shares(shares) => Some(self.velocities(&shares, input)),
+            ProportionalMotion::None => None,
+            ProportionalMotion::Stop => Some(MotionCommand::Hold),
+            ProportionalMotion::Shares(shares) => Some(self.velocities(&shares, input)),
         };
-        let shown = self.jog.shown_at_once(self.refusal.as_deref(), driven.waits_secs(now));
-        ControlOutput { motion, hand: hand.or(first), shown, ..ControlOutput::default() }
+        let display = self.jog.display_all(self.refusal.as_deref(), driven.remaining_secs(now));
+        ControlOutput { motion, hand: hand.or(first), display, ..ControlOutput::default() }
     }
 
     /// One step on from where the joint is, or from where it was last sent.
-    fn goal(&mut self, sign: f64, repeated: bool, input: &ControlInput<'_>) -> Option<MotionCommand> {
+    fn step_goal(&mut self, sign: f64, repeated: bool, input: &ControlInput<'_>) -> Option<MotionCommand> {
         let mode = &self.modes[self.jog.selected()];
-        let goals = self.goals.get_or_insert_with(|| joints(input.commanded));
+        let goals = self.joint_goals.get_or_insert_with(|| joints(input.commanded));
         let from = if repeated { *goals.get(mode.joint)? } else { *input.measured.get(mode.joint)? };
-        let goal = from + sign * mode.we_sign * self.step;
+        let goal = from + sign * mode.we_sign * self.step_rad;
         if !goal.is_finite() {
             return None;
         }
@@ -227,33 +242,33 @@ impl ControlMethod for JointJog {
         input: &ControlInput<'_>,
         _kinematics: &mut dyn ArmKinematics,
     ) -> ControlOutput {
-        if let Some(mut driven) = self.driven.take() {
-            let output = self.drive(now, &mut driven, input);
-            self.driven = Some(driven);
+        if let Some(mut driven) = self.proportional_drives.take() {
+            let output = self.proportional_step(now, &mut driven, input);
+            self.proportional_drives = Some(driven);
             return output;
         }
         let (motion, hand) = self.jog.step(now, input);
         // What was refused stays on display between the messages of a gesture that goes on.
-        let moves = matches!(input.gesture, Gesture::WristExtension | Gesture::WristFlexion);
+        let moves = matches!(input.command, Command::WristExtension | Command::WristFlexion);
         if motion != JogMotion::None || !moves {
             self.refusal = None;
         }
         let first = std::mem::take(&mut self.close_first).then_some(HandCommand::Close);
         let on_hand = self.modes.get(self.jog.selected()).is_some_and(|mode| mode.joint == self.limits.len());
         if let (true, JogMotion::Speed(sign) | JogMotion::Step { sign, .. }) = (on_hand, motion) {
-            let hand = self.hand(now, sign, input).or(hand).or(first);
-            return ControlOutput { hand, shown: self.jog.shown(None), ..ControlOutput::default() };
+            let hand = self.hand_mode_command(now, sign, input).or(hand).or(first);
+            return ControlOutput { hand, display: self.jog.display(None), ..ControlOutput::default() };
         }
-        if input.gesture != Gesture::WristExtension && input.gesture != Gesture::WristFlexion {
-            self.asked = None;
+        if input.command != Command::WristExtension && input.command != Command::WristFlexion {
+            self.active_hand_command = None;
         }
         let motion = match motion {
             JogMotion::None => None,
             JogMotion::Stop => Some(MotionCommand::Hold),
             JogMotion::Speed(sign) => Some(self.velocity(sign, input)),
-            JogMotion::Step { sign, repeated } => self.goal(sign, repeated, input),
+            JogMotion::Step { sign, repeated } => self.step_goal(sign, repeated, input),
         };
-        let shown = self.jog.shown(self.refusal.as_deref());
-        ControlOutput { motion, hand: hand.or(first), shown, ..ControlOutput::default() }
+        let display = self.jog.display(self.refusal.as_deref());
+        ControlOutput { motion, hand: hand.or(first), display, ..ControlOutput::default() }
     }
 }

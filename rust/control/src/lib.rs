@@ -5,58 +5,58 @@
 
 mod blend;
 mod build;
+mod command_limiter;
 mod dead_man;
 pub mod doubles;
 mod end_effector_jog;
 mod error;
+mod external_method;
 mod gaze_assisted;
 mod gaze_toggled;
-mod guide;
 mod hand;
 mod imitation;
 mod inverse;
 mod jog;
 mod jog_profile;
 mod joint_jog;
-mod limited;
 mod method;
-mod pipe;
 pub mod ports;
 mod profile;
+mod reach_assistant;
 mod registry;
 mod simultaneous;
+mod source_watchdog;
 mod subset;
 mod synergy;
-mod watch;
 
 pub use blend::Blend;
 pub use build::build;
-pub use dead_man::DeadMan;
+pub use command_limiter::CommandLimiter;
+pub use dead_man::DeadManSwitch;
 pub use end_effector_jog::EndEffectorJog;
 pub use error::ControlError;
+pub use external_method::{ExternalMethod, MethodRequest, MethodResponse};
 pub use gaze_assisted::GazeAssisted;
 pub use gaze_toggled::GazeToggled;
-pub use guide::Guide;
-pub use hand::HandTracker;
+pub use hand::HandStateEstimator;
 pub use imitation::Imitation;
 pub use jog_profile::{JogProfile, JogSteps, ProportionalSpeed, VelocityRamp};
 pub use joint_jog::JointJog;
-pub use limited::Limited;
 pub use method::{
-    ControlInput, ControlMethod, ControlOutput, FingerCommand, HandCommand, JointStates, MethodFault,
-    MotionCommand, MotionState, PlanCommand, Shown,
+    ControlInput, ControlMethod, ControlOutput, FingerCommand, HandCommand, JointStates, MethodDisplay,
+    MethodFault, MotionCommand, MotionState, PlanCommand,
 };
-pub use pipe::{InputLine, OutputLine, PipeMethod};
 pub use profile::{
     Axis, AxisEntry, AxisMotion, BlendProfile, DampedProfile, DeadManProfile, EndEffectorJogProfile,
     GazeAssistedProfile, InverseProfile, JointJogProfile, LimiterProfile, LockOnceProfile,
     MoorePenroseProfile, Profile, ToggleLocksProfile,
 };
-pub use registry::{MakeMethod, MethodEntry, MethodProgram, MethodRegistry, OUTSIDE};
+pub use reach_assistant::ReachAssistant;
+pub use registry::{EXTERNAL_METHOD_NAME, MethodEntry, MethodFactory, MethodProgram, MethodRegistry};
 pub use simultaneous::Simultaneous;
-pub use subset::{FollowsLimb, JointSubset};
+pub use source_watchdog::{SourceWatchdog, UsedSources};
+pub use subset::{JointSubset, LimbFollower};
 pub use synergy::{Synergy, SynergyProfile, SynergyRule};
-pub use watch::{SourceWatch, UsedSources};
 
 /// Methods run at 100 Hz; what they look ahead is one such step, seconds.
 pub const STEP_SECS: f64 = 0.01;

@@ -1,6 +1,6 @@
 use crate::ports::ArmKinematics;
 use proact_types::{
-    Gesture, GestureName, HandView, JointVector, MethodEvent, ModeView, ObjectId, PlanGoal, PlanReply,
+    Command, Gesture, HandView, JointVector, MethodEvent, ModeView, ObjectId, PlanGoal, PlanReply,
     PlanStatus, PlannerView, Point, Pose, SimTime, Stop, Target, TargetView, Trajectory,
 };
 use serde::{Deserialize, Serialize};
@@ -9,16 +9,16 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug)]
 pub struct ControlInput<'a> {
     /// Command in force.
-    pub gesture: Gesture,
+    pub command: Command,
     /// The gesture that gives it, as the EMG model calls it; that of the command's name for keys.
-    pub recognised: GestureName,
+    pub recognized_gesture: Gesture,
     /// How hard the gesture is made, 0 to 1; one for keys.
     pub effort: f64,
     /// Drive of each degree of freedom of [`Simultaneous::drives`](crate::Simultaneous), in their order, -1 to 1; empty
     /// without that setting, all zero while the EMG is not to be trusted.
     pub drives: &'a [f64],
     /// The gesture that the EMG stage published in this tick; none between its messages.
-    pub message: Option<Gesture>,
+    pub published_command: Option<Command>,
     /// Angles of the arm joints as measured, rad.
     pub measured: &'a [f64],
     /// Angles of the arm joints as asked of the position control, rad.
@@ -30,7 +30,7 @@ pub struct ControlInput<'a> {
     /// Posterior over objects, for the display; empty without inference.
     pub posterior: &'a [f64],
     /// Where the gaze would put an object down, on the table top, in `world`.
-    pub place: Point,
+    pub place_point: Point,
     /// The hand, from its joints and from contact.
     pub hand: HandView,
     /// `world_from_base`.
@@ -40,7 +40,7 @@ pub struct ControlInput<'a> {
     /// What the trajectory controller does.
     pub motion: MotionState,
     /// What the joints and digits feel.
-    pub felt: &'a JointStates,
+    pub joint_states: &'a JointStates,
     /// Where objects should go; a place may snap to them.
     pub targets: &'a [Target],
     /// Angles of the person's own limb in the arm's joints, rad, for joints that the prosthesis does not have; none
@@ -98,7 +98,8 @@ pub struct ControlOutput {
     /// What happened to the method.
     pub events: Vec<MethodEvent>,
     /// What is to be seen of it until the next step.
-    pub shown: Shown,
+    #[serde(rename = "shown")]
+    pub display: MethodDisplay,
     /// Why a method in another process gave nothing in this step; none of a method in Rust.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fault: Option<MethodFault>,
@@ -109,7 +110,8 @@ pub struct ControlOutput {
 #[serde(rename_all = "snake_case")]
 pub enum MethodFault {
     /// It has not answered in time. The arm holds in this step, and stops if that goes on.
-    Missed(String),
+    #[serde(rename = "missed")]
+    TimedOut(String),
     /// It has ended, or its answer cannot be used. The arm stops.
     Failed(String),
 }
@@ -117,7 +119,7 @@ pub enum MethodFault {
 /// What is to be seen of a method. It moves nothing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Shown {
+pub struct MethodDisplay {
     /// What the movement gestures move, for methods that cycle through joints or axes.
     pub mode: Option<ModeView>,
     /// The selection marker.
@@ -126,7 +128,7 @@ pub struct Shown {
     pub planner: PlannerView,
 }
 
-impl Default for Shown {
+impl Default for MethodDisplay {
     fn default() -> Self {
         Self { mode: None, target: TargetView::default(), planner: PlannerView::Idle }
     }
@@ -137,7 +139,8 @@ impl Default for Shown {
 #[serde(rename_all = "snake_case")]
 pub enum MotionCommand {
     /// Stop and hold, from this tick on. A joint that something keeps from its target is held where it is after 50 ms, so
-    /// that it presses no more; speeds of zero, said again at each control step, go on pressing.
+    /// that it presses no more. Speeds of zero of a method in Rust, said again at each control step, go on pressing; those of a method in
+    /// another process, and its goals at the measured angles, are a hold.
     Hold,
     /// Follow from the start.
     Follow(Trajectory),
@@ -180,7 +183,7 @@ pub enum PlanCommand {
 }
 
 /// How a refusal is shown.
-pub(crate) fn refused(reason: &str) -> PlannerView {
+pub(crate) fn refusal_view(reason: &str) -> PlannerView {
     PlannerView::Failed { status: PlanStatus::Invalid, reason: reason.to_owned() }
 }
 

@@ -2,7 +2,10 @@
 
 use crate::{ControlError, JogProfile, SynergyProfile};
 use proact_arm::JointEntry;
-use proact_types::{Gesture, GestureName};
+use proact_types::{
+    Command, Gesture,
+    renamed_keys::{ConfigFile, rename_keys_in_toml},
+};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -21,7 +24,7 @@ pub struct Profile {
     /// What the gestures of the EMG model are to the methods. A gesture without an entry is the command of its own name,
     /// or nothing.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub gestures: BTreeMap<GestureName, Gesture>,
+    pub gestures: BTreeMap<Gesture, Command>,
     /// Methods A and B: from gestures to steps.
     pub jog: JogProfile,
     /// Method A.
@@ -57,7 +60,7 @@ pub struct JointJogProfile {
     pub step_rad: f64,
     /// Asked for further from the measured angle than this, the joint goes no further away from it, rad, where the
     /// pace is `time`.
-    pub drift_limit_rad: f64,
+    pub tracking_error_limit_rad: f64,
     /// The hand closes at the start while the method believes it open (the original).
     pub starts_closed: bool,
     /// How joints are shown and which way they go, in the place of the arm's own entries for them. Joints with neither
@@ -79,7 +82,7 @@ pub struct EndEffectorJogProfile {
     /// Rotation for each message, rad, where the pace is `message`.
     pub step_rad: f64,
     /// A message HO straight after HC counts as NM, where the pace is `message` (the original).
-    pub drops_open_after_close: bool,
+    pub ignores_open_after_close: bool,
     /// From the motion of the hand to that of the joints.
     pub inverse: InverseProfile,
     /// Axes cycled through.
@@ -101,19 +104,19 @@ pub enum InverseProfile {
 #[serde(deny_unknown_fields)]
 pub struct DampedProfile {
     /// Linear rows are divided by this length, m, so that the condition number has no unit.
-    pub length_m: f64,
+    pub characteristic_length_m: f64,
     /// Condition number from which motion that makes it worse slows down.
-    pub condition_soft: f64,
+    pub condition_slowdown: f64,
     /// Condition number at which motion that makes it worse ends.
     pub condition_limit: f64,
     /// Greatest damping factor.
-    pub damping: f64,
+    pub max_damping: f64,
     /// Smallest singular value under which damping sets in.
-    pub damp_below: f64,
+    pub singular_value_threshold: f64,
     /// Most that a commanded angle may run ahead of the measured one, rad.
-    pub drift_limit_rad: f64,
+    pub tracking_error_limit_rad: f64,
     /// Least cosine between the motion asked for and the one that joint limits leave.
-    pub least_alignment: f64,
+    pub min_alignment_cosine: f64,
 }
 
 /// The pseudo-inverse without damping.
@@ -181,12 +184,12 @@ pub enum GazeAssistedProfile {
 #[serde(deny_unknown_fields)]
 pub struct LockOnceProfile {
     /// A base that moved further than this since a plan was asked for makes the plan void, metres.
-    pub base_moved_m: f64,
+    pub replan_distance_m: f64,
     /// The same for its turning, rad.
-    pub base_turned_rad: f64,
+    pub replan_angle_rad: f64,
     /// As many intermediate goals may follow each other before the arm waits for another base or another WE: it
     /// would wander for ever where no posture reaches the goal.
-    pub most_intermediates: u32,
+    pub max_intermediate_goals: u32,
     /// The place jumps to a free target this near, metres; 0 is never.
     pub snap_radius_m: f64,
     /// With a block in hand, opening is asked for twice within this time; 0 is off.
@@ -196,9 +199,9 @@ pub struct LockOnceProfile {
 impl Default for LockOnceProfile {
     fn default() -> Self {
         Self {
-            base_moved_m: 5e-3,
-            base_turned_rad: std::f64::consts::PI / 180.0,
-            most_intermediates: 2,
+            replan_distance_m: 5e-3,
+            replan_angle_rad: std::f64::consts::PI / 180.0,
+            max_intermediate_goals: 2,
             snap_radius_m: 0.0,
             confirm_open_ms: 0,
         }
@@ -210,15 +213,15 @@ impl Default for LockOnceProfile {
 #[serde(deny_unknown_fields)]
 pub struct ToggleLocksProfile {
     /// Upper arm of the two-link arm by which the hand's heading is chosen, metres.
-    pub upper_m: f64,
+    pub upper_arm_length_m: f64,
     /// Its forearm, metres.
-    pub fore_m: f64,
+    pub forearm_length_m: f64,
     /// Its elbow hangs this much lower than the shoulder, metres.
     pub elbow_drop_m: f64,
     /// Orientation of the hand in `world`, w, x, y, z, before its heading is replaced.
-    pub grasp_wxyz: [f64; 4],
+    pub grasp_orientation_wxyz: [f64; 4],
     /// The wrist stays this far from the block, across the heading, metres.
-    pub back_off_m: f64,
+    pub standoff_m: f64,
     /// The wrist over the block's centre, metres.
     pub pick_height_m: f64,
     /// The block's centre over the place, metres.
@@ -238,17 +241,17 @@ pub struct LimiterProfile {
 #[serde(deny_unknown_fields, default)]
 pub struct BlendProfile {
     /// Its share of the speeds, 0 to 1.
-    pub share: f64,
+    pub assistance_share: f64,
     /// Its speed, m/s.
     pub speed_m_per_s: f64,
     /// It heads for the point this far above the block, or above the place while a block is held, metres.
-    pub above_m: f64,
+    pub height_above_target_m: f64,
 }
 
 impl Default for BlendProfile {
     /// Half of B's speed, clear of the fingers: assumed, for want of a source.
     fn default() -> Self {
-        Self { share: 0.3, speed_m_per_s: 0.08, above_m: 0.12 }
+        Self { assistance_share: 0.3, speed_m_per_s: 0.08, height_above_target_m: 0.12 }
     }
 }
 
@@ -257,27 +260,27 @@ impl Default for BlendProfile {
 #[serde(deny_unknown_fields)]
 pub struct DeadManProfile {
     /// Of the last decision on the EMG.
-    pub emg_ms: u64,
+    pub emg_timeout_ms: u64,
     /// Of the last word of the page or topic that commands gestures.
-    #[serde(default = "DeadManProfile::default_link_ms")]
-    pub link_ms: u64,
+    #[serde(default = "DeadManProfile::default_command_timeout_ms")]
+    pub command_timeout_ms: u64,
     /// Of what a page says when it arrives: the round trip of its line.
-    #[serde(default = "DeadManProfile::default_delay_ms")]
-    pub delay_ms: u64,
+    #[serde(default = "DeadManProfile::default_max_delay_ms")]
+    pub max_delay_ms: u64,
     /// Of the last gaze that differed from the one before; methods C and D only.
-    pub gaze_ms: u64,
+    pub gaze_timeout_ms: u64,
     /// Of the last pose of a shoulder, or posture of a limb, that differed from the one before.
-    pub tracking_ms: u64,
+    pub tracking_timeout_ms: u64,
 }
 
 impl DeadManProfile {
     /// With the last sign of life 50 ms before the first that is missing, and the arm's own stop, within 250 ms.
-    fn default_link_ms() -> u64 {
+    fn default_command_timeout_ms() -> u64 {
         200
     }
 
     /// As long as the arm may go on after a source falls silent. A local network takes less than 50 ms.
-    fn default_delay_ms() -> u64 {
+    fn default_max_delay_ms() -> u64 {
         250
     }
 }
@@ -295,12 +298,14 @@ impl Profile {
         }
     }
 
-    /// Reads a profile and checks its numbers.
+    /// Reads a profile and checks its numbers. Keys may have the names that they had before.
     ///
     /// # Errors
     /// [`ControlError::Text`] with the line, [`ControlError::Value`] for numbers out of range.
     pub fn from_toml(text: &str) -> Result<Self, ControlError> {
-        let profile: Self = toml::from_str(text).map_err(|e| ControlError::Text(e.to_string()))?;
+        let (text, _) = rename_keys_in_toml(text, ConfigFile::Trial, "profile")
+            .map_err(|e| ControlError::Text(e.to_string()))?;
+        let profile: Self = toml::from_str(&text).map_err(|e| ControlError::Text(e.to_string()))?;
         profile.check()?;
         Ok(profile)
     }
@@ -322,7 +327,7 @@ impl Profile {
         let mut positive = vec![
             ("joint_jog.speed_rad_per_s", joint.speed_rad_per_s),
             ("joint_jog.step_rad", joint.step_rad),
-            ("joint_jog.drift_limit_rad", joint.drift_limit_rad),
+            ("joint_jog.tracking_error_limit_rad", joint.tracking_error_limit_rad),
             ("end_effector_jog.speed_m_per_s", hand.speed_m_per_s),
             ("end_effector_jog.speed_rad_per_s", hand.speed_rad_per_s),
             ("end_effector_jog.step_m", hand.step_m),
@@ -331,15 +336,15 @@ impl Profile {
         self.jog.check()?;
         match hand.inverse {
             InverseProfile::Damped(damped) => positive.extend([
-                ("end_effector_jog.inverse.length_m", damped.length_m),
-                ("end_effector_jog.inverse.condition_soft", damped.condition_soft),
-                ("end_effector_jog.inverse.condition_limit - condition_soft", {
-                    damped.condition_limit - damped.condition_soft
+                ("end_effector_jog.inverse.characteristic_length_m", damped.characteristic_length_m),
+                ("end_effector_jog.inverse.condition_slowdown", damped.condition_slowdown),
+                ("end_effector_jog.inverse.condition_limit - condition_slowdown", {
+                    damped.condition_limit - damped.condition_slowdown
                 }),
-                ("end_effector_jog.inverse.damping", damped.damping),
-                ("end_effector_jog.inverse.damp_below", damped.damp_below),
-                ("end_effector_jog.inverse.drift_limit_rad", damped.drift_limit_rad),
-                ("end_effector_jog.inverse.least_alignment", damped.least_alignment),
+                ("end_effector_jog.inverse.max_damping", damped.max_damping),
+                ("end_effector_jog.inverse.singular_value_threshold", damped.singular_value_threshold),
+                ("end_effector_jog.inverse.tracking_error_limit_rad", damped.tracking_error_limit_rad),
+                ("end_effector_jog.inverse.min_alignment_cosine", damped.min_alignment_cosine),
             ]),
             InverseProfile::MoorePenrose(plain) => {
                 positive.push(("end_effector_jog.inverse.condition_limit", plain.condition_limit));
@@ -353,19 +358,25 @@ impl Profile {
                     return Err(ControlError::Value { key, got: radius, expected });
                 }
                 positive.extend([
-                    ("gaze_assisted.base_moved_m", rules.base_moved_m),
-                    ("gaze_assisted.base_turned_rad", rules.base_turned_rad),
+                    ("gaze_assisted.replan_distance_m", rules.replan_distance_m),
+                    ("gaze_assisted.replan_angle_rad", rules.replan_angle_rad),
                 ]);
             }
             GazeAssistedProfile::ToggleLocks(rules) => positive.extend([
-                ("gaze_assisted.upper_m", rules.upper_m),
-                ("gaze_assisted.fore_m", rules.fore_m),
-                ("norm of gaze_assisted.grasp_wxyz", rules.grasp_wxyz.iter().map(|v| v * v).sum()),
+                ("gaze_assisted.upper_arm_length_m", rules.upper_arm_length_m),
+                ("gaze_assisted.forearm_length_m", rules.forearm_length_m),
+                (
+                    "norm of gaze_assisted.grasp_orientation_wxyz",
+                    rules.grasp_orientation_wxyz.iter().map(|v| v * v).sum(),
+                ),
             ]),
         }
         if let Some(blend) = self.blend {
             positive.push(("blend.speed_m_per_s", blend.speed_m_per_s));
-            for (key, got) in [("blend.share", blend.share), ("blend.above_m", blend.above_m)] {
+            for (key, got) in [
+                ("blend.assistance_share", blend.assistance_share),
+                ("blend.height_above_target_m", blend.height_above_target_m),
+            ] {
                 if !(0.0..=1.0).contains(&got) {
                     return Err(ControlError::Value { key, got, expected: "0 to 1" });
                 }
@@ -376,11 +387,11 @@ impl Profile {
         }
         if let Some(ages) = self.dead_man {
             for (key, got) in [
-                ("dead_man.emg_ms", ages.emg_ms),
-                ("dead_man.link_ms", ages.link_ms),
-                ("dead_man.delay_ms", ages.delay_ms),
-                ("dead_man.gaze_ms", ages.gaze_ms),
-                ("dead_man.tracking_ms", ages.tracking_ms),
+                ("dead_man.emg_timeout_ms", ages.emg_timeout_ms),
+                ("dead_man.command_timeout_ms", ages.command_timeout_ms),
+                ("dead_man.max_delay_ms", ages.max_delay_ms),
+                ("dead_man.gaze_timeout_ms", ages.gaze_timeout_ms),
+                ("dead_man.tracking_timeout_ms", ages.tracking_timeout_ms),
             ] {
                 if !(20..=60_000).contains(&got) {
                     let expected = "20 to 60000; leave dead_man out for no limits";

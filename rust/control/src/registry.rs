@@ -1,20 +1,20 @@
 use crate::ports::{MethodProcess, NoProcess};
 use crate::{
-    ControlError, ControlMethod, EndEffectorJog, GazeAssisted, GazeAssistedProfile, GazeToggled, JointJog,
-    JointSubset, PipeMethod, Profile, build::guarded,
+    ControlError, ControlMethod, EndEffectorJog, ExternalMethod, GazeAssisted, GazeAssistedProfile,
+    GazeToggled, JointJog, JointSubset, Profile, build::with_safeguards,
 };
 use proact_arm::ArmModel;
 use proact_types::{
-    MOST_METHOD_NAME_BYTES, MOST_METHOD_TEXT_BYTES, MethodHelp, MethodInfo, MethodStyle, Needs,
+    MAX_METHOD_NAME_BYTES, MAX_METHOD_TEXT_BYTES, MethodHelp, MethodInfo, MethodNeeds, MethodStyle,
 };
 use serde::{Deserialize, Serialize};
 use std::{fmt, sync::Arc};
 
 /// What an outside method is called that has no name of its own.
-pub const OUTSIDE: &str = "outside";
+pub const EXTERNAL_METHOD_NAME: &str = "outside";
 
 /// Makes a method as a profile describes it, for an arm, over the joints that it drives.
-pub type MakeMethod =
+pub type MethodFactory =
     dyn Fn(&Profile, &ArmModel, &JointSubset) -> Result<Box<dyn ControlMethod>, ControlError> + Send + Sync;
 
 /// A program in the place of a method, which reads and writes JSON lines (`docs/methods`).
@@ -24,7 +24,7 @@ pub struct MethodProgram {
     /// The program and its arguments. A trial that is run starts it; a replay does not.
     pub command: Vec<String>,
     /// A live step without an answer after this time holds the arm, milliseconds. A batch waits for each answer.
-    #[serde(default = "MethodProgram::default_deadline")]
+    #[serde(default = "MethodProgram::default_deadline_ms")]
     pub deadline_ms: u64,
     /// What is told of the method; none if it only stands in the place of one that the registry has.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -34,11 +34,11 @@ pub struct MethodProgram {
 impl MethodProgram {
     /// `command` with the default deadline, in the place of a method of the registry.
     pub fn new(command: Vec<String>) -> Self {
-        Self { command, deadline_ms: Self::default_deadline(), info: None }
+        Self { command, deadline_ms: Self::default_deadline_ms(), info: None }
     }
 
     /// A control step is due every 10 ms; the rest of the tick needs its time too.
-    fn default_deadline() -> u64 {
+    fn default_deadline_ms() -> u64 {
         5
     }
 
@@ -65,13 +65,13 @@ struct MethodFile {
     name: String,
     title: String,
     #[serde(default)]
-    needs: Needs,
+    needs: MethodNeeds,
     #[serde(default)]
     style: MethodStyle,
     #[serde(default)]
     help: MethodHelp,
     command: Vec<String>,
-    #[serde(default = "MethodProgram::default_deadline")]
+    #[serde(default = "MethodProgram::default_deadline_ms")]
     deadline_ms: u64,
 }
 
@@ -79,18 +79,18 @@ struct MethodFile {
 #[derive(Clone)]
 pub struct MethodEntry {
     info: MethodInfo,
-    make: Make,
+    constructor: MethodConstructor,
     single_joints: bool,
-    fits: Option<FitsArm>,
+    arm_check: Option<ArmCheck>,
 }
 
 /// Why a method cannot drive an arm, if it cannot: the reason goes on after the method's name.
-type FitsArm = fn(&ArmModel) -> Result<(), &'static str>;
+type ArmCheck = fn(&ArmModel) -> Result<(), &'static str>;
 
 #[derive(Clone)]
-enum Make {
-    Here(Arc<MakeMethod>),
-    Outside(MethodProgram),
+enum MethodConstructor {
+    Native(Arc<MethodFactory>),
+    External(MethodProgram),
 }
 
 impl fmt::Debug for MethodEntry {
@@ -108,12 +108,22 @@ impl MethodEntry {
         + Sync
         + 'static,
     ) -> Self {
-        Self { info, make: Make::Here(Arc::new(make)), single_joints: false, fits: None }
+        Self {
+            info,
+            constructor: MethodConstructor::Native(Arc::new(make)),
+            single_joints: false,
+            arm_check: None,
+        }
     }
 
     /// The method that `program` is, as `info` tells of it.
-    pub fn outside(info: MethodInfo, program: MethodProgram) -> Self {
-        Self { info, make: Make::Outside(program), single_joints: false, fits: None }
+    pub fn external(info: MethodInfo, program: MethodProgram) -> Self {
+        Self {
+            info,
+            constructor: MethodConstructor::External(program),
+            single_joints: false,
+            arm_check: None,
+        }
     }
 
     /// The outside method of a file (TOML): `name`, `title`, `needs`, `style`, `help`, `command`, `deadline_ms`.
@@ -129,19 +139,19 @@ impl MethodEntry {
         let info = MethodInfo { name, title, needs, style, help };
         let program = MethodProgram { command, deadline_ms, info: Some(info.clone()) };
         program.check()?;
-        Ok(Self::outside(info, program))
+        Ok(Self::external(info, program))
     }
 
     /// The same for a method that moves one joint at a time: on a ROS graph it commands the controllers of single joints.
     #[must_use]
-    pub fn moving_single_joints(self) -> Self {
+    pub fn with_single_joint_control(self) -> Self {
         Self { single_joints: true, ..self }
     }
 
     /// The same for a method that drives only the arms of which `fits` has nothing to say.
     #[must_use]
-    pub fn for_arms(self, fits: FitsArm) -> Self {
-        Self { fits: Some(fits), ..self }
+    pub fn with_arm_check(self, fits: ArmCheck) -> Self {
+        Self { arm_check: Some(fits), ..self }
     }
 
     /// What is told of it.
@@ -150,7 +160,7 @@ impl MethodEntry {
     }
 
     /// What it cannot do without.
-    pub fn needs(&self) -> Needs {
+    pub fn needs(&self) -> MethodNeeds {
         self.info.needs
     }
 
@@ -161,9 +171,9 @@ impl MethodEntry {
 
     /// The program that it is; none for a method in Rust.
     pub fn program(&self) -> Option<&MethodProgram> {
-        match &self.make {
-            Make::Here(_) => None,
-            Make::Outside(program) => Some(program),
+        match &self.constructor {
+            MethodConstructor::Native(_) => None,
+            MethodConstructor::External(program) => Some(program),
         }
     }
 
@@ -180,16 +190,16 @@ impl MethodEntry {
         process: impl MethodProcess + 'static,
     ) -> Result<Box<dyn ControlMethod>, ControlError> {
         profile.check()?;
-        let subset = JointSubset::of(self.info.style, profile, model)?;
+        let subset = JointSubset::for_style(self.info.style, profile, model)?;
         self.check_profile(profile, &subset)?;
-        if let Some(Err(reason)) = self.fits.map(|fits| fits(model)) {
+        if let Some(Err(reason)) = self.arm_check.map(|fits| fits(model)) {
             return Err(ControlError::Unsupported { method: self.info.name.clone(), reason });
         }
-        let built = match &self.make {
-            Make::Here(make) => make(profile, model, &subset)?,
-            Make::Outside(_) => Box::new(PipeMethod::new(process)),
+        let built = match &self.constructor {
+            MethodConstructor::Native(make) => make(profile, model, &subset)?,
+            MethodConstructor::External(_) => Box::new(ExternalMethod::new(process)),
         };
-        Ok(guarded(built, profile, subset, model))
+        Ok(with_safeguards(built, profile, subset, model))
     }
 
     fn check_profile(&self, profile: &Profile, subset: &JointSubset) -> Result<(), ControlError> {
@@ -239,7 +249,7 @@ impl MethodRegistry {
             style,
             help,
         };
-        let gaze = Needs { gaze: true, plans: true, ..Needs::default() };
+        let gaze = MethodNeeds { gaze: true, plans: true, ..MethodNeeds::default() };
         let jogs = |summary: &str, thing: &str| MethodHelp {
             summary: summary.to_owned(),
             hand_close: "close / open".to_owned(),
@@ -258,7 +268,7 @@ impl MethodRegistry {
             info(
                 "A",
                 "Joint control",
-                Needs::default(),
+                MethodNeeds::default(),
                 MethodStyle::Jogging,
                 jogs("One joint after the other; hand open goes to the next.", "joint"),
             ),
@@ -268,7 +278,7 @@ impl MethodRegistry {
             info(
                 "B",
                 "End-effector control",
-                Needs::default(),
+                MethodNeeds::default(),
                 MethodStyle::Jogging,
                 jogs(
                     "The hand along, or about, one axis after the other; hand open goes to the next.",
@@ -285,31 +295,31 @@ impl MethodRegistry {
                 MethodStyle::Selecting,
                 selects("Look at what you mean; the arm plans its own way there."),
             ),
-            select,
+            gaze_method,
         );
         let d = MethodEntry::new(
             info(
                 "D",
                 "Gaze and task context",
-                Needs { prior: true, ..gaze },
+                MethodNeeds { prior: true, ..gaze },
                 MethodStyle::Selecting,
                 selects("Look at what you mean; what the task asks for next counts too."),
             ),
-            select,
+            gaze_method,
         );
-        Self { entries: vec![a.moving_single_joints(), b, c, d] }
+        Self { entries: vec![a.with_single_joint_control(), b, c, d] }
     }
 
     /// The same with one more.
     ///
     /// # Errors
-    /// [`ControlError::MethodTwice`] if there is one of its name, [`ControlError::MethodText`] for a name or text that
+    /// [`ControlError::DuplicateMethod`] if there is one of its name, [`ControlError::MethodText`] for a name or text that
     /// cannot be.
     pub fn with(mut self, entry: MethodEntry) -> Result<Self, ControlError> {
         check_info(&entry.info)?;
         if self.entries.iter().any(|known| known.info.name == entry.info.name) {
             let known = self.names().join(", ");
-            return Err(ControlError::MethodTwice { got: entry.info.name, known });
+            return Err(ControlError::DuplicateMethod { got: entry.info.name, known });
         }
         self.entries.push(entry);
         Ok(self)
@@ -326,7 +336,7 @@ impl MethodRegistry {
     }
 
     /// What is told of those that `profile` and `model` allow.
-    pub fn fitting(&self, profile: &Profile, model: &ArmModel) -> Vec<MethodInfo> {
+    pub fn compatible_methods(&self, profile: &Profile, model: &ArmModel) -> Vec<MethodInfo> {
         let fits = |entry: &&MethodEntry| entry.build(profile, model, NoProcess).is_ok();
         self.entries.iter().filter(fits).map(|entry| entry.info.clone()).collect()
     }
@@ -346,33 +356,35 @@ impl MethodRegistry {
     ///
     /// # Errors
     /// [`ControlError::Method`]; a program of another name.
-    pub fn of(&self, name: &str, program: Option<&MethodProgram>) -> Result<MethodEntry, ControlError> {
+    pub fn resolve(&self, name: &str, program: Option<&MethodProgram>) -> Result<MethodEntry, ControlError> {
         let Some(program) = program else { return self.get(name).cloned() };
         let info = match &program.info {
             Some(info) if info.name != name => {
-                return Err(ControlError::OtherProgram {
+                return Err(ControlError::ProgramMismatch {
                     method: name.to_owned(),
                     program: info.name.clone(),
                 });
             }
             Some(info) => info.clone(),
             None => {
-                let place = self.get(name)?.info();
-                let needs = Needs { plans: false, whole_arm: false, ..place.needs };
-                MethodInfo { name: OUTSIDE.to_owned(), needs, ..place.clone() }
+                let existing = self.get(name)?.info();
+                let needs = MethodNeeds { plans: false, whole_arm: false, ..existing.needs };
+                MethodInfo { name: EXTERNAL_METHOD_NAME.to_owned(), needs, ..existing.clone() }
             }
         };
-        Ok(MethodEntry::outside(info, program.clone()))
+        Ok(MethodEntry::external(info, program.clone()))
     }
 }
 
-fn select(
+fn gaze_method(
     profile: &Profile,
     model: &ArmModel,
     subset: &JointSubset,
 ) -> Result<Box<dyn ControlMethod>, ControlError> {
     match profile.gaze_assisted {
-        GazeAssistedProfile::LockOnce(rules) => Ok(Box::new(GazeAssisted::new(rules).on_limb(subset, model))),
+        GazeAssistedProfile::LockOnce(rules) => {
+            Ok(Box::new(GazeAssisted::new(rules).with_residual_limb(subset, model)))
+        }
         GazeAssistedProfile::ToggleLocks(_) if !subset.is_whole() => Err(ControlError::Unsupported {
             method: "of the profile original".to_owned(),
             reason: "asks for whole poses of the hand, as the original does, which part of an arm cannot reach: choose \
@@ -385,7 +397,11 @@ fn select(
 fn check_info(info: &MethodInfo) -> Result<(), ControlError> {
     let name = &info.name;
     let word = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
-    if name.is_empty() || name.len() > MOST_METHOD_NAME_BYTES || !name.chars().all(word) || name == OUTSIDE {
+    if name.is_empty()
+        || name.len() > MAX_METHOD_NAME_BYTES
+        || !name.chars().all(word)
+        || name == EXTERNAL_METHOD_NAME
+    {
         return Err(ControlError::MethodText {
             key: "name",
             got: name.clone(),
@@ -395,7 +411,7 @@ fn check_info(info: &MethodInfo) -> Result<(), ControlError> {
     let texts = std::iter::once(("title", info.title.as_str())).chain(info.help.texts());
     for (key, text) in texts {
         let empty = key == "title" && text.trim().is_empty();
-        if empty || text.len() > MOST_METHOD_TEXT_BYTES || text.chars().any(char::is_control) {
+        if empty || text.len() > MAX_METHOD_TEXT_BYTES || text.chars().any(char::is_control) {
             return Err(ControlError::MethodText {
                 key,
                 got: text.to_owned(),

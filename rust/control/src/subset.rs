@@ -2,20 +2,20 @@ use crate::ports::ArmKinematics;
 use crate::{
     ControlError, ControlInput, ControlMethod, ControlOutput, MotionCommand, MotionState, Profile, STEP_SECS,
 };
-use proact_arm::{ArmModel, JointLimits, is_named};
+use proact_arm::{ArmModel, JointLimits, matches_short_name};
 use proact_types::{MethodStyle, SimTime, Trajectory};
 use std::collections::BTreeSet;
 
 /// A joint this near its goal has reached it, rad.
-const THERE: f64 = 1e-9;
+const JOINT_REACHED_RAD: f64 = 1e-9;
 /// The level of limb loss at which nothing is left of the limb: every arm has it.
-const WHOLE_ARM: &str = "shoulder";
+const WHOLE_ARM_LEVEL: &str = "shoulder";
 
 /// The arm joints that a method drives; the person's own limb has the others.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointSubset {
     driven: Vec<usize>,
-    count: usize,
+    arm_joint_count: usize,
 }
 
 impl JointSubset {
@@ -25,16 +25,16 @@ impl JointSubset {
     /// [`ControlError::Name`] for a level that neither profile nor arm has, or a joint that the arm does not have.
     pub fn new(profile: &Profile, model: &ArmModel) -> Result<Self, ControlError> {
         let count = model.arm_count();
-        let all = Self { driven: (0..count).collect(), count };
+        let all = Self { driven: (0..count).collect(), arm_joint_count: count };
         let (own, arms) = (&profile.levels, &model.settings.levels);
         let names = own.get(&profile.level).or_else(|| arms.get(&profile.level));
         let known = own.keys().chain(arms.keys());
         let names = match names {
             Some(names) => names.as_slice(),
             // An arm that says nothing of levels is worn as a whole.
-            None if profile.level == WHOLE_ARM => &[],
+            None if profile.level == WHOLE_ARM_LEVEL => &[],
             None => {
-                let known: BTreeSet<&str> = known.map(String::as_str).chain([WHOLE_ARM]).collect();
+                let known: BTreeSet<&str> = known.map(String::as_str).chain([WHOLE_ARM_LEVEL]).collect();
                 let known = Vec::from_iter(known).join(", ");
                 return Err(ControlError::Name { kind: "level", got: profile.level.clone(), known });
             }
@@ -45,14 +45,14 @@ impl JointSubset {
         let mut driven = names.iter().map(|name| all.find(model, name)).collect::<Result<Vec<_>, _>>()?;
         driven.sort_unstable();
         driven.dedup();
-        Ok(Self { driven, count })
+        Ok(Self { driven, arm_joint_count: count })
     }
 
     /// The same for a method that is driven by `style`: none where the arm imitates the person's own limb.
     ///
     /// # Errors
     /// As [`JointSubset::new`]; [`ControlError::Unsupported`] for a level of limb loss where the whole arm imitates.
-    pub fn of(style: MethodStyle, profile: &Profile, model: &ArmModel) -> Result<Self, ControlError> {
+    pub fn for_style(style: MethodStyle, profile: &Profile, model: &ArmModel) -> Result<Self, ControlError> {
         let subset = Self::new(profile, model)?;
         if style != MethodStyle::Imitating {
             return Ok(subset);
@@ -63,7 +63,7 @@ impl JointSubset {
                 reason: "leads every joint of the arm by the limb: leave profile.level out",
             });
         }
-        Ok(Self { driven: Vec::new(), count: subset.count })
+        Ok(Self { driven: Vec::new(), arm_joint_count: subset.arm_joint_count })
     }
 
     /// Positions of the driven joints among the arm joints, ascending.
@@ -73,7 +73,7 @@ impl JointSubset {
 
     /// True when the method has the whole arm.
     pub fn is_whole(&self) -> bool {
-        self.driven.len() == self.count
+        self.driven.len() == self.arm_joint_count
     }
 
     /// True for the position of a driven joint.
@@ -84,7 +84,7 @@ impl JointSubset {
     /// Position of the driven joint called `name`.
     pub(crate) fn find(&self, model: &ArmModel, name: &str) -> Result<usize, ControlError> {
         let full = |joint: usize| &*model.joints[model.arm[joint]].name;
-        self.driven.iter().copied().find(|&joint| is_named(full(joint), name)).ok_or_else(|| {
+        self.driven.iter().copied().find(|&joint| matches_short_name(full(joint), name)).ok_or_else(|| {
             let known = self.driven.iter().map(|&joint| full(joint)).collect::<Vec<_>>().join(", ");
             ControlError::Name { kind: "joint", got: name.to_owned(), known }
         })
@@ -95,7 +95,7 @@ impl JointSubset {
 /// the method asks of those joints is dropped. Without a tracked limb they stay where they are. A path is followed on the
 /// driven joints alone, and the method is told how far, as if actuation did.
 #[derive(Clone, Debug)]
-pub struct FollowsLimb<M> {
+pub struct LimbFollower<M> {
     method: M,
     subset: JointSubset,
     limits: Vec<JointLimits>,
@@ -109,7 +109,7 @@ pub struct FollowsLimb<M> {
     following: bool,
 }
 
-impl<M: ControlMethod> FollowsLimb<M> {
+impl<M: ControlMethod> LimbFollower<M> {
     /// Around `method`, which drives the joints of `subset`.
     pub fn new(method: M, subset: JointSubset, model: &ArmModel) -> Self {
         let limits = model.arm.iter().map(|&j| model.joints[j].limits).collect();
@@ -117,9 +117,9 @@ impl<M: ControlMethod> FollowsLimb<M> {
     }
 }
 
-impl<M> FollowsLimb<M> {
+impl<M> LimbFollower<M> {
     /// What the arm does as far as the method has to do with it: the path is followed here, not by actuation.
-    fn motion(&self, now: SimTime, actuation: MotionState) -> MotionState {
+    fn method_motion_state(&self, now: SimTime, actuation: MotionState) -> MotionState {
         match &self.path {
             Some((path, since)) => {
                 let secs = now.millis_since(*since) as f64 * 1e-3;
@@ -131,27 +131,27 @@ impl<M> FollowsLimb<M> {
     }
 }
 
-impl<M: ControlMethod> ControlMethod for FollowsLimb<M> {
+impl<M: ControlMethod> ControlMethod for LimbFollower<M> {
     fn step(
         &mut self,
         now: SimTime,
         input: &ControlInput<'_>,
         kinematics: &mut dyn ArmKinematics,
     ) -> ControlOutput {
-        let input = &ControlInput { motion: self.motion(now, input.motion), ..input.clone() };
+        let input = &ControlInput { motion: self.method_motion_state(now, input.motion), ..input.clone() };
         let mut output = self.method.step(now, input, kinematics);
-        let asked = output.motion.take();
-        match &asked {
+        let motion = output.motion.take();
+        match &motion {
             Some(MotionCommand::Goto(goal)) => self.goal = Some(goal.to_vec()),
             Some(_) => self.goal = None,
             None => {}
         }
-        match &asked {
+        match &motion {
             Some(MotionCommand::Follow(path)) => self.path = Some((path.clone(), now)),
             Some(_) => self.path = None,
             None => {}
         }
-        if asked.is_some() {
+        if motion.is_some() {
             self.finished = false;
         }
         // Nothing moves while a source is dead.
@@ -171,11 +171,11 @@ impl<M: ControlMethod> ControlMethod for FollowsLimb<M> {
             let top = self.limits.get(joint).map_or(0.0, |limits| limits.velocity);
             let gap = goal.map_or(0.0, |goal| goal - commanded[joint]);
             // A joint that is there does not tremble by rounding.
-            let moves = gap.is_finite() && gap.abs() > THERE;
+            let moves = gap.is_finite() && gap.abs() > JOINT_REACHED_RAD;
             if moves { (gap / STEP_SECS).clamp(-top, top) } else { 0.0 }
         };
         let speeds: proact_types::JointVector = (0..commanded.len())
-            .map(|joint| match &asked {
+            .map(|joint| match &motion {
                 _ if !self.subset.contains(joint) => {
                     let limits = self.limits.get(joint).copied().unwrap_or_default();
                     // A limb whose tracker died is nowhere; and when anything died, nothing moves.
@@ -189,7 +189,7 @@ impl<M: ControlMethod> ControlMethod for FollowsLimb<M> {
             .collect();
         let moving = speeds.iter().any(|speed| *speed != 0.0);
         let was_following = std::mem::replace(&mut self.following, moving);
-        output.motion = match asked {
+        output.motion = match motion {
             // Speeds are said again at every step, and once more, zero, when the motion ends.
             _ if moving => Some(MotionCommand::Velocity(speeds)),
             Some(_) => Some(MotionCommand::Hold),

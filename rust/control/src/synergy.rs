@@ -3,18 +3,19 @@ use crate::{
     ControlError, ControlInput, ControlMethod, ControlOutput, JointJog, JointSubset, MethodEntry,
     MotionCommand, Profile, STEP_SECS,
 };
-use proact_arm::{ArmModel, JointLimits, is_named};
+use proact_arm::{ArmModel, JointLimits, matches_short_name};
 use proact_types::{
-    Gesture, JointVector, MethodHelp, MethodInfo, MethodStyle, Needs, PlannerView, SimTime, Vector, zeros,
+    Command, JointVector, MethodHelp, MethodInfo, MethodNeeds, MethodStyle, PlannerView, SimTime, Vector,
+    zeros,
 };
 use serde::{Deserialize, Serialize};
 
 /// A limb of which nothing new came for this long stands still, ms.
-const STILL_MS: u64 = 100;
+const LEADER_STATIONARY_MS: u64 = 100;
 /// Time constant of the leader's speed, seconds. [assumed]: tracked angles are noisy.
-const SMOOTH_SECS: f64 = 0.05;
+const LEADER_SPEED_FILTER_SECS: f64 = 0.05;
 /// The follower must move the hand off the line by this much for each radian, or the line says nothing of its speed, m/rad.
-const LEAST_LEVER: f64 = 0.02;
+const MIN_LEVER_M_PER_RAD: f64 = 0.02;
 
 /// A joint of the prosthesis that follows a joint of the person's own limb.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -59,17 +60,17 @@ impl Default for SynergyProfile {
 /// The follower stands still while no new angles of the limb come, at its limits, and where it does not move the hand off the line.
 #[derive(Clone, Debug)]
 pub struct Synergy {
-    joints: JointJog,
+    joint_jog: JointJog,
     rule: SynergyRule,
     leader: usize,
     follower: usize,
     limits: JointLimits,
     /// The newest angle of the leader, and when it came.
-    seen: Option<(SimTime, f64)>,
+    leader_sample: Option<(SimTime, f64)>,
     /// Of the leader, rad/s.
-    speed: f64,
+    leader_speed_rad_per_s: f64,
     /// Direction of the hand from the shoulder when the gesture began, in the base's axes.
-    line: Option<Vector>,
+    reach_direction: Option<Vector>,
 }
 
 impl Synergy {
@@ -87,13 +88,15 @@ impl Synergy {
         let settings = profile.synergy.clone().unwrap_or_default();
         let name = |joint: usize| &*model.joints[model.arm[joint]].name;
         let own: Vec<usize> = (0..model.arm_count()).filter(|&joint| !subset.contains(joint)).collect();
-        let leads =
-            |joint: usize| settings.leader.as_ref().is_none_or(|leader| is_named(name(joint), leader));
-        let leader = own.iter().copied().find(|&joint| leads(joint)).ok_or_else(|| ControlError::Name {
-            kind: "leading joint of the own limb",
-            got: settings.leader.clone().unwrap_or_default(),
-            known: own.iter().map(|&joint| name(joint)).collect::<Vec<_>>().join(", "),
-        })?;
+        let is_leader = |joint: usize| {
+            settings.leader.as_ref().is_none_or(|leader| matches_short_name(name(joint), leader))
+        };
+        let leader =
+            own.iter().copied().find(|&joint| is_leader(joint)).ok_or_else(|| ControlError::Name {
+                kind: "leading joint of the own limb",
+                got: settings.leader.clone().unwrap_or_default(),
+                known: own.iter().map(|&joint| name(joint)).collect::<Vec<_>>().join(", "),
+            })?;
         let first = || subset.driven().first().map(|&joint| name(joint).to_owned()).unwrap_or_default();
         let follower = subset.find(model, &settings.follower.clone().unwrap_or_else(first))?;
         let speed = settings.speed_rad_per_s;
@@ -108,14 +111,14 @@ impl Synergy {
         }
         let limits = model.joints[model.arm[follower]].limits;
         Ok(Self {
-            joints: JointJog::new(profile, model, subset)?,
+            joint_jog: JointJog::new(profile, model, subset)?,
             rule: settings.rule,
             leader,
             follower,
             limits: JointLimits { velocity: limits.velocity.min(speed), ..limits },
-            seen: None,
-            speed: 0.0,
-            line: None,
+            leader_sample: None,
+            leader_speed_rad_per_s: 0.0,
+            reach_direction: None,
         })
     }
 
@@ -124,7 +127,7 @@ impl Synergy {
         let info = MethodInfo {
             name: "synergy".to_owned(),
             title: "Joint synergy".to_owned(),
-            needs: Needs { limb: true, ..Needs::default() },
+            needs: MethodNeeds { limb: true, ..MethodNeeds::default() },
             style: MethodStyle::Jogging,
             help: MethodHelp {
                 summary: "The elbow follows your shoulder while you hold; other joints one after the other."
@@ -139,66 +142,66 @@ impl Synergy {
     }
 
     /// Follows the leader's angle.
-    fn observe(&mut self, now: SimTime, limb: Option<&[f64]>) {
+    fn observe_leader(&mut self, now: SimTime, limb: Option<&[f64]>) {
         let angle = limb.and_then(|limb| limb.get(self.leader)).copied().filter(|angle| angle.is_finite());
         let Some(angle) = angle else {
-            (self.seen, self.speed) = (None, 0.0);
+            (self.leader_sample, self.leader_speed_rad_per_s) = (None, 0.0);
             return;
         };
-        match self.seen {
+        match self.leader_sample {
             Some((at, before)) if angle == before => {
-                if now.millis_since(at) > STILL_MS {
-                    self.speed = 0.0;
+                if now.millis_since(at) > LEADER_STATIONARY_MS {
+                    self.leader_speed_rad_per_s = 0.0;
                 }
             }
             Some((at, before)) => {
                 let secs = (now.millis_since(at) as f64 * 1e-3).max(1e-3);
-                let share = secs / (secs + SMOOTH_SECS);
+                let share = secs / (secs + LEADER_SPEED_FILTER_SECS);
                 // After a pause it did not move all the while at the mean speed.
-                let fresh = now.millis_since(at) <= STILL_MS;
+                let fresh = now.millis_since(at) <= LEADER_STATIONARY_MS;
                 let speed = if fresh { (angle - before) / secs } else { 0.0 };
-                self.speed += share * (speed - self.speed);
-                self.seen = Some((now, angle));
+                self.leader_speed_rad_per_s += share * (speed - self.leader_speed_rad_per_s);
+                self.leader_sample = Some((now, angle));
             }
-            None => self.seen = Some((now, angle)),
+            None => self.leader_sample = Some((now, angle)),
         }
     }
 
     /// The follower's speed, rad/s, or why there is none.
-    fn follow(
+    fn follower_speed(
         &mut self,
         input: &ControlInput<'_>,
         kinematics: &mut dyn ArmKinematics,
     ) -> Result<f64, String> {
         let speed = match self.rule {
-            SynergyRule::Linear { gain } => gain * self.speed,
+            SynergyRule::Linear { gain } => gain * self.leader_speed_rad_per_s,
             SynergyRule::Jacobian => {
                 let q = input.measured;
                 let to_hand = kinematics.forward(q).map_err(|e| e.to_string())?.translation.vector;
-                let line = match self.line {
+                let line = match self.reach_direction {
                     Some(line) => line,
                     None => to_hand.try_normalize(1e-6).ok_or("the hand is at the shoulder")?,
                 };
-                self.line = Some(line);
+                self.reach_direction = Some(line);
                 let jacobian = kinematics.jacobian(q).map_err(|e| e.to_string())?;
                 let moves = |joint: usize| {
                     Vector::new(jacobian[(0, joint)], jacobian[(1, joint)], jacobian[(2, joint)])
                 };
-                let (leads, follows) = (moves(self.leader), moves(self.follower));
+                let (leader_moves, follows) = (moves(self.leader), moves(self.follower));
                 // Off the line, in the plane in which the follower moves the hand.
                 let off = follows - line * line.dot(&follows);
                 let lever = off.norm();
-                if lever < LEAST_LEVER {
+                if lever < MIN_LEVER_M_PER_RAD {
                     return Err("along this line the elbow cannot follow".to_owned());
                 }
                 let normal = off / lever;
-                -normal.dot(&leads) / normal.dot(&follows) * self.speed
+                -normal.dot(&leader_moves) / normal.dot(&follows) * self.leader_speed_rad_per_s
             }
         };
         let angle = *input.commanded.get(self.follower).ok_or("the arm has no such joint")?;
         let JointLimits { lower, upper, velocity, .. } = self.limits;
-        let room = ((lower - angle) / STEP_SECS, (upper - angle) / STEP_SECS);
-        Ok(speed.clamp(-velocity, velocity).clamp(room.0.min(0.0), room.1.max(0.0)))
+        let speed_limits = ((lower - angle) / STEP_SECS, (upper - angle) / STEP_SECS);
+        Ok(speed.clamp(-velocity, velocity).clamp(speed_limits.0.min(0.0), speed_limits.1.max(0.0)))
     }
 }
 
@@ -209,29 +212,29 @@ impl ControlMethod for Synergy {
         input: &ControlInput<'_>,
         kinematics: &mut dyn ArmKinematics,
     ) -> ControlOutput {
-        self.observe(now, input.limb.filter(|_| input.stop.is_none()));
-        let mut output = self.joints.step(now, input, kinematics);
-        if self.joints.selected() != self.follower {
-            self.line = None;
+        self.observe_leader(now, input.limb.filter(|_| input.stop.is_none()));
+        let mut output = self.joint_jog.step(now, input, kinematics);
+        if self.joint_jog.selected() != self.follower {
+            self.reach_direction = None;
             return output;
         }
-        if let Some(mode) = &mut output.shown.mode {
+        if let Some(mode) = &mut output.display.mode {
             mode.directions = ["follows".to_owned(), "follows".to_owned()];
         }
-        if !matches!(input.gesture, Gesture::WristExtension | Gesture::WristFlexion) {
-            self.line = None;
+        if !matches!(input.command, Command::WristExtension | Command::WristFlexion) {
+            self.reach_direction = None;
             return output;
         }
-        match self.follow(input, kinematics) {
+        match self.follower_speed(input, kinematics) {
             Ok(speed) => {
                 let mut speeds: JointVector = zeros(input.commanded.len());
                 speeds[self.follower] = speed;
                 output.motion = Some(MotionCommand::Velocity(speeds));
-                output.shown.planner = PlannerView::Idle;
+                output.display.planner = PlannerView::Idle;
             }
             Err(reason) => {
                 output.motion = Some(MotionCommand::Hold);
-                output.shown.planner = crate::method::refused(&reason);
+                output.display.planner = crate::method::refusal_view(&reason);
             }
         }
         output

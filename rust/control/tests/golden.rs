@@ -7,7 +7,7 @@ mod common;
 
 use common::{BLOCKS, Rig, reply};
 use proact_control::{ControlOutput, MotionCommand, PlanCommand};
-use proact_types::{Gesture, HandState, HandView, ObjectId, PlanStatus, Pose};
+use proact_types::{Command, HandState, HandView, ObjectId, PlanStatus, Pose};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -16,9 +16,9 @@ use std::path::Path;
 const TOLERANCE: f64 = 1e-12;
 
 /// Runs `ms` of a gesture and notes what changed.
-fn play(rig: &mut Rig, gesture: Gesture, ms: u64, trace: &mut Vec<Value>) {
-    rig.gesture = gesture;
-    trace.push(json!({ "t": rig.now, "gesture": gesture.ros_name() }));
+fn play(rig: &mut Rig, command: Command, ms: u64, trace: &mut Vec<Value>) {
+    rig.gesture = command;
+    trace.push(json!({ "t": rig.now, "gesture": command.ros_name() }));
     let mut shown = Value::Null;
     for _ in 0..ms {
         for output in rig.run(1) {
@@ -29,7 +29,7 @@ fn play(rig: &mut Rig, gesture: Gesture, ms: u64, trace: &mut Vec<Value>) {
 
 /// A line for each step with a command, and for each change of what is shown.
 fn note(rig: &Rig, output: &ControlOutput, shown: &mut Value, trace: &mut Vec<Value>) {
-    if (ControlOutput { shown: Default::default(), ..output.clone() }) != ControlOutput::default() {
+    if (ControlOutput { display: Default::default(), ..output.clone() }) != ControlOutput::default() {
         let mut line = json!({ "t": rig.now });
         let mut put = |key: &str, value: Value| {
             if !value.is_null() && value != json!([]) {
@@ -49,7 +49,7 @@ fn note(rig: &Rig, output: &ControlOutput, shown: &mut Value, trace: &mut Vec<Va
         put("events", serde_json::to_value(&output.events).expect("plain data"));
         trace.push(line);
     }
-    let mode = rig.shown.mode.clone().map(|mode| (common::number(mode.moves), mode.name));
+    let mode = rig.shown.mode.clone().map(|mode| (common::number(mode.controlled_dof), mode.name));
     let target = rig.shown.target.clone();
     let planner = match rig.shown.planner.clone() {
         proact_types::PlannerView::Executing { intermediate, .. } => json!({ "executing": intermediate }),
@@ -65,7 +65,7 @@ fn note(rig: &Rig, output: &ControlOutput, shown: &mut Value, trace: &mut Vec<Va
 
 /// Modes, motion both ways, the hand, spurious gestures, a limit, a slow and a missing classifier.
 fn jog(rig: &mut Rig, trace: &mut Vec<Value>) {
-    use Gesture::{HandClose, HandOpen, NoMotion, WristExtension, WristFlexion};
+    use Command::{HandClose, HandOpen, NoMotion, WristExtension, WristFlexion};
     rig.lag = [0.004, -0.002, 0.001, 0.003, 0.0, 0.002, -0.001];
     play(rig, NoMotion, 200, trace);
     for _ in 0..7 {
@@ -89,7 +89,7 @@ fn jog(rig: &mut Rig, trace: &mut Vec<Value>) {
 
 /// Selection, locks, plans of all kinds, a transfer, a moved base, and stops by every gesture.
 fn gaze(rig: &mut Rig, trace: &mut Vec<Value>) {
-    use Gesture::{HandClose, HandOpen, NoMotion, WristExtension, WristFlexion};
+    use Command::{HandClose, HandOpen, NoMotion, WristExtension, WristFlexion};
     play(rig, NoMotion, 50, trace);
     play(rig, WristFlexion, 50, trace);
     rig.highlight = Some(ObjectId(3));
@@ -101,7 +101,7 @@ fn gaze(rig: &mut Rig, trace: &mut Vec<Value>) {
     rig.plan = Some(reply(PlanStatus::Ok, 0.4));
     play(rig, WristExtension, 1200, trace);
     play(rig, HandClose, 100, trace);
-    rig.hand = HandView { state: HandState::Closed, holds: Some(ObjectId(0)) };
+    rig.hand = HandView { state: HandState::Closed, held_object: Some(ObjectId(0)) };
     // Placing: the lock, a plan that is stopped, one whose base moves, one that fails.
     play(rig, NoMotion, 50, trace);
     play(rig, WristFlexion, 50, trace);
@@ -130,7 +130,7 @@ fn gaze(rig: &mut Rig, trace: &mut Vec<Value>) {
     play(rig, NoMotion, 50, trace);
     // Release, and a block that is out of every reach.
     play(rig, HandOpen, 50, trace);
-    rig.hand.holds = None;
+    rig.hand.held_object = None;
     play(rig, HandOpen, 100, trace);
     rig.base = Pose::translation(-3.0, 0.0, 0.0) * rig.base;
     play(rig, NoMotion, 50, trace);
@@ -231,7 +231,7 @@ fn the_comparison_finds_a_changed_number_a_changed_name_and_a_missing_line() {
 #[test]
 fn the_original_picks_where_its_formulas_say() {
     let mut rig = Rig::new("C", "original");
-    let outputs = rig.make(Gesture::WristExtension, 10);
+    let outputs = rig.make(Command::WristExtension, 10);
     let Some(PlanCommand::Request(proact_types::PlanGoal::TipPose { pose })) = &outputs[0].plan else {
         panic!("a pose of the wrist was expected: {:?}", rig.shown.planner.clone())
     };

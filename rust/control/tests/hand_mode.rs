@@ -4,8 +4,8 @@ mod common;
 
 use common::{Rig, model};
 use proact_control::{HandCommand, JogProfile, MotionCommand, Profile, build};
-use proact_types::Gesture::{HandOpen, NoMotion, WristExtension, WristFlexion};
-use proact_types::{Moves, ObjectId};
+use proact_types::Command::{HandOpen, NoMotion, WristExtension, WristFlexion};
+use proact_types::{ControlledDof, ObjectId};
 
 fn rig(change: impl FnOnce(&mut Profile)) -> Rig {
     let mut profile = Profile::named("default").expect("embedded");
@@ -16,8 +16,8 @@ fn rig(change: impl FnOnce(&mut Profile)) -> Rig {
     rig
 }
 
-fn hands(rig: &mut Rig, gesture: proact_types::Gesture, ms: u64) -> Vec<HandCommand> {
-    rig.make(gesture, ms).iter().filter_map(|output| output.hand).collect()
+fn hands(rig: &mut Rig, command: proact_types::Command, ms: u64) -> Vec<HandCommand> {
+    rig.make(command, ms).iter().filter_map(|output| output.hand).collect()
 }
 
 #[test]
@@ -28,7 +28,7 @@ fn the_wrists_two_gestures_open_and_close_the_hand_in_its_mode() {
     rig.make(HandOpen, 100);
     rig.make(NoMotion, 100);
     let mode = rig.shown.mode.clone().expect("A has modes");
-    assert_eq!((mode.name.as_str(), mode.moves), ("hand", Moves::Joint(7)));
+    assert_eq!((mode.name.as_str(), mode.controlled_dof), ("hand", ControlledDof::Joint(7)));
     assert_eq!(mode.directions, ["open", "close"]);
     let before = rig.q.clone();
     assert_eq!(hands(&mut rig, WristFlexion, 300), [HandCommand::Close], "once while it lasts");
@@ -54,7 +54,7 @@ fn its_direction_and_a_second_question_are_those_of_the_profile() {
     rig.make(HandOpen, 100);
     rig.make(NoMotion, 100);
     assert_eq!(hands(&mut rig, WristExtension, 100), [HandCommand::Close]);
-    rig.hand.holds = Some(ObjectId(0));
+    rig.hand.held_object = Some(ObjectId(0));
     assert!(hands(&mut rig, WristFlexion, 100).is_empty(), "asked for once");
     rig.make(NoMotion, 100);
     assert_eq!(hands(&mut rig, WristFlexion, 100), [HandCommand::Open]);

@@ -1,14 +1,14 @@
 //! Methods A and B, default and original. Numbers in names are those of the original's list of defects.
 mod common;
 
-use Gesture::{HandClose, HandOpen, NoMotion, WristExtension, WristFlexion};
-use common::{Rig, START, limits, model};
+use Command::{HandClose, HandOpen, NoMotion, WristExtension, WristFlexion};
+use common::{Rig, START_RAD, limits, model};
 use proact_control::ports::ArmKinematics;
 use proact_control::{
     ControlError, DampedProfile, HandCommand, InverseProfile, JogProfile, JogSteps, MotionCommand, Profile,
     build,
 };
-use proact_types::{Gesture, HandState, ObjectId, PlannerView, zeros};
+use proact_types::{Command, HandState, ObjectId, PlannerView, zeros};
 
 fn mode(rig: &Rig) -> String {
     rig.shown.mode.clone().expect("A and B have modes").name
@@ -40,7 +40,7 @@ fn joints_come_in_the_papers_order_with_their_names_and_directions() {
     let mut names = Vec::new();
     for number in 0..7 {
         let view = rig.shown.mode.clone().expect("A has modes");
-        assert_eq!(common::number(view.moves), number);
+        assert_eq!(common::number(view.controlled_dof), number);
         names.push(format!("{}: {} / {}", view.name, view.directions[0], view.directions[1]));
         cycle(&mut rig, 1);
     }
@@ -65,9 +65,9 @@ fn wrist_extension_moves_each_joint_by_the_originals_sign() {
         let mut rig = Rig::new("A", "default");
         cycle(&mut rig, joint);
         // Wrist pronation starts at its upper limit, so this one goes the other way.
-        let (gesture, sign) = if joint == 4 { (WristFlexion, -sign) } else { (WristExtension, sign) };
-        rig.make(gesture, 300);
-        let moved: Vec<f64> = rig.q.iter().zip(&START).map(|(q, start)| q - start).collect();
+        let (command, sign) = if joint == 4 { (WristFlexion, -sign) } else { (WristExtension, sign) };
+        rig.make(command, 300);
+        let moved: Vec<f64> = rig.q.iter().zip(&START_RAD).map(|(q, start)| q - start).collect();
         assert!(moved[joint] * sign > 0.05, "joint {joint} moved by {}", moved[joint]);
         assert!(moved.iter().enumerate().all(|(k, by)| k == joint || *by == 0.0));
     }
@@ -98,7 +98,7 @@ fn defect_14_before_the_first_goal_the_condition_rule_holds_the_arm_where_it_is(
         Some(MotionCommand::Goto(goal)) => Some(goal.clone()),
         _ => None,
     });
-    let mut here = START;
+    let mut here = START_RAD;
     here[3] = 0.5;
     assert_eq!(goal.expect("the last goal is sent again").as_slice(), here, "not the zeros of the original");
     assert!(refusal(&rig).contains("almost stretched out"));
@@ -126,16 +126,16 @@ fn defect_15_near_a_singularity_motion_into_it_slows_to_a_stop_and_motion_out_of
 fn defect_15_joints_at_their_limits_are_left_out_and_the_rest_keep_the_direction() {
     // Pronation starts at its limit; many directions would need more of it.
     for axis in 0..3 {
-        for gesture in [WristExtension, WristFlexion] {
+        for command in [WristExtension, WristFlexion] {
             let mut rig = Rig::new("B", "default");
             cycle(&mut rig, axis);
             let before = rig.tip();
-            rig.make(gesture, 500);
+            rig.make(command, 500);
             let after = rig.tip();
             let moved = after.translation.vector - before.translation.vector;
             let across = (0..3).filter(|&k| k != axis).map(|k| moved[k].abs()).fold(0.0, f64::max);
-            assert!(moved[axis].abs() > 0.015, "axis {axis} {gesture}: {moved:?}");
-            assert!(across < 0.001, "axis {axis} {gesture}: {moved:?}");
+            assert!(moved[axis].abs() > 0.015, "axis {axis} {command}: {moved:?}");
+            assert!(across < 0.001, "axis {axis} {command}: {moved:?}");
             assert!(after.rotation.angle_to(&before.rotation) < 0.02);
         }
     }
@@ -184,10 +184,10 @@ fn a_joint_that_something_stops_is_pressed_no_harder_while_the_gesture_lasts_and
 fn a_rotation_that_the_limits_turn_into_a_translation_is_refused() {
     let mut rig = Rig::new("B", "default");
     cycle(&mut rig, 5);
-    for gesture in [WristExtension, WristFlexion] {
+    for command in [WristExtension, WristFlexion] {
         for _ in 0..8 {
             let before = rig.tip();
-            rig.make(gesture, 500);
+            rig.make(command, 500);
             let after = rig.tip();
             let carried = (after.translation.vector - before.translation.vector).norm();
             let turned = after.rotation.angle_to(&before.rotation);
@@ -228,7 +228,7 @@ fn defect_17_distance_in_a_second_does_not_depend_on_the_rate_of_decisions() {
     rig.make(NoMotion, 200);
     rig.make(WristExtension, 1000);
     rig.make(NoMotion, 100);
-    assert!((rig.q[0] - START[0] - 5.0 * 0.02).abs() < 0.011, "{} rad", rig.q[0] - START[0]);
+    assert!((rig.q[0] - START_RAD[0] - 5.0 * 0.02).abs() < 0.011, "{} rad", rig.q[0] - START_RAD[0]);
 }
 
 #[test]
@@ -257,7 +257,7 @@ fn defect_38_an_open_hand_straight_after_a_fist_is_not_a_change_of_mode() {
 
 #[test]
 fn original_hand_open_counts_on_the_second_message_and_in_b_one_more_after_a_fist() {
-    let messages = |method: &str, before: Gesture| {
+    let messages = |method: &str, before: Command| {
         let mut rig = Rig::new(method, "original");
         rig.run(50);
         let first = mode(&rig);
@@ -277,18 +277,18 @@ fn original_hand_open_counts_on_the_second_message_and_in_b_one_more_after_a_fis
 fn defect_39_a_held_open_hand_goes_back_and_the_display_counts_down() {
     let mut rig = Rig::new("A", "default");
     rig.make(HandOpen, 10);
-    assert_eq!(rig.shown.mode.clone().map(|m| common::number(m.moves)), Some(1), "at once");
+    assert_eq!(rig.shown.mode.clone().map(|m| common::number(m.controlled_dof)), Some(1), "at once");
     rig.run(500);
     let view = rig.shown.mode.clone().expect("A has modes");
     assert!((view.next_in_secs.expect("HO is held") - 0.5).abs() < 0.011, "{view:?}");
     rig.run(510);
     assert_eq!(
-        rig.shown.mode.clone().map(|m| common::number(m.moves)),
+        rig.shown.mode.clone().map(|m| common::number(m.controlled_dof)),
         Some(6),
         "one back from where it began"
     );
     rig.run(1000);
-    assert_eq!(rig.shown.mode.clone().map(|m| common::number(m.moves)), Some(5));
+    assert_eq!(rig.shown.mode.clone().map(|m| common::number(m.controlled_dof)), Some(5));
     rig.make(NoMotion, 10);
     assert_eq!(rig.shown.mode.clone().and_then(|m| m.next_in_secs), None);
 }
@@ -296,12 +296,12 @@ fn defect_39_a_held_open_hand_goes_back_and_the_display_counts_down() {
 #[test]
 fn a_gesture_that_ends_stops_the_arm_within_the_step() {
     for method in ["A", "B"] {
-        for gesture in [NoMotion, HandOpen, HandClose] {
+        for command in [NoMotion, HandOpen, HandClose] {
             let mut rig = Rig::new(method, "default");
             rig.make(WristExtension, 300);
             let before = rig.q.clone();
-            let outputs = rig.make(gesture, 10);
-            assert_eq!(outputs[0].motion, Some(MotionCommand::Hold), "{method} {gesture}");
+            let outputs = rig.make(command, 10);
+            assert_eq!(outputs[0].motion, Some(MotionCommand::Hold), "{method} {command}");
             rig.run(200);
             let after = rig.q.iter().zip(&before).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
             assert!(after < 0.5 * 0.01 + 1e-9, "at most the step in which it came: {after} rad");
@@ -321,7 +321,7 @@ fn original_goals_start_at_the_measured_angle_and_go_on_from_the_last_goal() {
             _ => None,
         })
         .collect();
-    let first = START[0] - 0.005;
+    let first = START_RAD[0] - 0.005;
     let expected = [first + 0.02, first + 0.04, first + 0.06];
     assert!(goals.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-12), "{goals:?}");
     assert_eq!(goals.len(), 3);
@@ -356,22 +356,22 @@ fn keys_make_steps_in_the_original_too() {
     let mut rig = Rig::new("A", "original");
     rig.message_ms = None;
     rig.make(WristExtension, 1000);
-    assert!((rig.q[0] - START[0] - 0.4).abs() < 0.03, "0.4 rad/s: {}", rig.q[0] - START[0]);
+    assert!((rig.q[0] - START_RAD[0] - 0.4).abs() < 0.03, "0.4 rad/s: {}", rig.q[0] - START_RAD[0]);
 }
 
 #[test]
 fn a_tap_is_a_small_step_and_a_long_hold_is_fast_where_the_profile_says_so() {
     let turned = |steps, millis| {
         let mut profile = Profile::named("default").expect("embedded");
-        let JogProfile::Time { steps: place, .. } = &mut profile.jog else { panic!("by time") };
-        *place = steps;
+        let JogProfile::Time { speed_steps, .. } = &mut profile.jog else { panic!("by time") };
+        *speed_steps = steps;
         // Slow enough that no turn ends at the joint's limit.
         profile.joint_jog.speed_rad_per_s = 0.05;
         profile.check().expect("steps that make sense");
         let mut rig = Rig::with(build("A", &profile, &model()).expect("a known method"));
         rig.run(10);
         rig.make(WristExtension, millis);
-        rig.q[0] - START[0]
+        rig.q[0] - START_RAD[0]
     };
     let keys = Some(JogSteps::KEYS);
     assert!(
@@ -389,33 +389,35 @@ fn a_tap_is_a_small_step_and_a_long_hold_is_fast_where_the_profile_says_so() {
 fn steps_that_make_no_sense_are_refused_with_what_was_expected() {
     let refusal = |steps| {
         let mut profile = Profile::named("default").expect("embedded");
-        let JogProfile::Time { steps: place, .. } = &mut profile.jog else { panic!("by time") };
-        *place = Some(steps);
+        let JogProfile::Time { speed_steps, .. } = &mut profile.jog else { panic!("by time") };
+        *speed_steps = Some(steps);
         profile.check().expect_err("steps that make no sense").to_string()
     };
     let keys = JogSteps::KEYS;
     for slow in [0.0, -0.4, 1.1, f64::NAN] {
-        let text = refusal(JogSteps { slow, ..keys });
-        assert!(text.contains("jog.steps.slow") && text.contains("0.001 to 1"), "{text}");
+        let text = refusal(JogSteps { slow_factor: slow, ..keys });
+        assert!(text.contains("jog.speed_steps.slow_factor") && text.contains("0.001 to 1"), "{text}");
     }
     for fast in [0.9, 4.1, f64::INFINITY] {
-        let text = refusal(JogSteps { fast, ..keys });
-        assert!(text.contains("jog.steps.fast") && text.contains("1 to 4"), "{text}");
+        let text = refusal(JogSteps { fast_factor: fast, ..keys });
+        assert!(text.contains("jog.speed_steps.fast_factor") && text.contains("1 to 4"), "{text}");
     }
     let text = refusal(JogSteps { fast_after_ms: 100, ..keys });
-    assert!(text.contains("jog.steps.fast_after_ms") && text.contains("100"), "{text}");
+    assert!(text.contains("jog.speed_steps.fast_after_ms") && text.contains("100"), "{text}");
 }
 
 #[test]
 fn opening_a_hand_that_holds_a_block_can_be_asked_for_twice() {
     let mut profile = Profile::named("default").expect("embedded");
-    let JogProfile::Time { back_after_ms, open_after_close_ms, confirm_open_ms, .. } = &mut profile.jog
+    let JogProfile::Time {
+        reverse_cycle_after_ms: back_after_ms, open_after_close_ms, confirm_open_ms, ..
+    } = &mut profile.jog
     else {
         panic!("by time")
     };
     (*back_after_ms, *open_after_close_ms, *confirm_open_ms) = (0, 0, 2000);
     let mut rig = Rig::with(build("A", &profile, &model()).expect("a known method"));
-    rig.hand = proact_types::HandView { state: HandState::Closed, holds: Some(ObjectId(3)) };
+    rig.hand = proact_types::HandView { state: HandState::Closed, held_object: Some(ObjectId(3)) };
     assert_eq!(hands(&rig.make(HandClose, 100)), []);
     assert!(refusal(&rig).starts_with("HC again within"), "{}", refusal(&rig));
     rig.make(NoMotion, 100);
@@ -428,7 +430,7 @@ fn the_condition_limit_is_a_parameter() {
         let mut profile = Profile::named("default").expect("embedded");
         let InverseProfile::Damped(damped) = profile.end_effector_jog.inverse else { panic!("damped") };
         profile.end_effector_jog.inverse = InverseProfile::Damped(DampedProfile {
-            condition_soft: limit * 0.8,
+            condition_slowdown: limit * 0.8,
             condition_limit: limit,
             ..damped
         });
@@ -462,14 +464,14 @@ fn level(name: &str, method: &str, driven: &[usize]) {
     let mut profile = Profile::named("default").expect("embedded");
     profile.level = name.to_owned();
     let mut rig = Rig::with(build(method, &profile, &model()).expect("a known level"));
-    let limb: Vec<f64> = START.iter().map(|q| q - 0.1).collect();
+    let limb: Vec<f64> = START_RAD.iter().map(|q| q - 0.1).collect();
     rig.limb = Some(limb.clone());
     rig.gesture = WristFlexion;
     if method == "A" {
         let names: Vec<u8> = (0..driven.len())
             .map(|_| {
                 cycle(&mut rig, 1);
-                common::number(rig.shown.mode.clone().expect("A has modes").moves)
+                common::number(rig.shown.mode.clone().expect("A has modes").controlled_dof)
             })
             .collect();
         assert!(names.iter().all(|number| driven.contains(&usize::from(*number))), "{names:?}");
@@ -477,7 +479,7 @@ fn level(name: &str, method: &str, driven: &[usize]) {
     rig.make(NoMotion, 1000);
     let at_rest = rig.q.clone();
     for (joint, goal) in limb.iter().enumerate() {
-        let expected = if driven.contains(&joint) { START[joint] } else { *goal };
+        let expected = if driven.contains(&joint) { START_RAD[joint] } else { *goal };
         assert!((at_rest[joint] - expected).abs() < 1e-6, "{name} {method}: joint {joint}");
     }
     // The wrist alone turns the hand and hardly moves it.
@@ -530,9 +532,9 @@ fn defect_36_numbers_of_joints_and_axes_do_not_collide_and_every_axis_is_handled
         let mut rig = Rig::new(method, "default");
         let mut numbers = Vec::new();
         for _ in 0..14 {
-            rig.make(Gesture::HandOpen, 50);
-            rig.make(Gesture::NoMotion, 50);
-            numbers.push(common::number(rig.shown.mode.clone().expect("A and B have modes").moves));
+            rig.make(Command::HandOpen, 50);
+            rig.make(Command::NoMotion, 50);
+            numbers.push(common::number(rig.shown.mode.clone().expect("A and B have modes").controlled_dof));
         }
         numbers.sort_unstable();
         numbers.dedup();

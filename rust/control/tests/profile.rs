@@ -1,10 +1,10 @@
 //! Profiles: what is read, what is refused, and what the original's gaze rules keep.
 mod common;
 
-use Gesture::{HandClose, HandOpen, NoMotion, WristExtension, WristFlexion};
+use Command::{HandClose, HandOpen, NoMotion, WristExtension, WristFlexion};
 use common::{Rig, model, reply};
 use proact_control::{ControlError, HandCommand, JointSubset, MotionCommand, Profile, build};
-use proact_types::{Gesture, HandState, HandView, MethodEvent, ObjectId, PlanStatus, PlannerView, Point};
+use proact_types::{Command, HandState, HandView, MethodEvent, ObjectId, PlanStatus, PlannerView, Point};
 
 #[test]
 fn profiles_survive_being_written_and_read_again() {
@@ -27,13 +27,13 @@ fn unknown_names_keys_and_numbers_out_of_range_are_refused_by_name() {
     for (from, to, expected) in [
         ("step_rad", "step_deg", "step_deg"),
         ("kind = \"damped\"", "kind = \"magic\"", "magic"),
-        ("drift_limit_rad", "drift_limit", "drift_limit"),
-        ("emg_ms", "emg_secs", "emg_secs"),
+        ("tracking_error_limit_rad", "drift_limit", "drift_limit"),
+        ("emg_timeout_ms", "emg_secs", "emg_secs"),
         ("we_sign = -1", "we_sign = 2", "we_sign = 2"),
         ("acceleration_rad_per_s2 = 4.0", "acceleration_rad_per_s2 = nan", "acceleration_rad_per_s2 = NaN"),
-        ("damping = 0.05", "damping = -1.0", "inverse.damping = -1"),
-        ("link_ms = 200", "link_ms = 0", "dead_man.link_ms = 0"),
-        ("delay_ms = 250", "delay_ms = 60001", "dead_man.delay_ms = 60001"),
+        ("max_damping = 0.05", "max_damping = -1.0", "inverse.max_damping = -1"),
+        ("command_timeout_ms = 200", "command_timeout_ms = 0", "dead_man.command_timeout_ms = 0"),
+        ("max_delay_ms = 250", "max_delay_ms = 60001", "dead_man.max_delay_ms = 60001"),
     ] {
         assert!(text.contains(from), "{from} is in the profile");
         let error = Profile::from_toml(&text.replacen(from, to, 1)).err();
@@ -47,8 +47,8 @@ fn unknown_names_keys_and_numbers_out_of_range_are_refused_by_name() {
     assert!(error.contains("knee") && error.contains("shoulder"), "{error}");
 }
 
-fn events(rig: &mut Rig, gesture: Gesture) -> Vec<MethodEvent> {
-    rig.make(gesture, 50).into_iter().flat_map(|output| output.events).collect()
+fn events(rig: &mut Rig, command: Command) -> Vec<MethodEvent> {
+    rig.make(command, 50).into_iter().flat_map(|output| output.events).collect()
 }
 
 #[test]
@@ -57,14 +57,14 @@ fn original_locks_are_toggles_that_outlive_the_block_and_the_place_lock_starts_o
     rig.run(10);
     assert_eq!(rig.shown.target.place, Some(Point::origin()));
     assert_eq!(events(&mut rig, WristFlexion), [MethodEvent::Locked { object: Some(ObjectId(0)) }]);
-    rig.hand = HandView { state: HandState::Closed, holds: Some(ObjectId(0)) };
+    rig.hand = HandView { state: HandState::Closed, held_object: Some(ObjectId(0)) };
     rig.make(NoMotion, 50);
     assert!(rig.shown.target.locked, "the place is locked before it was chosen");
     assert_eq!(events(&mut rig, WristFlexion), [MethodEvent::Unlocked]);
     rig.make(NoMotion, 50);
     assert_eq!(events(&mut rig, WristFlexion), [MethodEvent::Locked { object: None }]);
     assert_eq!(rig.shown.target.place, Some(rig.place));
-    rig.hand.holds = None;
+    rig.hand.held_object = None;
     rig.highlight = Some(ObjectId(2));
     rig.make(NoMotion, 50);
     assert_eq!(rig.shown.target.object, Some(ObjectId(0)), "the lock of the first block is still on");
@@ -72,13 +72,13 @@ fn original_locks_are_toggles_that_outlive_the_block_and_the_place_lock_starts_o
 
 #[test]
 fn original_stops_for_no_motion_only_and_a_late_plan_moves_nothing() {
-    for gesture in [HandClose, HandOpen, WristFlexion] {
+    for command in [HandClose, HandOpen, WristFlexion] {
         let mut rig = Rig::new("C", "original");
         rig.make(WristExtension, 10);
         rig.plan = Some(reply(PlanStatus::Ok, 0.4));
         rig.run(100);
-        rig.make(gesture, 100);
-        assert!(matches!(rig.shown.planner, PlannerView::Executing { .. }), "{gesture}");
+        rig.make(command, 100);
+        assert!(matches!(rig.shown.planner, PlannerView::Executing { .. }), "{command}");
         assert_eq!(rig.make(NoMotion, 10)[0].motion, Some(MotionCommand::Hold));
         rig.plan = Some(reply(PlanStatus::Ok, 0.4));
         assert_eq!(rig.run(10)[0].motion, None);
@@ -102,9 +102,9 @@ fn original_goes_to_what_was_locked_last_and_says_when_its_two_links_do_not_reac
 fn original_losing_a_block_opens_the_hand_and_the_next_fist_closes_it() {
     let mut rig = Rig::new("D", "original");
     rig.make(HandClose, 50);
-    rig.hand = HandView { state: HandState::Closed, holds: Some(ObjectId(0)) };
+    rig.hand = HandView { state: HandState::Closed, held_object: Some(ObjectId(0)) };
     rig.make(NoMotion, 50);
-    rig.hand.holds = None;
+    rig.hand.held_object = None;
     assert_eq!(rig.run(10)[0].hand, Some(HandCommand::Open));
     assert_eq!(rig.make(HandClose, 10)[0].hand, Some(HandCommand::Close));
 }

@@ -2,9 +2,9 @@
 
 mod common;
 
-use common::{Rig, START, model};
+use common::{Rig, START_RAD, model};
 use proact_control::{JogProfile, Profile, ProportionalSpeed, VelocityRamp, build};
-use proact_types::Gesture::{WristExtension, WristFlexion};
+use proact_types::Command::{WristExtension, WristFlexion};
 
 /// Method A with another speed of its gestures; the joint turns slowly enough that no turn ends at its limit.
 fn rig_with(change: impl FnOnce(&mut Option<ProportionalSpeed>, &mut Option<VelocityRamp>)) -> Rig {
@@ -21,11 +21,11 @@ fn rig_with(change: impl FnOnce(&mut Option<ProportionalSpeed>, &mut Option<Velo
 #[test]
 fn the_speed_is_proportional_to_the_effort_between_rest_and_full() {
     let turned = |effort| {
-        let by = ProportionalSpeed { rest: 0.2, full: 0.8 };
+        let by = ProportionalSpeed { rest_effort: 0.2, full_effort: 0.8 };
         let mut rig = rig_with(|proportional, _| *proportional = Some(by));
         rig.effort = effort;
         rig.make(WristExtension, 1000);
-        rig.q[0] - START[0]
+        rig.q[0] - START_RAD[0]
     };
     let whole = turned(1.0);
     assert!((whole - 0.05).abs() < 0.002, "{whole} rad in a second");
@@ -37,13 +37,13 @@ fn the_speed_is_proportional_to_the_effort_between_rest_and_full() {
 
 #[test]
 fn a_ramp_takes_its_time_and_a_decision_of_the_other_direction_moves_little() {
-    let ramp = VelocityRamp { up_ms: 400, falls: 2.0 };
-    let mut rig = rig_with(|_, place| *place = Some(ramp));
+    let ramp = VelocityRamp { rise_ms: 400, fall_rate_factor: 2.0 };
+    let mut rig = rig_with(|_, profile_ramp| *profile_ramp = Some(ramp));
     rig.make(WristExtension, 400);
-    let first = rig.q[0] - START[0];
+    let first = rig.q[0] - START_RAD[0];
     assert!((first / (0.05 * 0.4) - 0.5).abs() < 0.05, "half the way of the whole speed: {first} rad");
     rig.make(WristExtension, 400);
-    let second = rig.q[0] - START[0] - first;
+    let second = rig.q[0] - START_RAD[0] - first;
     assert!((second / (0.05 * 0.4) - 1.0).abs() < 0.02, "the whole speed: {second} rad");
     // A wrong decision of 50 ms hardly moves the joint; without a ramp it goes back by more than twice as much. The ramp goes on from where it
     // fell to.
@@ -65,14 +65,19 @@ fn efforts_and_ramps_that_make_no_sense_are_refused() {
         (*p, *r) = (proportional, ramp);
         profile.check().expect_err("numbers that make no sense").to_string()
     };
-    for (rest, full, key) in
-        [(-0.1, 0.5, "rest"), (1.0, 1.0, "rest"), (f64::NAN, 1.0, "rest"), (0.5, 0.5, "full")]
-    {
-        let text = refusal(Some(ProportionalSpeed { rest, full }), None);
+    for (rest, full, key) in [
+        (-0.1, 0.5, "rest_effort"),
+        (1.0, 1.0, "rest_effort"),
+        (f64::NAN, 1.0, "rest_effort"),
+        (0.5, 0.5, "full_effort"),
+    ] {
+        let text = refusal(Some(ProportionalSpeed { rest_effort: rest, full_effort: full }), None);
         assert!(text.contains(&format!("jog.proportional.{key}")), "{text}");
     }
-    for (up_ms, falls, key) in [(0, 2.0, "up_ms"), (400, 0.5, "falls"), (400, f64::NAN, "falls")] {
-        let text = refusal(None, Some(VelocityRamp { up_ms, falls }));
+    for (up_ms, falls, key) in
+        [(0, 2.0, "rise_ms"), (400, 0.5, "fall_rate_factor"), (400, f64::NAN, "fall_rate_factor")]
+    {
+        let text = refusal(None, Some(VelocityRamp { rise_ms: up_ms, fall_rate_factor: falls }));
         assert!(text.contains(&format!("jog.ramp.{key}")), "{text}");
     }
 }

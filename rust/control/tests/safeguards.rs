@@ -2,14 +2,14 @@
 #![allow(clippy::disallowed_methods)] // proptest reads its settings from the environment.
 mod common;
 
-use common::{Rig, START, limits, model, reply};
+use common::{Rig, START_RAD, limits, model, reply};
 use proact_control::ports::ArmKinematics;
 use proact_control::{
-    Blend, ControlInput, ControlMethod, ControlOutput, DeadMan, Limited, LimiterProfile, MotionCommand,
-    PlanCommand, Profile, build,
+    Blend, CommandLimiter, ControlInput, ControlMethod, ControlOutput, DeadManSwitch, LimiterProfile,
+    MotionCommand, PlanCommand, Profile, build,
 };
 use proact_types::{
-    Gesture, HandState, HandView, InputSource, ObjectId, PlanStatus, Pose, SimTime, Stop, StopCause,
+    Command, HandState, HandView, InputSource, ObjectId, PlanStatus, Pose, SimTime, Stop, StopCause,
     Trajectory, TrajectoryPoint, joints,
 };
 use proptest::prelude::*;
@@ -27,14 +27,14 @@ impl ControlMethod for Says {
         input: &ControlInput<'_>,
         _kinematics: &mut dyn ArmKinematics,
     ) -> ControlOutput {
-        let moves = input.gesture == Gesture::WristExtension;
+        let moves = input.command == Command::WristExtension;
         let motion = if moves { self.0.clone() } else { MotionCommand::Hold };
         ControlOutput { motion: Some(motion), ..ControlOutput::default() }
     }
 }
 
 fn limited(command: MotionCommand) -> Rig {
-    Rig::with(Box::new(Limited::new(Says(command), &LIMITER, &model())))
+    Rig::with(Box::new(CommandLimiter::new(Says(command), &LIMITER, &model())))
 }
 
 fn velocity(speed: f64) -> MotionCommand {
@@ -43,11 +43,11 @@ fn velocity(speed: f64) -> MotionCommand {
 
 #[test]
 fn the_limiter_ramps_speeds_up_and_down_to_a_goal_and_lets_a_stop_pass() {
-    let mut goal = START;
+    let mut goal = START_RAD;
     goal[3] += 0.3;
     let mut rig = limited(MotionCommand::Goto(joints(&goal)));
     let mut last = 0.0;
-    for output in rig.make(Gesture::WristExtension, 2000) {
+    for output in rig.make(Command::WristExtension, 2000) {
         let speed = match output.motion {
             Some(MotionCommand::Velocity(speeds)) => speeds[3],
             _ => 0.0,
@@ -57,8 +57,8 @@ fn the_limiter_ramps_speeds_up_and_down_to_a_goal_and_lets_a_stop_pass() {
     }
     assert!((rig.q[3] - goal[3]).abs() < 1e-6, "{} rad", rig.q[3]);
     let mut rig = limited(velocity(0.3));
-    rig.make(Gesture::WristExtension, 500);
-    assert_eq!(rig.make(Gesture::NoMotion, 10)[0].motion, Some(MotionCommand::Hold));
+    rig.make(Command::WristExtension, 500);
+    assert_eq!(rig.make(Command::NoMotion, 10)[0].motion, Some(MotionCommand::Hold));
 }
 
 #[test]
@@ -66,7 +66,7 @@ fn the_limiter_stretches_a_trajectory_that_is_too_fast_and_leaves_others_alone()
     let follow = |turn: f64, secs: f64| {
         let mut path = reply(PlanStatus::Ok, turn).trajectory;
         path.points[1].time_secs = secs;
-        let outputs = limited(MotionCommand::Follow(path.clone())).make(Gesture::WristExtension, 10);
+        let outputs = limited(MotionCommand::Follow(path.clone())).make(Command::WristExtension, 10);
         (path, outputs[0].motion.clone())
     };
     let (path, passed) = follow(0.3, 1.0);
@@ -81,9 +81,9 @@ fn the_limiter_stretches_a_trajectory_that_is_too_fast_and_leaves_others_alone()
     // What is no number, or does not fit, stops the arm.
     let (mut path, _) = follow(0.3, 1.0);
     path.points[1].q[2] = f64::NAN;
-    let outputs = limited(MotionCommand::Follow(path)).make(Gesture::WristExtension, 10);
+    let outputs = limited(MotionCommand::Follow(path)).make(Command::WristExtension, 10);
     assert_eq!(outputs[0].motion, Some(MotionCommand::Hold));
-    let outputs = limited(MotionCommand::Velocity(joints(&[0.1]))).make(Gesture::WristExtension, 10);
+    let outputs = limited(MotionCommand::Velocity(joints(&[0.1]))).make(Command::WristExtension, 10);
     assert_eq!(outputs[0].motion, Some(MotionCommand::Hold));
 }
 
@@ -95,8 +95,8 @@ fn stop(reason: &str) -> Option<Stop> {
 
 #[test]
 fn the_dead_man_holds_while_something_is_dead_and_says_what() {
-    let mut rig = Rig::with(Box::new(DeadMan::new(Says(velocity(0.1)))));
-    assert_eq!(rig.make(Gesture::WristExtension, 10)[0].motion, Some(velocity(0.1)));
+    let mut rig = Rig::with(Box::new(DeadManSwitch::new(Says(velocity(0.1)))));
+    assert_eq!(rig.make(Command::WristExtension, 10)[0].motion, Some(velocity(0.1)));
     rig.stop = stop("the armband is silent");
     assert_eq!(rig.run(10)[0].motion, Some(MotionCommand::Hold));
     assert_eq!(rig.refusal(), "the armband is silent");
@@ -109,7 +109,7 @@ fn a_limb_is_not_followed_while_something_is_dead() {
     let mut profile = Profile::named("default").expect("ships");
     profile.level = "below_elbow".to_owned();
     let mut rig = Rig::with(build("A", &profile, &model()).expect("drives the wrist"));
-    rig.limb = Some(START.iter().map(|q| q + 0.3).collect());
+    rig.limb = Some(START_RAD.iter().map(|q| q + 0.3).collect());
     assert!(matches!(rig.run(10)[0].motion, Some(MotionCommand::Velocity(_))));
     rig.stop = stop("the limb tracker is silent");
     assert_eq!(rig.run(10)[0].motion, Some(MotionCommand::Hold));
@@ -121,8 +121,8 @@ fn a_limb_is_not_followed_while_something_is_dead() {
 #[test]
 fn defect_75_in_default_silence_of_the_armband_stops_an_arm_that_follows_a_plan() {
     let mut rig = Rig::new("D", "default");
-    rig.make(Gesture::NoMotion, 50);
-    rig.make(Gesture::WristExtension, 10);
+    rig.make(Command::NoMotion, 50);
+    rig.make(Command::WristExtension, 10);
     rig.plan = Some(reply(PlanStatus::Ok, 0.3));
     assert!(matches!(rig.run(10)[0].motion, Some(MotionCommand::Follow(_))));
     rig.stop = stop("the armband is silent");
@@ -133,14 +133,14 @@ fn defect_75_in_default_silence_of_the_armband_stops_an_arm_that_follows_a_plan(
 fn a_blend_mixes_the_speeds_and_moves_nothing_that_the_person_does_not_move() {
     let blend = Blend::new(Says(velocity(0.2)), Says(velocity(0.4)), 0.25);
     let mut rig = Rig::with(Box::new(blend));
-    let Some(MotionCommand::Velocity(speeds)) = rig.make(Gesture::WristExtension, 10)[0].motion.clone()
+    let Some(MotionCommand::Velocity(speeds)) = rig.make(Command::WristExtension, 10)[0].motion.clone()
     else {
         panic!("speeds were expected")
     };
     assert!(speeds.iter().all(|speed| (speed - 0.25).abs() < 1e-12), "{speeds:?}");
-    assert_eq!(rig.make(Gesture::NoMotion, 10)[0].motion, Some(MotionCommand::Hold));
+    assert_eq!(rig.make(Command::NoMotion, 10)[0].motion, Some(MotionCommand::Hold));
     let mut stopped = Rig::with(Box::new(Blend::new(Says(MotionCommand::Hold), Says(velocity(0.4)), 1.0)));
-    assert_eq!(stopped.make(Gesture::WristExtension, 10)[0].motion, Some(MotionCommand::Hold));
+    assert_eq!(stopped.make(Command::WristExtension, 10)[0].motion, Some(MotionCommand::Hold));
 }
 
 /// Any number that a broken sensor or process may give.
@@ -152,8 +152,8 @@ fn number() -> impl Strategy<Value = f64> {
     ]
 }
 
-fn gesture() -> impl Strategy<Value = Gesture> {
-    prop::sample::select(Gesture::ALL.to_vec())
+fn gesture() -> impl Strategy<Value = Command> {
+    prop::sample::select(Command::ALL.to_vec())
 }
 
 /// Time since the point before, angles and speeds.
@@ -252,12 +252,12 @@ proptest! {
     fn every_gesture_but_the_motion_gestures_stops_the_arm_within_one_step_from_every_state(
         method in prop::sample::select(vec!["A", "B", "C", "D"]),
         history in prop::collection::vec((gesture(), 1..300_u64, 0..3_u8, any::<bool>()), 1..12),
-        stop in prop::sample::select(vec![Gesture::NoMotion, Gesture::HandOpen, Gesture::HandClose]),
+        stop in prop::sample::select(vec![Command::NoMotion, Command::HandOpen, Command::HandClose]),
     ) {
         let mut rig = Rig::new(method, "default");
         for (gesture, ms, plan, holds) in history {
             let holds = holds.then_some(ObjectId(2));
-            rig.hand = HandView { state: if holds.is_some() { HandState::Closed } else { HandState::Open }, holds };
+            rig.hand = HandView { state: if holds.is_some() { HandState::Closed } else { HandState::Open }, held_object: holds };
             rig.plan = match plan {
                 0 => None,
                 1 => Some(reply(PlanStatus::Ok, 0.4)),

@@ -2,17 +2,17 @@
 
 mod common;
 
-use common::{Rig, START, model};
+use common::{Rig, START_RAD, model};
 use proact_control::{ControlError, HandCommand, JogProfile, MotionCommand, Profile, Simultaneous, build};
-use proact_types::{Gesture::HandOpen, InputSource, ObjectId, PlannerView, SimTime, Stop, StopCause};
+use proact_types::{Command::HandOpen, InputSource, ObjectId, PlannerView, SimTime, Stop, StopCause};
 
 /// The default profile in which `drives` move what is named.
 fn profile(drives: &[(&str, &str)]) -> Profile {
     let mut profile = Profile::named("default").expect("embedded");
     let JogProfile::Time { simultaneous, .. } = &mut profile.jog else { panic!("by time") };
     *simultaneous = Some(Simultaneous {
-        hand_at: 0.5,
-        hand_below: 0.3,
+        hand_on_threshold: 0.5,
+        hand_off_threshold: 0.3,
         drives: drives
             .iter()
             .map(|(drive, moves)| (drive.parse().expect("two gestures"), (*moves).to_owned()))
@@ -100,7 +100,7 @@ fn opening_a_hand_that_holds_is_asked_for_twice_where_the_profile_says_so() {
     let mut rig = Rig::with(build("A", &profile, &model()).expect("a profile that fits"));
     rig.drives = vec![-1.0, 0.0, 0.0];
     rig.run(50);
-    rig.hand.holds = Some(ObjectId(0));
+    rig.hand.held_object = Some(ObjectId(0));
     let mut opens = |drive: f64| {
         rig.drives = vec![drive, 0.0, 0.0];
         rig.run(50).iter().any(|output| output.hand == Some(HandCommand::Open))
@@ -138,7 +138,7 @@ fn a_stop_holds_the_arm_whatever_is_driven() {
     assert!(outputs.iter().all(|output| output.hand.is_none()));
     let held = rig.q.clone();
     rig.run(100);
-    assert_eq!((rig.q.clone(), rig.q[0]), (held, START[0]));
+    assert_eq!((rig.q.clone(), rig.q[0]), (held, START_RAD[0]));
 }
 
 #[test]
@@ -158,7 +158,7 @@ fn what_cannot_be_driven_is_refused_with_what_there_is() {
     let number = |at: f64, below: f64| {
         let mut profile = profile(&JOINTS);
         let JogProfile::Time { simultaneous: Some(s), .. } = &mut profile.jog else { panic!("it was set") };
-        (s.hand_at, s.hand_below) = (at, below);
+        (s.hand_on_threshold, s.hand_off_threshold) = (at, below);
         profile.check()
     };
     for (at, below) in [(0.0, 0.0), (1.1, 0.3), (0.5, 0.5), (0.5, -0.1), (f64::NAN, 0.1), (0.5, f64::NAN)] {

@@ -47,7 +47,7 @@ RawRobot read(rust::Str text) {
   for (const Link& link : robot.links) {
     RawLink raw{string(link.name), link.has_inertial, link.mass, pose(link.inertial_pose), link.inertia, {}, {}};
     for (const Collision& c : link.collisions) raw.collisions.push_back(RawCollision{pose(c.pose), shape(c.shape)});
-    for (const Visual& v : link.visuals) raw.visuals.push_back(RawVisual{pose(v.pose), shape(v.shape), v.colour});
+    for (const Visual& v : link.visuals) raw.visuals.push_back(RawVisual{pose(v.pose), shape(v.shape), v.color});
     out.links.push_back(std::move(raw));
   }
   for (const Joint& joint : robot.joints) {

@@ -1,9 +1,9 @@
 //! Joins the tree of links with its semantics into an [`ArmModel`].
 
 use crate::{
-    finding::{Findings, joint as joint_place, link as link_place, list},
-    semantics::{GraspText, Group, Member, Semantics},
-    tree::Tree,
+    finding::{Findings, join_names, joint_location as joint_place, link_location as link_place},
+    srdf::{Group, GroupMember, SrdfGrasp, SrdfModel},
+    tree::LinkTree,
 };
 use proact_arm::{ArmModel, CLOSED_POSE, Grasp, NamedPose, OPEN_POSE};
 use proact_types::{MAX_JOINTS, Vector};
@@ -11,8 +11,8 @@ use proact_types::{MAX_JOINTS, Vector};
 /// The model, if nothing fatal was found on the way.
 pub(crate) fn assemble(
     name: &str,
-    tree: Tree,
-    semantics: Option<Semantics>,
+    tree: LinkTree,
+    semantics: Option<SrdfModel>,
     findings: &mut Findings,
 ) -> Option<ArmModel> {
     let moving = tree.joints.iter().filter(|j| j.kind.moves()).count();
@@ -38,11 +38,11 @@ pub(crate) fn assemble(
         ..Default::default()
     };
     match semantics {
-        Some(semantics) => apply(&mut model, &semantics, findings),
-        None => guess(&mut model),
+        Some(semantics) => apply_semantics(&mut model, &semantics, findings),
+        None => infer_groups(&mut model),
     }
-    allow_neighbours(&mut model);
-    (!findings.fatal()).then_some(model)
+    allow_adjacent_links(&mut model);
+    (!findings.has_error()).then_some(model)
 }
 
 /// Indices of the joints from link `base` to link `tip`; none if `tip` does not hang on `base`.
@@ -59,13 +59,13 @@ pub(crate) fn chain(model: &ArmModel, base: usize, tip: usize) -> Option<Vec<usi
     Some(joints)
 }
 
-fn revolute(model: &ArmModel, joints: impl IntoIterator<Item = usize>) -> Vec<usize> {
+fn moving_joints(model: &ArmModel, joints: impl IntoIterator<Item = usize>) -> Vec<usize> {
     joints.into_iter().filter(|&j| model.joints[j].kind.moves()).collect()
 }
 
 /// Without an SRDF file: the arm runs from the base to the first link at which the tree branches, or to its end;
 /// all that follows is the hand.
-fn guess(model: &mut ArmModel) {
+fn infer_groups(model: &mut ArmModel) {
     let mut link = 0;
     loop {
         let mut below = model.joints.iter().filter(|j| j.parent == link);
@@ -75,14 +75,14 @@ fn guess(model: &mut ArmModel) {
         }
     }
     model.tip = link;
-    model.arm = revolute(model, chain(model, 0, link).unwrap_or_default());
-    model.hand = revolute(model, link..model.joints.len());
+    model.arm = moving_joints(model, chain(model, 0, link).unwrap_or_default());
+    model.hand = moving_joints(model, link..model.joints.len());
 }
 
-fn apply(model: &mut ArmModel, semantics: &Semantics, findings: &mut Findings) {
+fn apply_semantics(model: &mut ArmModel, semantics: &SrdfModel, findings: &mut Findings) {
     let Some((arm, hand, tip)) = roles(semantics, findings) else { return };
-    model.arm = members(model, arm, findings);
-    model.hand = hand.map(|group| members(model, group, findings)).unwrap_or_default();
+    model.arm = group_joints(model, arm, findings);
+    model.hand = hand.map(|group| group_joints(model, group, findings)).unwrap_or_default();
     let last = model.arm.last().map_or(0, |&j| model.joints[j].child);
     model.tip = match tip.map(|name| (name, model.link(name))) {
         Some((_, Ok(tip))) => tip,
@@ -124,17 +124,17 @@ fn apply(model: &mut ArmModel, semantics: &Semantics, findings: &mut Findings) {
 }
 
 /// The grasps, narrow objects first: their hand poses must exist.
-fn add_grasps(model: &mut ArmModel, semantics: &Semantics, findings: &mut Findings) {
+fn add_grasps(model: &mut ArmModel, semantics: &SrdfModel, findings: &mut Findings) {
     let common =
-        semantics.grasp_centre.as_ref().map_or_else(Vector::zeros, |(_, centre)| Vector::from(*centre));
-    for GraspText { grasp, has_centre, place } in &semantics.grasps {
-        let centre = if *has_centre { grasp.centre } else { common };
+        semantics.grasp_centre.as_ref().map_or_else(Vector::zeros, |(_, center)| Vector::from(*center));
+    for SrdfGrasp { grasp, has_centre, location } in &semantics.grasps {
+        let center = if *has_centre { grasp.center } else { common };
         // A hand that is described has these two poses or cannot be used in a trial; that is said there.
         for pose in [&grasp.open_pose, &grasp.closed_pose] {
             let usual = [OPEN_POSE, CLOSED_POSE].contains(&&**pose);
             if let (false, Err(error)) = (usual, model.pose("hand", pose)) {
                 findings.error(
-                    place.clone(),
+                    location.clone(),
                     "its hand pose does not exist",
                     pose.to_string(),
                     error.to_string(),
@@ -142,18 +142,18 @@ fn add_grasps(model: &mut ArmModel, semantics: &Semantics, findings: &mut Findin
                 );
             }
         }
-        model.grasps.push(Grasp { centre, ..grasp.clone() });
+        model.grasps.push(Grasp { center, ..grasp.clone() });
     }
     if model.grasps.is_empty() {
-        model.grasps.push(Grasp { centre: common, ..Grasp::default() });
+        model.grasps.push(Grasp { center: common, ..Grasp::default() });
     }
-    model.grasps.sort_by(|a, b| a.widths[0].total_cmp(&b.widths[0]));
+    model.grasps.sort_by(|a, b| a.width_range_m[0].total_cmp(&b.width_range_m[0]));
     for pair in model.grasps.windows(2) {
-        if pair[0].widths[1] > pair[1].widths[0] {
+        if pair[0].width_range_m[1] > pair[1].width_range_m[0] {
             findings.error(
                 "grasp",
                 "two grasps are for objects of the same width",
-                format!("up to {} and from {} m", pair[0].widths[1], pair[1].widths[0]),
+                format!("up to {} and from {} m", pair[0].width_range_m[1], pair[1].width_range_m[0]),
                 "ranges that do not overlap",
                 "Narrow one of the widths.",
             );
@@ -164,9 +164,9 @@ fn add_grasps(model: &mut ArmModel, semantics: &Semantics, findings: &mut Findin
 /// Arm group, hand group, and the name of the tip link.
 type Roles<'a> = (&'a Group, Option<&'a Group>, Option<&'a str>);
 
-fn roles<'a>(semantics: &'a Semantics, findings: &mut Findings) -> Option<Roles<'a>> {
+fn roles<'a>(semantics: &'a SrdfModel, findings: &mut Findings) -> Option<Roles<'a>> {
     let find = |name: &str| semantics.groups.iter().find(|g| g.name == name);
-    let known = || list(semantics.groups.iter().map(|g| g.name.as_str()));
+    let known = || join_names(semantics.groups.iter().map(|g| g.name.as_str()));
     if let Some(effector) = &semantics.end_effector {
         let others: Vec<&Group> = semantics.groups.iter().filter(|g| g.name != effector.hand).collect();
         let arm = match (&effector.arm, others.as_slice()) {
@@ -201,24 +201,24 @@ fn roles<'a>(semantics: &'a Semantics, findings: &mut Findings) -> Option<Roles<
     }
 }
 
-fn members(model: &ArmModel, group: &Group, findings: &mut Findings) -> Vec<usize> {
-    let place = format!("group \"{}\"", group.name);
+fn group_joints(model: &ArmModel, group: &Group, findings: &mut Findings) -> Vec<usize> {
+    let location = format!("group \"{}\"", group.name);
     let mut out = Vec::new();
     for member in &group.members {
         match member {
-            Member::Joint(name) => match model.joint(name) {
+            GroupMember::Joint(name) => match model.joint(name) {
                 Ok(joint) => out.push(joint),
                 Err(error) => {
                     let remedy = "Correct the name, or take the joint out of the group.";
-                    findings.error(&place, "a joint does not exist", name, error.to_string(), remedy);
+                    findings.error(&location, "a joint does not exist", name, error.to_string(), remedy);
                 }
             },
-            Member::Chain { base, tip } => {
+            GroupMember::Chain { base, tip } => {
                 let ends = model.link(base).ok().zip(model.link(tip).ok());
                 match ends.and_then(|(base, tip)| chain(model, base, tip)) {
                     Some(joints) => out.extend(joints),
                     None => findings.error(
-                        &place,
+                        &location,
                         "the chain does not exist",
                         format!("from \"{base}\" to \"{tip}\""),
                         "two links, the second hanging on the first",
@@ -229,7 +229,7 @@ fn members(model: &ArmModel, group: &Group, findings: &mut Findings) -> Vec<usiz
         }
     }
     // Other readers allow fixed joints in groups; they have no place in a joint vector.
-    revolute(model, out)
+    moving_joints(model, out)
 }
 
 /// Every moving joint belongs to one group, and the arm is a chain that ends at the tip.
@@ -258,9 +258,9 @@ fn check_groups(model: &ArmModel, arm: &str, findings: &mut Findings) {
             );
         }
     }
-    let path = chain(model, 0, model.tip).map(|joints| revolute(model, joints)).unwrap_or_default();
+    let path = chain(model, 0, model.tip).map(|joints| moving_joints(model, joints)).unwrap_or_default();
     if path != model.arm {
-        let names = |joints: &[usize]| list(joints.iter().map(|&j| model.joints[j].name.as_str()));
+        let names = |joints: &[usize]| join_names(joints.iter().map(|&j| model.joints[j].name.as_str()));
         findings.error(
             format!("group \"{arm}\""),
             format!("the arm is not the chain from the base to {}", link_place(&model.links[model.tip].name)),
@@ -273,39 +273,45 @@ fn check_groups(model: &ArmModel, arm: &str, findings: &mut Findings) {
 
 fn add_pose(
     model: &mut ArmModel,
-    state: &crate::semantics::State,
+    state: &crate::srdf::GroupState,
     arm: &Group,
     hand: Option<&Group>,
     findings: &mut Findings,
 ) {
-    let place = format!("pose \"{}\" of group \"{}\"", state.name, state.group);
+    let location = format!("pose \"{}\" of group \"{}\"", state.name, state.group);
     let (role, joints) = if state.group == arm.name {
         ("arm", &model.arm)
     } else if hand.is_some_and(|h| h.name == state.group) {
         ("hand", &model.hand)
     } else {
         let expected = "the arm's or the hand's group";
-        findings.error(place, "its group has no role", &state.group, expected, "Correct or remove the pose.");
+        findings.error(
+            location,
+            "its group has no role",
+            &state.group,
+            expected,
+            "Correct or remove the pose.",
+        );
         return;
     };
     for (name, _) in &state.values {
         if !joints.iter().any(|&j| model.joints[j].name == *name) {
-            let expected = list(joints.iter().map(|&j| model.joints[j].name.as_str()));
+            let expected = join_names(joints.iter().map(|&j| model.joints[j].name.as_str()));
             let remedy = "Correct the name, or remove the angle.";
-            findings.error(&place, "a joint is not in the group", name, expected, remedy);
+            findings.error(&location, "a joint is not in the group", name, expected, remedy);
         }
     }
     let mut angles = Vec::new();
     for &j in joints {
         let joint = &model.joints[j];
-        let Some(angle) = angle(model, j, &state.values) else {
+        let Some(angle) = pose_angle(model, j, &state.values) else {
             let remedy = "Give an angle for every joint of the group.";
-            findings.error(&place, "an angle is missing", "nothing", joint_place(&joint.name), remedy);
+            findings.error(&location, "an angle is missing", "nothing", joint_place(&joint.name), remedy);
             return;
         };
         if angle < joint.limits.lower || angle > joint.limits.upper {
             findings.warning(
-                &place,
+                &location,
                 format!("the angle of {} is out of its limits", joint_place(&joint.name)),
                 format!("{angle} rad"),
                 format!("{} to {} rad", joint.limits.lower, joint.limits.upper),
@@ -318,7 +324,7 @@ fn add_pose(
 }
 
 /// The angle of a joint among those of a pose, rad: what its master's makes it if it follows one, else its own.
-fn angle(model: &ArmModel, joint: usize, values: &[(String, f64)]) -> Option<f64> {
+fn pose_angle(model: &ArmModel, joint: usize, values: &[(String, f64)]) -> Option<f64> {
     let given = |joint: usize| {
         values.iter().find(|(name, _)| *name == model.joints[joint].name).map(|(_, angle)| *angle)
     };
@@ -330,9 +336,9 @@ fn angle(model: &ArmModel, joint: usize, values: &[(String, f64)]) -> Option<f64
 }
 
 /// Neighbours touch at their joint. Every pair appears once, smaller index first, in order.
-fn allow_neighbours(model: &mut ArmModel) {
-    let neighbours = model.joints.iter().map(|j| (j.parent.min(j.child), j.parent.max(j.child)));
-    model.allowed_collisions.extend(neighbours);
+fn allow_adjacent_links(model: &mut ArmModel) {
+    let neighbors = model.joints.iter().map(|j| (j.parent.min(j.child), j.parent.max(j.child)));
+    model.allowed_collisions.extend(neighbors);
     model.allowed_collisions.sort_unstable();
     model.allowed_collisions.dedup();
 }

@@ -61,7 +61,7 @@ pub(crate) mod ffi {
     struct RawVisual {
         pose: RawPose,
         shape: RawShape,
-        colour: [f64; 4],
+        color: [f64; 4],
     }
 
     #[derive(Clone, Debug)]

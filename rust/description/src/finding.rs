@@ -1,6 +1,6 @@
 //! What is wrong, or doubtful, about a description.
 
-use crate::bounds::MOST_FINDINGS;
+use crate::size_limits::MAX_FINDINGS;
 use serde::Serialize;
 use std::{fmt, path::PathBuf};
 
@@ -32,7 +32,8 @@ pub struct Finding {
     /// How bad it is.
     pub severity: Severity,
     /// Where: such as `joint "elbow"`.
-    pub place: String,
+    #[serde(rename = "place")]
+    pub location: String,
     /// Line of that element in the file, where it is known.
     pub line: Option<u32>,
     /// What is wrong, one clause.
@@ -47,7 +48,7 @@ pub struct Finding {
 
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}", self.severity, self.place)?;
+        write!(f, "{}: {}", self.severity, self.location)?;
         if let Some(line) = self.line {
             write!(f, " (line {line})")?;
         }
@@ -68,7 +69,7 @@ pub enum DescriptionError {
         source: std::io::Error,
     },
     /// The description is not usable; every error is listed.
-    #[error("{}", listed(findings))]
+    #[error("{}", error_list(findings))]
     Invalid {
         /// All findings, the errors among them.
         findings: Vec<Finding>,
@@ -102,7 +103,7 @@ pub enum DescriptionError {
     Unknown(#[from] proact_arm::ArmModelError),
 }
 
-fn listed(findings: &[Finding]) -> String {
+fn error_list(findings: &[Finding]) -> String {
     let errors: Vec<String> =
         findings.iter().filter(|f| f.severity == Severity::Error).map(Finding::to_string).collect();
     errors.join("\n")
@@ -116,44 +117,44 @@ impl Findings {
     /// Notes an error; the description will be refused when all of it has been looked at.
     pub(crate) fn error(
         &mut self,
-        place: impl Into<String>,
+        location: impl Into<String>,
         problem: impl Into<String>,
         got: impl fmt::Display,
         expected: impl Into<String>,
         remedy: impl Into<String>,
     ) {
-        self.add(Severity::Error, place, problem, got, expected, remedy);
+        self.add(Severity::Error, location, problem, got, expected, remedy);
     }
 
     /// Notes something doubtful.
     pub(crate) fn warning(
         &mut self,
-        place: impl Into<String>,
+        location: impl Into<String>,
         problem: impl Into<String>,
         got: impl fmt::Display,
         expected: impl Into<String>,
         remedy: impl Into<String>,
     ) {
-        self.add(Severity::Warning, place, problem, got, expected, remedy);
+        self.add(Severity::Warning, location, problem, got, expected, remedy);
     }
 
     /// Notes something of either kind.
     pub(crate) fn add(
         &mut self,
         severity: Severity,
-        place: impl Into<String>,
+        location: impl Into<String>,
         problem: impl Into<String>,
         got: impl fmt::Display,
         expected: impl Into<String>,
         remedy: impl Into<String>,
     ) {
         // An error must not get lost behind warnings: it decides.
-        if self.is_full() && (severity != Severity::Error || self.fatal()) {
+        if self.is_full() && (severity != Severity::Error || self.has_error()) {
             return;
         }
         self.0.push(Finding {
             severity,
-            place: place.into(),
+            location: location.into(),
             line: None,
             problem: problem.into(),
             got: got.to_string(),
@@ -164,27 +165,27 @@ impl Findings {
 
     /// True if no more findings are kept, so that a reader may as well stop.
     pub(crate) fn is_full(&self) -> bool {
-        self.0.len() >= MOST_FINDINGS
+        self.0.len() >= MAX_FINDINGS
     }
 
     /// True if an error was noted.
-    pub(crate) fn fatal(&self) -> bool {
+    pub(crate) fn has_error(&self) -> bool {
         self.0.iter().any(|f| f.severity == Severity::Error)
     }
 }
 
 /// `link "name"`, the place of a finding.
-pub(crate) fn link(name: &str) -> String {
+pub(crate) fn link_location(name: &str) -> String {
     format!("link \"{name}\"")
 }
 
 /// `joint "name"`, the place of a finding.
-pub(crate) fn joint(name: &str) -> String {
+pub(crate) fn joint_location(name: &str) -> String {
     format!("joint \"{name}\"")
 }
 
 /// Text of a list for messages; says so when it is empty.
-pub(crate) fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+pub(crate) fn join_names<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     let names: Vec<&str> = names.into_iter().collect();
     if names.is_empty() { "none".to_owned() } else { names.join(", ") }
 }

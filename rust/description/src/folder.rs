@@ -13,14 +13,14 @@ use std::{
 /// The folders of the arms that ship with the program.
 #[derive(RustEmbed)]
 #[folder = "../../ros1_ws/src/proact_description/arms/"]
-struct Shipped;
+struct EmbeddedArms;
 
 /// The package that these folders belong to, as mesh addresses have it.
-const PACKAGE: &str = "package://proact_description/arms/";
+const PACKAGE_URI: &str = "package://proact_description/arms/";
 /// What says how the arm is shown and driven.
 pub(crate) const SETTINGS_FILE: &str = "arm.toml";
 /// Largest mesh file, bytes: far above what a page draws at once.
-const LARGEST_MESH: u64 = 64 << 20;
+const MAX_MESH_BYTES: u64 = 64 << 20;
 /// How far up a ROS package may begin above an arm's folder.
 const PACKAGE_DEPTH: usize = 4;
 
@@ -44,12 +44,12 @@ pub struct ArmFolder {
 #[non_exhaustive]
 pub enum FolderError {
     /// No description, or several.
-    #[error("{} has {count} files *.{ending}, expected {expected}", folder.display())]
+    #[error("{} has {count} files *.{extension}, expected {expected}", folder.display())]
     Files {
         /// The folder.
         folder: PathBuf,
         /// `urdf` or `srdf`.
-        ending: &'static str,
+        extension: &'static str,
         /// How many there are.
         count: usize,
         /// How many there may be.
@@ -58,7 +58,7 @@ pub enum FolderError {
     /// A mesh that the description names is not there.
     #[error(
         "{}: link {link} has the mesh {file}, which is not there; expected it at {}, where \
-         there {}", folder.display(), expected.display(), neighbours(expected)
+         there {}", folder.display(), expected.display(), directory_listing(expected)
     )]
     Mesh {
         /// The arm's folder.
@@ -91,7 +91,7 @@ pub enum FolderError {
 impl ArmFolder {
     /// Names of the arms that ship with the program.
     pub fn shipped_names() -> Vec<String> {
-        let settings = Shipped::iter();
+        let settings = EmbeddedArms::iter();
         settings
             .filter_map(|file| Some(file.strip_suffix(&format!("/{SETTINGS_FILE}"))?.to_owned()))
             .collect()
@@ -102,15 +102,15 @@ impl ArmFolder {
         let mut names = Self::shipped_names().into_iter();
         let name = names.find(|own| own == name || aliases(own).iter().any(|alias| alias == name))?;
         let text = |file: &str| {
-            let bytes = Shipped::get(&format!("{name}/{file}"))?.data.into_owned();
+            let bytes = EmbeddedArms::get(&format!("{name}/{file}"))?.data.into_owned();
             String::from_utf8(bytes).ok()
         };
         let (urdf, srdf, settings) = (text("arm.urdf")?, text("arm.srdf"), text(SETTINGS_FILE));
         let mut folder = Self { name: name.clone(), urdf, srdf, settings, meshes: BTreeMap::new() };
-        let addresses = folder.model().ok().map(|model| addresses(&model)).unwrap_or_default();
+        let addresses = folder.model().ok().map(|model| mesh_uris(&model)).unwrap_or_default();
         for address in addresses.into_keys() {
-            let path = address.strip_prefix(PACKAGE)?;
-            folder.meshes.insert(address.clone(), Shipped::get(path)?.data);
+            let path = address.strip_prefix(PACKAGE_URI)?;
+            folder.meshes.insert(address.clone(), EmbeddedArms::get(path)?.data);
         }
         Some(folder)
     }
@@ -137,9 +137,9 @@ impl ArmFolder {
         };
         let model = folder.model();
         let model = model.map_err(|source| FolderError::Description { path: path.to_owned(), source })?;
-        for (address, link) in addresses(&model) {
+        for (address, link) in mesh_uris(&model) {
             let (bytes, _) = read_mesh(&whole, &address).map_err(|failed| match failed {
-                MeshFailure::NotThere(expected) => {
+                MeshFailure::NotFound(expected) => {
                     FolderError::Mesh { folder: path.to_owned(), link, file: address.clone(), expected }
                 }
                 MeshFailure::File(path, source) => FolderError::File { path, source },
@@ -184,7 +184,7 @@ impl ArmFolder {
 }
 
 fn aliases(shipped: &str) -> Vec<String> {
-    let file = Shipped::get(&format!("{shipped}/{SETTINGS_FILE}"));
+    let file = EmbeddedArms::get(&format!("{shipped}/{SETTINGS_FILE}"));
     let text = file.and_then(|file| String::from_utf8(file.data.into_owned()).ok());
     text.as_deref().map(settings::aliases).unwrap_or_default()
 }
@@ -200,7 +200,7 @@ pub fn collect_meshes(
     let (mut files, mut missing): (BTreeMap<String, Vec<u8>>, Vec<String>) = Default::default();
     let mut moved: BTreeMap<String, String> = BTreeMap::new();
     let whole = from.canonicalize().unwrap_or_else(|_| from.to_owned());
-    for address in addresses(model).into_keys() {
+    for address in mesh_uris(model).into_keys() {
         let mut above = whole.ancestors().skip(1).take(PACKAGE_DEPTH);
         let Some((bytes, path)) = above.find_map(|folder| read_mesh(folder, &address).ok()) else {
             missing.push(address);
@@ -231,7 +231,7 @@ pub fn collect_meshes(
 }
 
 /// The file `arm.toml` of an arm of which nothing is known but `model`: to be filled in.
-pub fn settings_text(model: &ArmModel) -> String {
+pub fn settings_template(model: &ArmModel) -> String {
     let quoted = |text: &str| toml::Value::from(text).to_string();
     let mut text = format!(
         "# How the arm is shown and driven: docs/arms.md.\ntitle = {}\n# \"right\" or \"left\".\nside = \"right\"\n\
@@ -253,7 +253,7 @@ pub fn mesh_id(bytes: &[u8]) -> String {
 }
 
 /// Addresses of the meshes of `model`, each with a link that has it.
-pub fn addresses(model: &ArmModel) -> BTreeMap<String, String> {
+pub fn mesh_uris(model: &ArmModel) -> BTreeMap<String, String> {
     let of_link = |link: &proact_arm::Link| {
         let name = link.name.clone();
         let file = move |visual: &proact_arm::Visual| match &visual.geometry {
@@ -268,7 +268,7 @@ pub fn addresses(model: &ArmModel) -> BTreeMap<String, String> {
 /// Why a mesh is not read.
 pub(crate) enum MeshFailure {
     /// Where it was expected.
-    NotThere(PathBuf),
+    NotFound(PathBuf),
     /// A file that cannot be read.
     File(PathBuf, io::Error),
 }
@@ -285,15 +285,15 @@ pub(crate) fn read_mesh(folder: &Path, address: &str) -> Result<(Vec<u8>, PathBu
     let expected = folder.join(below);
     let package = folder.ancestors().take(PACKAGE_DEPTH).find(|above| above.join("package.xml").is_file());
     let tails = below.match_indices('/').map(|(at, _)| folder.join(&below[at + 1..]));
-    let mut places =
+    let mut locations =
         [expected.clone()].into_iter().chain(package.map(|above| above.join(below))).chain(tails);
-    let Some(path) = places.find(|path| path.is_file()) else {
-        return Err(MeshFailure::NotThere(expected));
+    let Some(path) = locations.find(|path| path.is_file()) else {
+        return Err(MeshFailure::NotFound(expected));
     };
     let failed = |source| MeshFailure::File(path.clone(), source);
     let length = fs::metadata(&path).map_err(failed)?.len();
-    if length > LARGEST_MESH {
-        let source = io::Error::other(format!("it has {length} bytes, expected at most {LARGEST_MESH}"));
+    if length > MAX_MESH_BYTES {
+        let source = io::Error::other(format!("it has {length} bytes, expected at most {MAX_MESH_BYTES}"));
         return Err(MeshFailure::File(path, source));
     }
     let bytes = fs::read(&path).map_err(failed)?;
@@ -305,9 +305,9 @@ pub(crate) fn read_mesh(folder: &Path, address: &str) -> Result<(Vec<u8>, PathBu
 /// # Errors
 /// [`FolderError::Files`] for none or several, [`FolderError::File`] for a folder that cannot be read.
 pub fn arm_files(folder: &Path) -> Result<(PathBuf, Option<PathBuf>), FolderError> {
-    let (mut urdf, mut srdf) = (files(folder, "urdf")?, files(folder, "srdf")?);
+    let (mut urdf, mut srdf) = (files_with_extension(folder, "urdf")?, files_with_extension(folder, "srdf")?);
     let wrong = |ending, count, expected| {
-        Err(FolderError::Files { folder: folder.to_owned(), ending, count, expected })
+        Err(FolderError::Files { folder: folder.to_owned(), extension: ending, count, expected })
     };
     if urdf.len() != 1 {
         return wrong("urdf", urdf.len(), "one");
@@ -319,7 +319,7 @@ pub fn arm_files(folder: &Path) -> Result<(PathBuf, Option<PathBuf>), FolderErro
 }
 
 /// Files of `folder` with this ending, by name.
-fn files(folder: &Path, ending: &str) -> Result<Vec<PathBuf>, FolderError> {
+fn files_with_extension(folder: &Path, ending: &str) -> Result<Vec<PathBuf>, FolderError> {
     let failed = |source| FolderError::File { path: folder.to_owned(), source };
     let entries = fs::read_dir(folder).map_err(failed)?;
     let mut found = BTreeSet::new();
@@ -333,7 +333,7 @@ fn files(folder: &Path, ending: &str) -> Result<Vec<PathBuf>, FolderError> {
 }
 
 /// What there is where a file was expected.
-fn neighbours(expected: &Path) -> String {
+fn directory_listing(expected: &Path) -> String {
     let folder = expected.parent().unwrap_or(Path::new("."));
     let Ok(entries) = fs::read_dir(folder) else { return "is no such folder".to_owned() };
     let mut names: Vec<String> =

@@ -5,7 +5,7 @@ use crate::{
     write::grasp_element,
     xml,
 };
-use proact_arm::{ArmModel, Grasp, NamedPose, Pinch};
+use proact_arm::{ArmModel, Grasp, NamedPose, PinchGrasp};
 use roxmltree::Node;
 use std::fmt::Write;
 
@@ -18,12 +18,12 @@ use std::fmt::Write;
 pub fn with_pinch(
     srdf: &str,
     model: &ArmModel,
-    pinch: &Pinch,
+    pinch: &PinchGrasp,
     note: &str,
 ) -> Result<String, DescriptionError> {
     let mut findings = Findings::default();
     let remedy = "Give the SRDF file of the arm.";
-    let document = xml::document(srdf, "SRDF", "one robot element", remedy, &mut findings);
+    let document = xml::parse_document(srdf, "SRDF", "one robot element", remedy, &mut findings);
     let Some(document) = document.filter(|document| document.root_element().has_tag_name("robot")) else {
         return Err(DescriptionError::Invalid { findings: findings.0 });
     };
@@ -40,7 +40,7 @@ pub fn with_pinch(
         return Err(DescriptionError::Invalid { findings: findings.0 });
     };
     let mut edits: Vec<(std::ops::Range<usize>, String)> = Vec::new();
-    let mut remove = |node: Node<'_, '_>| edits.push((with_note(srdf, node), String::new()));
+    let mut remove = |node: Node<'_, '_>| edits.push((range_with_comment(srdf, node), String::new()));
     for node in of_tag("group_state") {
         let named = |pose: &NamedPose| node.attribute("name") == Some(&pose.name);
         if node.attribute("group") == Some(group) && (named(&pinch.open) || named(&pinch.closed)) {
@@ -53,7 +53,7 @@ pub fn with_pinch(
         }
     }
     for node in of_tag("grasp").filter(|n| n.attribute("closed") != Some(&pinch.closed.name)) {
-        let Some(widths) = cut(node.attribute("widths"), &pinch.grasp) else { continue };
+        let Some(widths) = trimmed_widths(node.attribute("widths"), &pinch.grasp) else { continue };
         match node.attribute_node("widths") {
             Some(value) => edits.push((value.range_value(), widths)),
             None => {
@@ -63,7 +63,7 @@ pub fn with_pinch(
         }
     }
     let end = srdf.rfind("</robot>").unwrap_or(srdf.len());
-    edits.push((end..end, elements(model, pinch, group, note)));
+    edits.push((end..end, pinch_elements(model, pinch, group, note)));
     // From the end, so that earlier ranges stay valid.
     edits.sort_by_key(|(range, _)| std::cmp::Reverse(range.start));
     let mut out = srdf.to_owned();
@@ -74,7 +74,7 @@ pub fn with_pinch(
 }
 
 /// The range of an element with its line, with the comment right above it, and the empty lines before.
-fn with_note(text: &str, node: Node<'_, '_>) -> std::ops::Range<usize> {
+fn range_with_comment(text: &str, node: Node<'_, '_>) -> std::ops::Range<usize> {
     let mut start = node.range().start;
     if let Some(blank) = node.prev_sibling().filter(Node::is_text)
         && blank.text().is_some_and(|t| t.trim().is_empty() && t.matches('\n').count() == 1)
@@ -89,23 +89,26 @@ fn with_note(text: &str, node: Node<'_, '_>) -> std::ops::Range<usize> {
 }
 
 /// What is left of the `widths` of another grasp, as text; none if that stays as it is. It keeps the wider part.
-fn cut(widths: Option<&str>, new: &Grasp) -> Option<String> {
-    let usual = Grasp::default().widths;
+fn trimmed_widths(widths: Option<&str>, new: &Grasp) -> Option<String> {
+    let usual = Grasp::default().width_range_m;
     let read = |text: &str| {
-        let mut numbers = text.split_whitespace().map(crate::semantics::number);
+        let mut numbers = text.split_whitespace().map(crate::srdf::number);
         Some([numbers.next()??, numbers.next()??])
     };
     let [low, high] = widths.and_then(read).unwrap_or(usual);
-    let overlaps = low < new.widths[1] && new.widths[0] < high;
+    let overlaps = low < new.width_range_m[1] && new.width_range_m[0] < high;
     if !overlaps {
         return None;
     }
-    let [low, high] =
-        if high > new.widths[1] { [new.widths[1], high] } else { [low.min(new.widths[0]), new.widths[0]] };
+    let [low, high] = if high > new.width_range_m[1] {
+        [new.width_range_m[1], high]
+    } else {
+        [low.min(new.width_range_m[0]), new.width_range_m[0]]
+    };
     Some(format!("{low} {high}"))
 }
 
-fn elements(model: &ArmModel, pinch: &Pinch, group: &str, note: &str) -> String {
+fn pinch_elements(model: &ArmModel, pinch: &PinchGrasp, group: &str, note: &str) -> String {
     let mut out = String::new();
     // A comment must not contain two dashes.
     let note = note.replace("--", "- -");

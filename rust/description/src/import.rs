@@ -1,7 +1,7 @@
 //! A lab's own arm, as URDF or SDF, into a checked description.
 
 use crate::{
-    DescriptionError, Finding, Report, check, examine,
+    DescriptionError, DescriptionReport, Finding, check, examine,
     finding::{Findings, Severity},
     sdf, write, xml,
 };
@@ -9,7 +9,7 @@ use proact_arm::ArmModel;
 
 /// What [`import`] made.
 #[derive(Clone, Debug)]
-pub struct Imported {
+pub struct ImportedArm {
     /// The model.
     pub model: ArmModel,
     /// Its URDF text.
@@ -17,7 +17,7 @@ pub struct Imported {
     /// Its SRDF text; groups are called `arm` and `hand`.
     pub srdf: String,
     /// What was found on the way and in the result.
-    pub report: Report,
+    pub report: DescriptionReport,
 }
 
 /// Turns the text of a URDF file, or of an SDF file with one model, into a description that passes [`check`].
@@ -27,12 +27,14 @@ pub struct Imported {
 ///
 /// # Errors
 /// [`DescriptionError::Invalid`] with all findings, if one of them is an error.
-pub fn import(text: &str, srdf: Option<&str>) -> Result<Imported, DescriptionError> {
+pub fn import(text: &str, srdf: Option<&str>) -> Result<ImportedArm, DescriptionError> {
     let mut findings = Findings::default();
-    let text = without_preamble(text, &mut findings);
+    let text = strip_preamble(text, &mut findings);
     let urdf = if is_sdf(text) {
         match sdf::read(text, &mut findings) {
-            Some(parts) if !findings.fatal() => write::urdf(&parts.name, &parts.links, &parts.joints, &[]),
+            Some(parts) if !findings.has_error() => {
+                write::urdf(&parts.name, &parts.links, &parts.joints, &[])
+            }
             _ => return Err(DescriptionError::Invalid { findings: findings.0 }),
         }
     } else {
@@ -44,28 +46,31 @@ pub fn import(text: &str, srdf: Option<&str>) -> Result<Imported, DescriptionErr
         return Err(DescriptionError::Invalid { findings: findings.0 });
     };
     if srdf.is_none() {
-        allow_inside_hand(&mut model);
+        allow_hand_self_contact(&mut model);
     }
     let (urdf, srdf) = (write::to_urdf(&model), write::to_srdf(&model));
     // What is handed out is what was checked: the texts are read once more.
     let mut report = check(&urdf, Some(&srdf));
-    let news: Vec<Finding> = more.into_iter().filter(|f| !same_anywhere(f, &report.findings)).collect();
-    report.findings.extend(findings.0.into_iter().chain(news));
+    let new_findings: Vec<Finding> =
+        more.into_iter().filter(|f| !is_known_finding(f, &report.findings)).collect();
+    report.findings.extend(findings.0.into_iter().chain(new_findings));
     report.findings.sort_by_key(|f| f.severity);
     // Such as a joint without a name, which the model can hold and the text cannot.
     if !report.usable {
         return Err(DescriptionError::Invalid { findings: report.findings });
     }
-    Ok(Imported { model, urdf, srdf, report })
+    Ok(ImportedArm { model, urdf, srdf, report })
 }
 
 /// Lines move when the text is written anew, so findings are compared without them.
-fn same_anywhere(finding: &Finding, others: &[Finding]) -> bool {
-    others.iter().any(|o| o.place == finding.place && o.problem == finding.problem && o.got == finding.got)
+fn is_known_finding(finding: &Finding, others: &[Finding]) -> bool {
+    others
+        .iter()
+        .any(|o| o.location == finding.location && o.problem == finding.problem && o.got == finding.got)
 }
 
 /// The text from its XML declaration on. Some published models have a comment before it, which XML forbids.
-fn without_preamble<'a>(text: &'a str, findings: &mut Findings) -> &'a str {
+fn strip_preamble<'a>(text: &'a str, findings: &mut Findings) -> &'a str {
     let text = text.trim_start_matches('\u{feff}');
     let Some(start) = text.find("<?xml") else { return text };
     let preamble = text[..start].trim();
@@ -87,12 +92,12 @@ fn without_preamble<'a>(text: &'a str, findings: &mut Findings) -> &'a str {
 
 fn is_sdf(text: &str) -> bool {
     // Text that is refused is refused by the reader of URDF, which says why.
-    let document = xml::document(text, "", "", "", &mut Findings::default());
+    let document = xml::parse_document(text, "", "", "", &mut Findings::default());
     document.is_some_and(|d| d.root_element().has_tag_name("sdf"))
 }
 
 /// Fingers are allowed to touch each other and the palm.
-fn allow_inside_hand(model: &mut ArmModel) {
+fn allow_hand_self_contact(model: &mut ArmModel) {
     let tip = model.tip;
     let mut hand = vec![tip];
     for joint in &model.joints {

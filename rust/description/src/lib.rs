@@ -14,7 +14,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod assemble;
-mod bounds;
+mod size_limits;
 // The generated half of the bridge is unsafe; what is written by hand here is signatures.
 #[allow(unsafe_code)]
 mod bridge;
@@ -26,18 +26,18 @@ mod lint;
 mod mirror;
 mod report;
 mod sdf;
-mod semantics;
 mod settings;
+mod srdf;
 mod tree;
 mod write;
 mod xml;
 
 pub use finding::{DescriptionError, Finding, Severity};
-pub use folder::{ArmFolder, FolderError, addresses, arm_files, collect_meshes, mesh_id, settings_text};
+pub use folder::{ArmFolder, FolderError, arm_files, collect_meshes, mesh_id, mesh_uris, settings_template};
 pub use grasps::with_pinch;
-pub use import::{Imported, import};
+pub use import::{ImportedArm, import};
 pub use mirror::mirror;
-pub use report::{Report, Summary, check};
+pub use report::{DescriptionReport, DescriptionSummary, check};
 pub use write::{to_srdf, to_urdf};
 
 use finding::Findings;
@@ -62,19 +62,19 @@ pub const MPL_LEFT_ARM_SRDF: &str =
 
 /// The MPL left arm: the mirror image of [`mpl_right_arm`].
 pub fn mpl_left_arm() -> ArmModel {
-    shipped("mpl_left")
+    embedded_arm("mpl_left")
 }
 
 /// The MPL right arm: 7 arm and 20 hand joints, base `base_link`.
 pub fn mpl_right_arm() -> ArmModel {
-    shipped("mpl_right")
+    embedded_arm("mpl_right")
 }
 
 /// The arm of that name that ships with the program.
 ///
 /// # Panics
 /// If there is none.
-fn shipped(name: &str) -> ArmModel {
+fn embedded_arm(name: &str) -> ArmModel {
     let folder = ArmFolder::shipped(name).expect("ships with the program");
     folder.model().expect("a test reads the shipped descriptions")
 }
@@ -101,7 +101,7 @@ pub fn left_arm_texts() -> Result<(String, String), DescriptionError> {
 /// # Errors
 /// [`DescriptionError::Invalid`] with every error found, not only the first.
 pub fn parse(urdf: &str, srdf: &str) -> Result<ArmModel, DescriptionError> {
-    parse_either(urdf, Some(srdf))
+    parse_description(urdf, Some(srdf))
 }
 
 /// Reads a description from the text of a URDF file alone.
@@ -112,7 +112,7 @@ pub fn parse(urdf: &str, srdf: &str) -> Result<ArmModel, DescriptionError> {
 /// # Errors
 /// As [`parse`].
 pub fn parse_urdf(urdf: &str) -> Result<ArmModel, DescriptionError> {
-    parse_either(urdf, None)
+    parse_description(urdf, None)
 }
 
 /// `root_from_link` of every link of `model` at the moving joints' angles `q`, rad, by the tree and the arithmetic of
@@ -143,7 +143,7 @@ pub fn urdfdom_link_poses(urdf: &str, model: &ArmModel, q: &[f64]) -> Result<Vec
 pub fn load(urdf: &Path, srdf: Option<&Path>) -> Result<ArmModel, DescriptionError> {
     let urdf = read_text(urdf)?;
     let srdf = srdf.map(read_text).transpose()?;
-    parse_either(&urdf, srdf.as_deref())
+    parse_description(&urdf, srdf.as_deref())
 }
 
 /// The part of `model` that hangs on link `base`, with the arm ending at link `tip`.
@@ -222,11 +222,11 @@ pub fn select_chain(model: &ArmModel, base: &str, tip: &str) -> Result<ArmModel,
 /// [`DescriptionError::Read`] for a file that cannot be read, is no text, or is longer than any description.
 pub fn read_text(path: &Path) -> Result<String, DescriptionError> {
     std::fs::File::open(path)
-        .and_then(|file| proact_types::read_text(file, bounds::LONGEST_TEXT))
+        .and_then(|file| proact_types::read_text(file, size_limits::MAX_TEXT_BYTES))
         .map_err(|source| DescriptionError::Read { path: path.to_owned(), source })
 }
 
-fn parse_either(urdf: &str, srdf: Option<&str>) -> Result<ArmModel, DescriptionError> {
+fn parse_description(urdf: &str, srdf: Option<&str>) -> Result<ArmModel, DescriptionError> {
     let (model, findings) = examine(urdf, srdf);
     model.ok_or(DescriptionError::Invalid { findings })
 }
@@ -235,9 +235,9 @@ fn parse_either(urdf: &str, srdf: Option<&str>) -> Result<ArmModel, DescriptionE
 /// is an error.
 fn examine(urdf: &str, srdf: Option<&str>) -> (Option<ArmModel>, Vec<Finding>) {
     let mut findings = Findings::default();
-    let semantics = srdf.map(|text| semantics::read(text, &mut findings));
+    let semantics = srdf.map(|text| srdf::read(text, &mut findings));
     let mut model = None;
-    if lint::urdf(urdf, &mut findings) {
+    if lint::check_urdf(urdf, &mut findings) {
         match bridge::ffi::read(urdf) {
             Ok(raw) => {
                 let tree = tree::build(&raw, &mut findings);
@@ -250,7 +250,7 @@ fn examine(urdf: &str, srdf: Option<&str>) -> (Option<ArmModel>, Vec<Finding>) {
         }
     }
     let mut findings = findings.0;
-    lint::locate(urdf, &mut findings);
+    lint::add_line_numbers(urdf, &mut findings);
     // Worst first; findings of one kind stay in the order of the file.
     findings.sort_by_key(|f| f.severity);
     (model, findings)

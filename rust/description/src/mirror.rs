@@ -36,7 +36,8 @@ const NAME_ATTRIBUTES: &[&str] = &[
 pub fn mirror(text: &str) -> Result<String, DescriptionError> {
     let mut findings = Findings::default();
     let remedy = "Correct the file at that place.";
-    let Some(document) = xml::document(text, "description", "URDF or SRDF", remedy, &mut findings) else {
+    let Some(document) = xml::parse_document(text, "description", "URDF or SRDF", remedy, &mut findings)
+    else {
         return Err(DescriptionError::Invalid { findings: findings.0 });
     };
     let mut edits = Vec::new();
@@ -44,10 +45,10 @@ pub fn mirror(text: &str) -> Result<String, DescriptionError> {
         if node.is_comment() {
             edits.push((whole_line(text, node.range()), String::new()));
         } else if node.is_element() {
-            edit(node, &mut edits, &mut findings);
+            collect_edits(node, &mut edits, &mut findings);
         }
     }
-    if findings.fatal() {
+    if findings.has_error() {
         return Err(DescriptionError::Invalid { findings: findings.0 });
     }
 
@@ -61,7 +62,7 @@ pub fn mirror(text: &str) -> Result<String, DescriptionError> {
 }
 
 /// A name with its side swapped.
-fn other_side(name: &str) -> String {
+fn swap_sides(name: &str) -> String {
     // The placeholder cannot be part of a name.
     name.replace("right", "\u{0}").replace("left", "right").replace('\u{0}', "left")
 }
@@ -74,11 +75,11 @@ fn whole_line(text: &str, range: Range<usize>) -> Range<usize> {
     before..end
 }
 
-fn edit(node: Node<'_, '_>, edits: &mut Vec<(Range<usize>, String)>, findings: &mut Findings) {
+fn collect_edits(node: Node<'_, '_>, edits: &mut Vec<(Range<usize>, String)>, findings: &mut Findings) {
     let tag = node.tag_name().name();
     let mut flip = |attribute: &str, signs: [bool; 3]| {
         let Some(value) = node.attribute_node(attribute) else { return };
-        match flipped(value.value(), signs) {
+        match negate_components(value.value(), signs) {
             Some(text) => edits.push((value.range_value(), text)),
             None => findings.error(
                 format!("<{tag}> at line {}", xml::line_of(node)),
@@ -101,11 +102,11 @@ fn edit(node: Node<'_, '_>, edits: &mut Vec<(Range<usize>, String)>, findings: &
                 flip(vector, [false, true, false]);
             }
             if let Some(value) = node.attribute_node("roll") {
-                edits.push((value.range_value(), negated(value.value())));
+                edits.push((value.range_value(), negate(value.value())));
             }
             // From the other end, so that the smaller one stays first.
             if let Some(value) = node.attribute_node("roll_range") {
-                let range: Vec<String> = value.value().split_whitespace().rev().map(negated).collect();
+                let range: Vec<String> = value.value().split_whitespace().rev().map(negate).collect();
                 edits.push((value.range_value(), range.join(" ")));
             }
         }
@@ -118,7 +119,7 @@ fn edit(node: Node<'_, '_>, edits: &mut Vec<(Range<usize>, String)>, findings: &
         "inertia" => {
             for attribute in ["ixy", "iyz"] {
                 if let Some(value) = node.attribute_node(attribute) {
-                    edits.push((value.range_value(), negated(value.value())));
+                    edits.push((value.range_value(), negate(value.value())));
                 }
             }
         }
@@ -126,24 +127,24 @@ fn edit(node: Node<'_, '_>, edits: &mut Vec<(Range<usize>, String)>, findings: &
     }
     if tag != "material" {
         for attribute in node.attributes().filter(|a| NAME_ATTRIBUTES.contains(&a.name())) {
-            edits.push((attribute.range_value(), other_side(attribute.value())));
+            edits.push((attribute.range_value(), swap_sides(attribute.value())));
         }
     }
 }
 
 /// Three numbers, with the sign of some of them changed; none if they are not three finite numbers.
-fn flipped(value: &str, signs: [bool; 3]) -> Option<String> {
-    crate::semantics::vector(value)?;
+fn negate_components(value: &str, signs: [bool; 3]) -> Option<String> {
+    crate::srdf::vector(value)?;
     let words = value.split_whitespace().zip(signs);
-    let words: Vec<String> = words.map(|(w, flip)| if flip { negated(w) } else { w.to_owned() }).collect();
+    let words: Vec<String> = words.map(|(w, flip)| if flip { negate(w) } else { w.to_owned() }).collect();
     Some(words.join(" "))
 }
 
-fn negated(number: &str) -> String {
+fn negate(number: &str) -> String {
     let number = number.trim();
     match number.strip_prefix('-') {
         Some(positive) => positive.to_owned(),
-        None if crate::semantics::number(number) == Some(0.0) => number.to_owned(),
+        None if crate::srdf::number(number) == Some(0.0) => number.to_owned(),
         None => format!("-{}", number.trim_start_matches('+')),
     }
 }

@@ -6,18 +6,18 @@ use std::fmt;
 
 /// What [`check`] found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Report {
+pub struct DescriptionReport {
     /// True if there is no error: the description can be used.
     pub usable: bool,
     /// What it describes, if it could be read.
-    pub summary: Option<Summary>,
+    pub summary: Option<DescriptionSummary>,
     /// Errors, then warnings, then notes, each kind in the order of reading.
     pub findings: Vec<Finding>,
 }
 
 /// What a usable description describes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Summary {
+pub struct DescriptionSummary {
     /// Name of the robot.
     pub robot: String,
     /// Number of links.
@@ -38,11 +38,11 @@ pub struct Summary {
 
 /// Reads a description and reports all that is wrong, doubtful or noteworthy; without SRDF text the groups are
 /// found as in [`crate::parse_urdf`].
-pub fn check(urdf: &str, srdf: Option<&str>) -> Report {
+pub fn check(urdf: &str, srdf: Option<&str>) -> DescriptionReport {
     let (model, findings) = examine(urdf, srdf);
     let summary = model.map(|model| {
         let names = |joints: &[usize]| joints.iter().map(|&j| model.joints[j].name.clone()).collect();
-        Summary {
+        DescriptionSummary {
             robot: model.name.clone(),
             links: model.links.len(),
             arm: names(&model.arm),
@@ -53,17 +53,17 @@ pub fn check(urdf: &str, srdf: Option<&str>) -> Report {
             poses: model.poses.iter().map(|p| format!("{}/{}", p.group, p.name)).collect(),
         }
     });
-    Report { usable: summary.is_some(), summary, findings }
+    DescriptionReport { usable: summary.is_some(), summary, findings }
 }
 
-impl Report {
+impl DescriptionReport {
     /// How many findings are of this kind.
     pub fn count(&self, severity: Severity) -> usize {
         self.findings.iter().filter(|f| f.severity == severity).count()
     }
 }
 
-impl fmt::Display for Report {
+impl fmt::Display for DescriptionReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(s) = &self.summary {
             writeln!(

@@ -6,9 +6,9 @@
 //! the joint's frame.
 
 use crate::{
-    finding::{Findings, Severity, joint as joint_place, link as link_place, list},
+    finding::{Findings, Severity, join_names, joint_location as joint_place, link_location as link_place},
     lint,
-    semantics::{number, vector},
+    srdf::{number, vector},
     xml,
 };
 use nalgebra::{Translation3, UnitQuaternion};
@@ -19,26 +19,26 @@ use roxmltree::Node;
 /// SDF's way of saying that a joint has no limit, rad.
 const UNLIMITED: f64 = 1e16;
 /// Drawn where the file only names a material of Gazebo's own.
-const GREY: [f64; 4] = [0.6, 0.6, 0.6, 1.0];
+const GRAY: [f64; 4] = [0.6, 0.6, 0.6, 1.0];
 
 /// A model's parts; `parent` and `child` of the joints index into the links, the first of which is the base.
-pub(crate) struct Parts {
+pub(crate) struct SdfModel {
     pub(crate) name: String,
     pub(crate) links: Vec<Link>,
     pub(crate) joints: Vec<Joint>,
 }
 
 /// A link with the place of its frame: after conversion, that of the joint which moves it.
-struct Placed {
+struct SdfLink {
     link: Link,
     model_from_sdf_link: Pose,
     model_from_link: Pose,
 }
 
 /// Reads the first model of an SDF text; what cannot be converted becomes a finding.
-pub(crate) fn read(text: &str, findings: &mut Findings) -> Option<Parts> {
+pub(crate) fn read(text: &str, findings: &mut Findings) -> Option<SdfModel> {
     let remedy = "Correct the file at that place.";
-    let document = xml::document(text, "SDF", "one sdf element", remedy, findings)?;
+    let document = xml::parse_document(text, "SDF", "one sdf element", remedy, findings)?;
     let sdf = document.root_element();
     let version = sdf.attribute("version").and_then(number);
     let models: Vec<Node<'_, '_>> = sdf.descendants().filter(|n| n.has_tag_name("model")).collect();
@@ -55,28 +55,28 @@ pub(crate) fn read(text: &str, findings: &mut Findings) -> Option<Parts> {
     if lint::has_too_many_parts(*model, "SDF", findings) {
         return None;
     }
-    say_what_is_left_out(*model, findings);
+    note_ignored_elements(*model, findings);
 
     let name = model.attribute("name").unwrap_or("arm").to_owned();
-    let mut placed: Vec<Placed> = children(*model, "link").map(|node| read_link(node, findings)).collect();
+    let mut placed: Vec<SdfLink> = children(*model, "link").map(|node| read_link(node, findings)).collect();
     let mut joints = Vec::new();
     for node in children(*model, "joint") {
         joints.extend(read_joint(node, version, &mut placed, findings));
     }
-    if findings.fatal() {
+    if findings.has_error() {
         return None;
     }
     Some(assemble(name, placed, joints, findings))
 }
 
 /// Puts the base in front, and origins into the parents' frames.
-fn assemble(name: String, placed: Vec<Placed>, mut joints: Vec<Joint>, findings: &mut Findings) -> Parts {
+fn assemble(name: String, placed: Vec<SdfLink>, mut joints: Vec<Joint>, findings: &mut Findings) -> SdfModel {
     let roots: Vec<usize> = (0..placed.len()).filter(|&l| joints.iter().all(|j| j.child != l)).collect();
     if roots.len() != 1 {
         findings.error(
             format!("model \"{name}\""),
             "the links are not one tree",
-            list(roots.iter().map(|&l| placed[l].link.name.as_str())),
+            join_names(roots.iter().map(|&l| placed[l].link.name.as_str())),
             "one link that hangs on no other",
             "Connect the parts by joints, or split the model.",
         );
@@ -108,10 +108,10 @@ fn assemble(name: String, placed: Vec<Placed>, mut joints: Vec<Joint>, findings:
         friction: 0.0,
     }));
     let links = std::iter::once(base).chain(placed.into_iter().map(|p| p.link)).collect();
-    Parts { name, links, joints }
+    SdfModel { name, links, joints }
 }
 
-fn say_what_is_left_out(model: Node<'_, '_>, findings: &mut Findings) {
+fn note_ignored_elements(model: Node<'_, '_>, findings: &mut Findings) {
     for (tag, what) in [
         ("sensor", "sensors"),
         ("plugin", "plugins"),
@@ -136,27 +136,27 @@ fn say_what_is_left_out(model: Node<'_, '_>, findings: &mut Findings) {
     }
 }
 
-fn read_link(node: Node<'_, '_>, findings: &mut Findings) -> Placed {
+fn read_link(node: Node<'_, '_>, findings: &mut Findings) -> SdfLink {
     let name = node.attribute("name").unwrap_or_default().to_owned();
-    let place = link_place(&name);
+    let location = link_place(&name);
     let inertial = child(node, "inertial").map(|inertial| {
         let entry = |key: &str, findings: &mut Findings| match child(inertial, "inertia") {
-            Some(inertia) => value(inertia, key, None, &place, findings),
-            None => value(inertial, "inertia", None, &place, findings),
+            Some(inertia) => number_in(inertia, key, None, &location, findings),
+            None => number_in(inertial, "inertia", None, &location, findings),
         };
         Inertial {
-            mass: value(inertial, "mass", None, &place, findings),
-            pose: pose(inertial, &place, findings),
+            mass: number_in(inertial, "mass", None, &location, findings),
+            pose: pose(inertial, &location, findings),
             inertia: ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"].map(|key| entry(key, findings)),
         }
     });
     let mut collisions = Vec::new();
     for collision in children(node, "collision") {
-        let pose = pose(collision, &place, findings);
-        match geometry(collision, &place, findings) {
+        let pose = pose(collision, &location, findings);
+        match geometry(collision, &location, findings) {
             Some(VisualGeometry::Shape(shape)) => collisions.push(CollisionShape { pose, shape }),
             Some(VisualGeometry::Mesh { file, .. }) => findings.error(
-                &place,
+                &location,
                 "a mesh cannot be used for collision",
                 file,
                 "box, cylinder or sphere",
@@ -167,31 +167,37 @@ fn read_link(node: Node<'_, '_>, findings: &mut Findings) -> Placed {
     }
     let mut visuals = Vec::new();
     for visual in children(node, "visual") {
-        let pose = pose(visual, &place, findings);
-        if let Some(geometry) = geometry(visual, &place, findings) {
-            visuals.push(Visual { pose, geometry, colour: colour(visual) });
+        let pose = pose(visual, &location, findings);
+        if let Some(geometry) = geometry(visual, &location, findings) {
+            visuals.push(Visual { pose, geometry, color: color(visual) });
         }
     }
-    let model_from_link = pose(node, &place, findings);
+    let model_from_link = pose(node, &location, findings);
     let link = Link { name, inertial, collisions, visuals };
-    Placed { link, model_from_sdf_link: model_from_link, model_from_link }
+    SdfLink { link, model_from_sdf_link: model_from_link, model_from_link }
 }
 
 fn read_joint(
     node: Node<'_, '_>,
     version: f64,
-    placed: &mut [Placed],
+    placed: &mut [SdfLink],
     findings: &mut Findings,
 ) -> Option<Joint> {
     let name = node.attribute("name").unwrap_or_default().to_owned();
-    let place = joint_place(&name);
+    let location = joint_place(&name);
     let kind = match node.attribute("type") {
         Some("fixed") => JointKind::Fixed,
         Some("revolute") => JointKind::Revolute,
         other => {
             let remedy = "Make it fixed, or model the part with revolute joints.";
             let expected = "revolute or fixed";
-            findings.error(&place, "the type is not supported", other.unwrap_or("nothing"), expected, remedy);
+            findings.error(
+                &location,
+                "the type is not supported",
+                other.unwrap_or("nothing"),
+                expected,
+                remedy,
+            );
             return None;
         }
     };
@@ -203,9 +209,9 @@ fn read_joint(
         let wanted = text(node, role).unwrap_or_default();
         let found = placed.iter().position(|p| p.link.name == wanted);
         if found.is_none() {
-            let expected = list(placed.iter().map(|p| p.link.name.as_str()));
+            let expected = join_names(placed.iter().map(|p| p.link.name.as_str()));
             let problem = format!("its {role} link does not exist");
-            findings.error(&place, problem, format!("\"{wanted}\""), expected, "Correct the name.");
+            findings.error(&location, problem, format!("\"{wanted}\""), expected, "Correct the name.");
         }
         found
     };
@@ -213,7 +219,7 @@ fn read_joint(
     let (parent, child_link) = (parent?, child_link?);
 
     // The child's frame moves to the joint; what is fixed to the child stays where it is.
-    let link_from_joint = pose(node, &place, findings);
+    let link_from_joint = pose(node, &location, findings);
     let moved = &mut placed[child_link];
     moved.model_from_link = moved.model_from_sdf_link * link_from_joint;
     let joint_from_link = link_from_joint.inverse();
@@ -239,44 +245,56 @@ fn read_joint(
         return Some(joint);
     }
     let Some(axis) = child(node, "axis") else {
-        findings.error(&place, "a revolute joint needs an axis", "nothing", "<axis>", "Add the axis.");
+        findings.error(&location, "a revolute joint needs an axis", "nothing", "<axis>", "Add the axis.");
         return None;
     };
     let direction = text(axis, "xyz").and_then(vector).map(Vector::from).filter(|v| v.norm() > 1e-9);
     let Some(direction) = direction else {
         let got = text(axis, "xyz").unwrap_or("nothing");
         let remedy = "Give the direction about which the joint turns.";
-        findings.error(&place, "the axis has no direction", got, "three numbers, not all zero", remedy);
+        findings.error(&location, "the axis has no direction", got, "three numbers, not all zero", remedy);
         return None;
     };
     let in_model = version < 1.5 || matches!(text(axis, "use_parent_model_frame"), Some("1" | "true"));
     joint.axis = if in_model { model_from_joint.inverse() * direction } else { direction }.normalize();
     if let Some(limit) = child(axis, "limit") {
         joint.limits = JointLimits {
-            lower: value(limit, "lower", Some(-UNLIMITED), &place, findings),
-            upper: value(limit, "upper", Some(UNLIMITED), &place, findings),
+            lower: number_in(limit, "lower", Some(-UNLIMITED), &location, findings),
+            upper: number_in(limit, "upper", Some(UNLIMITED), &location, findings),
             // SDF writes -1 for "no limit"; zero makes the check ask for a number.
-            velocity: value(limit, "velocity", Some(0.0), &place, findings).max(0.0),
-            effort: value(limit, "effort", Some(0.0), &place, findings).max(0.0),
+            velocity: number_in(limit, "velocity", Some(0.0), &location, findings).max(0.0),
+            effort: number_in(limit, "effort", Some(0.0), &location, findings).max(0.0),
         };
     }
     let limits = joint.limits;
     if child(axis, "limit").is_none() || limits.lower <= -UNLIMITED || limits.upper >= UNLIMITED {
         let got = "none, or 1e16";
-        findings.error(&place, "the joint has no limits", got, "<lower> and <upper>", "Give its range, rad.");
+        findings.error(
+            &location,
+            "the joint has no limits",
+            got,
+            "<lower> and <upper>",
+            "Give its range, rad.",
+        );
     }
     if let Some(dynamics) = child(axis, "dynamics") {
-        joint.damping = value(dynamics, "damping", Some(0.0), &place, findings);
-        joint.friction = value(dynamics, "friction", Some(0.0), &place, findings);
+        joint.damping = number_in(dynamics, "damping", Some(0.0), &location, findings);
+        joint.friction = number_in(dynamics, "friction", Some(0.0), &location, findings);
     }
     Some(joint)
 }
 
-fn geometry(node: Node<'_, '_>, place: &str, findings: &mut Findings) -> Option<VisualGeometry> {
+fn geometry(node: Node<'_, '_>, location: &str, findings: &mut Findings) -> Option<VisualGeometry> {
     let shape = child(node, "geometry").and_then(|g| g.children().find(Node::is_element));
     let Some(shape) = shape else {
         let remedy = "Give one shape, or remove the element.";
-        findings.error(place, "a shape is missing", "no <geometry>", "box, cylinder, sphere or mesh", remedy);
+        findings.error(
+            location,
+            "a shape is missing",
+            "no <geometry>",
+            "box, cylinder, sphere or mesh",
+            remedy,
+        );
         return None;
     };
     let mut vector_of = |key: &str, default: Option<[f64; 3]>| {
@@ -284,7 +302,13 @@ fn geometry(node: Node<'_, '_>, place: &str, findings: &mut Findings) -> Option<
         let read = found.map_or(default, vector);
         if read.is_none() {
             let got = found.unwrap_or("nothing");
-            findings.error(place, format!("{key} is not usable"), got, "three finite numbers", "Correct it.");
+            findings.error(
+                location,
+                format!("{key} is not usable"),
+                got,
+                "three finite numbers",
+                "Correct it.",
+            );
         }
         read
     };
@@ -294,26 +318,32 @@ fn geometry(node: Node<'_, '_>, place: &str, findings: &mut Findings) -> Option<
             scale: vector_of("scale", Some([1.0; 3]))?,
             file: text(shape, "uri").unwrap_or_default().to_owned(),
         },
-        "sphere" => {
-            VisualGeometry::Shape(Shape::Sphere { radius: value(shape, "radius", None, place, findings) })
-        }
+        "sphere" => VisualGeometry::Shape(Shape::Sphere {
+            radius: number_in(shape, "radius", None, location, findings),
+        }),
         "cylinder" => VisualGeometry::Shape(Shape::Cylinder {
-            radius: value(shape, "radius", None, place, findings),
-            length: value(shape, "length", None, place, findings),
+            radius: number_in(shape, "radius", None, location, findings),
+            length: number_in(shape, "length", None, location, findings),
         }),
         other => {
             let remedy = "Replace it by primitives.";
-            findings.error(place, "a shape is not supported", other, "box, cylinder, sphere or mesh", remedy);
+            findings.error(
+                location,
+                "a shape is not supported",
+                other,
+                "box, cylinder, sphere or mesh",
+                remedy,
+            );
             return None;
         }
     })
 }
 
-fn colour(visual: Node<'_, '_>) -> [f64; 4] {
+fn color(visual: Node<'_, '_>) -> [f64; 4] {
     let numbers = child(visual, "material")
         .and_then(|m| text(m, "diffuse").or_else(|| text(m, "ambient")))
         .map(|words| words.split_whitespace().filter_map(number).collect::<Vec<f64>>());
-    numbers.and_then(|n| n.try_into().ok()).unwrap_or(GREY)
+    numbers.and_then(|n| n.try_into().ok()).unwrap_or(GRAY)
 }
 
 fn children<'a, 'i>(node: Node<'a, 'i>, tag: &'static str) -> impl Iterator<Item = Node<'a, 'i>> {
@@ -329,21 +359,27 @@ fn text<'a>(node: Node<'a, '_>, tag: &str) -> Option<&'a str> {
 }
 
 /// The number in child `tag`, or `default` if there is no such child; anything else is an error.
-fn value(node: Node<'_, '_>, tag: &str, default: Option<f64>, place: &str, findings: &mut Findings) -> f64 {
+fn number_in(
+    node: Node<'_, '_>,
+    tag: &str,
+    default: Option<f64>,
+    location: &str,
+    findings: &mut Findings,
+) -> f64 {
     let found = text(node, tag);
     match (found.map(number), default) {
         (Some(Some(number)), _) => number,
         (None, Some(default)) => default,
         _ => {
             let got = found.unwrap_or("nothing");
-            findings.error(place, format!("<{tag}> is not usable"), got, "a finite number", "Correct it.");
+            findings.error(location, format!("<{tag}> is not usable"), got, "a finite number", "Correct it.");
             0.0
         }
     }
 }
 
 /// x y z roll pitch yaw; the identity if it is not given.
-fn pose(node: Node<'_, '_>, place: &str, findings: &mut Findings) -> Pose {
+fn pose(node: Node<'_, '_>, location: &str, findings: &mut Findings) -> Pose {
     let Some(words) = text(node, "pose") else { return Pose::identity() };
     let numbers: Option<Vec<f64>> = words.split_whitespace().map(number).collect();
     match numbers.as_deref() {
@@ -351,7 +387,7 @@ fn pose(node: Node<'_, '_>, place: &str, findings: &mut Findings) -> Pose {
             Pose::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_euler_angles(roll, pitch, yaw))
         }
         _ => {
-            findings.error(place, "a pose is not usable", words, "x y z roll pitch yaw", "Correct it.");
+            findings.error(location, "a pose is not usable", words, "x y z roll pitch yaw", "Correct it.");
             Pose::identity()
         }
     }

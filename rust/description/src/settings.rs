@@ -1,14 +1,14 @@
 //! The file `arm.toml` of an arm's folder.
 
 use crate::{DescriptionError, folder::SETTINGS_FILE};
-use proact_arm::{ArmModel, ArmSettings, JointEntry, JointGains, Side, Stand, is_named};
+use proact_arm::{ArmModel, ArmSettings, FixedBase, JointEntry, JointGains, Side, matches_short_name};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
 /// Furthest that a base may stand from the box, metres.
-const FURTHEST: f64 = 10.0;
+const MAX_BASE_OFFSET_M: f64 = 10.0;
 /// Largest gain, SI units.
-const STRONGEST_GAIN: f64 = 1e6;
+const MAX_GAIN: f64 = 1e6;
 
 /// What may stand in the file.
 #[derive(Clone, Debug, Default, Deserialize)]
@@ -17,12 +17,15 @@ struct ArmFile {
     title: String,
     side: Side,
     aliases: Vec<String>,
-    gripper: Vec<String>,
-    cycle: Vec<String>,
+    #[serde(rename = "gripper")]
+    grasp_contact_links: Vec<String>,
+    #[serde(rename = "cycle")]
+    joint_cycle: Vec<String>,
     levels: BTreeMap<String, Vec<String>>,
     joints: Vec<JointEntry>,
     controllers: BTreeMap<String, JointGains>,
-    stand: Option<Stand>,
+    #[serde(rename = "stand")]
+    fixed_base: Option<FixedBase>,
 }
 
 /// Writes what `text` says into `model`, and checks every name against it.
@@ -32,7 +35,7 @@ struct ArmFile {
 pub(crate) fn apply(model: &mut ArmModel, text: &str) -> Result<(), DescriptionError> {
     let file: ArmFile = toml::from_str(text).map_err(|error| {
         let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
-        refused(format!("line {line}: {}", error.message().replace(['`', '\n'], " ")))
+        settings_error(format!("line {line}: {}", error.message().replace(['`', '\n'], " ")))
     })?;
     let names = |joints: &mut dyn Iterator<Item = usize>| -> Vec<String> {
         joints.map(|joint| model.joints[joint].name.clone()).collect()
@@ -40,43 +43,63 @@ pub(crate) fn apply(model: &mut ArmModel, text: &str) -> Result<(), DescriptionE
     let (arm, moving) = (names(&mut model.arm.iter().copied()), names(&mut model.moving()));
     let links: Vec<String> = model.links.iter().map(|link| link.name.clone()).collect();
     let known = |what: &str, name: &str, names: &[String]| {
-        if names.iter().any(|full| is_named(full, name)) {
+        if names.iter().any(|full| matches_short_name(full, name)) {
             return Ok(());
         }
-        Err(refused(format!("{what} {name:?} is not in the arm; expected one of {}", names.join(", "))))
+        Err(settings_error(format!(
+            "{what} {name:?} is not in the arm; expected one of {}",
+            names.join(", ")
+        )))
     };
     for entry in &file.joints {
         known("joint", &entry.joint, &arm)?;
         if entry.we_sign.abs() != 1 {
             let (joint, sign) = (&entry.joint, entry.we_sign);
-            return Err(refused(format!("we_sign of joint {joint:?} is {sign}, expected 1 or -1")));
+            return Err(settings_error(format!("we_sign of joint {joint:?} is {sign}, expected 1 or -1")));
         }
     }
-    for name in file.cycle.iter().chain(file.levels.values().flatten()) {
+    for name in file.joint_cycle.iter().chain(file.levels.values().flatten()) {
         known("joint", name, &arm)?;
     }
     for (name, gains) in &file.controllers {
         known("joint", name, &moving)?;
-        if let Some(gain) = [gains.p, gains.d].into_iter().find(|gain| !(0.0..=STRONGEST_GAIN).contains(gain))
-        {
-            let expected = format!("expected 0 to {STRONGEST_GAIN}");
-            return Err(refused(format!("a gain of joint {name:?} is {gain}, {expected}")));
+        if let Some(gain) = [gains.p, gains.d].into_iter().find(|gain| !(0.0..=MAX_GAIN).contains(gain)) {
+            let expected = format!("expected 0 to {MAX_GAIN}");
+            return Err(settings_error(format!("a gain of joint {name:?} is {gain}, {expected}")));
         }
     }
-    for name in &file.gripper {
+    for name in &file.grasp_contact_links {
         known("link", name, &links)?;
     }
-    if let Some(stand) = &file.stand
-        && !stand.xyz.iter().all(|metres| metres.abs() <= FURTHEST)
+    if let Some(stand) = &file.fixed_base
+        && !stand.xyz.iter().all(|meters| meters.abs() <= MAX_BASE_OFFSET_M)
     {
         let got = format!("{:?}", stand.xyz.coords.as_slice());
-        return Err(refused(format!(
-            "stand.xyz is {got}, expected three numbers of -{FURTHEST} to {FURTHEST} m"
+        return Err(settings_error(format!(
+            "stand.xyz is {got}, expected three numbers of -{MAX_BASE_OFFSET_M} to {MAX_BASE_OFFSET_M} m"
         )));
     }
-    let ArmFile { title, side, gripper, cycle, levels, joints, controllers, stand, aliases: _ } = file;
+    let ArmFile {
+        title,
+        side,
+        grasp_contact_links: gripper,
+        joint_cycle: cycle,
+        levels,
+        joints,
+        controllers,
+        fixed_base: stand,
+        aliases: _,
+    } = file;
     model.side = side;
-    model.settings = ArmSettings { title, cycle, levels, joints, controllers, gripper, stand };
+    model.settings = ArmSettings {
+        title,
+        joint_cycle: cycle,
+        levels,
+        joints,
+        controllers,
+        grasp_contact_links: gripper,
+        fixed_base: stand,
+    };
     Ok(())
 }
 
@@ -85,6 +108,6 @@ pub(crate) fn aliases(text: &str) -> Vec<String> {
     toml::from_str(text).map(|file: ArmFile| file.aliases).unwrap_or_default()
 }
 
-fn refused(problem: String) -> DescriptionError {
+fn settings_error(problem: String) -> DescriptionError {
     DescriptionError::Settings { file: SETTINGS_FILE, problem }
 }

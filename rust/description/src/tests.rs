@@ -18,9 +18,12 @@ fn the_embedded_right_arm_is_read_in_the_order_that_everyone_relies_on() {
     assert_eq!(names[26], "mpl_right_arm__thumb3");
     assert_eq!(arm.links[arm.tip].name, "mpl_right_arm__wristz_link");
     let of_blocks = arm.grasp_for(0.05);
-    assert!((of_blocks.centre - proact_types::Vector::new(0.0145, -0.0825, -0.091)).norm() < 1e-15);
+    assert!((of_blocks.center - proact_types::Vector::new(0.0145, -0.0825, -0.091)).norm() < 1e-15);
     let usual = proact_arm::Grasp::default();
-    assert_eq!(*of_blocks, proact_arm::Grasp { widths: of_blocks.widths, centre: of_blocks.centre, ..usual });
+    assert_eq!(
+        *of_blocks,
+        proact_arm::Grasp { width_range_m: of_blocks.width_range_m, center: of_blocks.center, ..usual }
+    );
     assert_eq!(arm.joints[0].kind, JointKind::Fixed);
     assert_eq!(arm.pose("arm", "start").unwrap()[0], 1.029);
 }

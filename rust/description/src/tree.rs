@@ -1,14 +1,14 @@
 //! From urdfdom's links and joints to an ordered tree, each part judged on the way.
 
 use crate::{
-    bounds::{
-        DEEPEST, FASTEST, HEAVIEST, LARGEST_ANGLE, LIGHTEST, LONGEST, MOST_INERTIA, SHORTEST, STRONGEST,
-        at_most,
-    },
     bridge::ffi::{
         JointKind as RawJointKind, RawJoint, RawLink, RawPose, RawRobot, RawShape, ShapeKind as RawShapeKind,
     },
-    finding::{Findings, joint as joint_place, link as link_place, list},
+    finding::{Findings, join_names, joint_location as joint_place, link_location as link_place},
+    size_limits::{
+        MAX_ANGLE_RAD, MAX_CHAIN_DEPTH, MAX_EFFORT, MAX_INERTIA_KG_M2, MAX_LENGTH_M, MAX_MASS_KG,
+        MAX_VELOCITY_RAD_PER_S, MIN_LENGTH_M, MIN_MASS_KG, check_at_most,
+    },
 };
 use nalgebra::{Matrix3, Quaternion, Translation3, UnitQuaternion};
 use proact_arm::{
@@ -18,21 +18,21 @@ use proact_types::{Pose, Shape, Vector};
 use std::collections::BTreeMap;
 
 /// Below this length, metres or none, an axis has no direction.
-const SHORTEST_AXIS: f64 = 1e-9;
+const MIN_AXIS_NORM: f64 = 1e-9;
 /// Share by which principal moments may break the triangle inequality: files round to about five digits.
-const TRIANGLE_SLACK: f64 = 1e-3;
+const TRIANGLE_TOLERANCE: f64 = 1e-3;
 /// Efforts from here on, N m, are placeholders: no prosthesis or lab arm reaches them.
 const PLACEHOLDER_EFFORT: f64 = 5000.0;
 
 /// Links, parent before child, and joints by child: joint `k` moves link `k + 1`.
-pub(crate) struct Tree {
+pub(crate) struct LinkTree {
     pub(crate) links: Vec<Link>,
     pub(crate) joints: Vec<Joint>,
     pub(crate) mimics: Vec<Mimic>,
 }
 
 /// Orders the parts depth first, siblings by the joint's name, and judges each of them.
-pub(crate) fn build(raw: &RawRobot, findings: &mut Findings) -> Tree {
+pub(crate) fn build(raw: &RawRobot, findings: &mut Findings) -> LinkTree {
     let mut children: BTreeMap<&str, Vec<&RawJoint>> = BTreeMap::new();
     let mut parents: BTreeMap<&str, Vec<&RawJoint>> = BTreeMap::new();
     for joint in &raw.joints {
@@ -43,14 +43,14 @@ pub(crate) fn build(raw: &RawRobot, findings: &mut Findings) -> Tree {
         findings.error(
             link_place(child),
             "the link hangs on several joints, so the links form a loop",
-            list(joints.iter().map(|j| j.name.as_str())),
+            join_names(joints.iter().map(|j| j.name.as_str())),
             "one joint per link",
             "Cut the loop: remove all but one of these joints.",
         );
     }
 
     let by_name: BTreeMap<&str, &RawLink> = raw.links.iter().map(|l| (l.name.as_str(), l)).collect();
-    let mut tree = Tree { links: Vec::new(), joints: Vec::new(), mimics: Vec::new() };
+    let mut tree = LinkTree { links: Vec::new(), joints: Vec::new(), mimics: Vec::new() };
     let mut reached: BTreeMap<&str, usize> = BTreeMap::new();
     let mut todo: Vec<(Option<&RawJoint>, &str)> = vec![(None, &raw.root)];
     while let Some((joint, name)) = todo.pop() {
@@ -79,30 +79,30 @@ pub(crate) fn build(raw: &RawRobot, findings: &mut Findings) -> Tree {
     }
     tree.mimics = mimics(raw, &tree.joints, findings);
     check_depth(&tree, findings);
-    warn_about_weightless_ends(&tree, findings);
+    warn_massless_links(&tree, findings);
     tree
 }
 
 /// A chain of more joints than any arm has.
-fn check_depth(tree: &Tree, findings: &mut Findings) {
+fn check_depth(tree: &LinkTree, findings: &mut Findings) {
     let mut depths = vec![0_usize; tree.links.len()];
     for joint in &tree.joints {
         // Parents stand before their children.
         depths[joint.child] = depths[joint.parent] + 1;
     }
-    if let Some(link) = depths.iter().position(|depth| *depth > DEEPEST) {
+    if let Some(link) = depths.iter().position(|depth| *depth > MAX_CHAIN_DEPTH) {
         findings.error(
             link_place(&tree.links[link].name),
             "too many joints lie between it and the base",
             depths[link],
-            format!("at most {DEEPEST}"),
+            format!("at most {MAX_CHAIN_DEPTH}"),
             "Leave out links that are fixed to another one.",
         );
     }
 }
 
 /// A moving part without mass cannot be simulated; kinematics does without.
-fn warn_about_weightless_ends(tree: &Tree, findings: &mut Findings) {
+fn warn_massless_links(tree: &LinkTree, findings: &mut Findings) {
     for joint in tree.joints.iter().filter(|j| j.kind.moves()) {
         // The rigid body that the joint moves: its link and all that is fixed to it. Parents come first.
         let mut body = vec![joint.child];
@@ -123,14 +123,14 @@ fn warn_about_weightless_ends(tree: &Tree, findings: &mut Findings) {
     }
 }
 
-fn pose(raw: &RawPose, place: &str, findings: &mut Findings) -> Pose {
+fn pose(raw: &RawPose, location: &str, findings: &mut Findings) -> Pose {
     let [x, y, z] = raw.position;
     let [qx, qy, qz, qw] = raw.quaternion;
     let quaternion = Quaternion::new(qw, qx, qy, qz);
     let numbers = raw.position.iter().chain(&raw.quaternion);
-    if numbers.clone().any(|v| !v.is_finite()) || quaternion.norm() < SHORTEST_AXIS {
+    if numbers.clone().any(|v| !v.is_finite()) || quaternion.norm() < MIN_AXIS_NORM {
         findings.error(
-            place,
+            location,
             "an origin is not usable",
             format!("position {:?}, quaternion {:?}", raw.position, raw.quaternion),
             "finite numbers",
@@ -139,21 +139,21 @@ fn pose(raw: &RawPose, place: &str, findings: &mut Findings) -> Pose {
         return Pose::identity();
     }
     for value in raw.position {
-        at_most(LONGEST, "m", "a coordinate of an origin", value, place, findings);
+        check_at_most(MAX_LENGTH_M, "m", "a coordinate of an origin", value, location, findings);
     }
     Pose::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_quaternion(quaternion))
 }
 
 fn link(raw: &RawLink, findings: &mut Findings) -> Link {
-    let place = link_place(&raw.name);
-    let inertial = raw.has_inertial.then(|| inertial(raw, &place, findings));
+    let location = link_place(&raw.name);
+    let inertial = raw.has_inertial.then(|| inertial(raw, &location, findings));
     let mut collisions = Vec::new();
     for collision in &raw.collisions {
-        let pose = pose(&collision.pose, &place, findings);
-        match primitive(&collision.shape, &place, findings) {
+        let pose = pose(&collision.pose, &location, findings);
+        match primitive(&collision.shape, &location, findings) {
             Some(shape) => collisions.push(CollisionShape { pose, shape }),
             None => findings.error(
-                &place,
+                &location,
                 "a mesh cannot be used for collision",
                 format!("\"{}\"", collision.shape.file),
                 "box, cylinder or sphere",
@@ -163,16 +163,16 @@ fn link(raw: &RawLink, findings: &mut Findings) -> Link {
     }
     let mut visuals = Vec::new();
     for visual in &raw.visuals {
-        let pose = pose(&visual.pose, &place, findings);
-        let geometry = match primitive(&visual.shape, &place, findings) {
+        let pose = pose(&visual.pose, &location, findings);
+        let geometry = match primitive(&visual.shape, &location, findings) {
             Some(shape) => VisualGeometry::Shape(shape),
             None => VisualGeometry::Mesh { file: visual.shape.file.clone(), scale: visual.shape.size },
         };
-        visuals.push(Visual { pose, geometry, colour: visual.colour });
+        visuals.push(Visual { pose, geometry, color: visual.color });
     }
     if inertial.is_some() && collisions.is_empty() {
         findings.warning(
-            &place,
+            &location,
             "the link has mass but no collision shape, so nothing will notice when it hits something",
             "no <collision>",
             "at least one primitive",
@@ -182,59 +182,65 @@ fn link(raw: &RawLink, findings: &mut Findings) -> Link {
     Link { name: raw.name.clone(), inertial, collisions, visuals }
 }
 
-fn inertial(raw: &RawLink, place: &str, findings: &mut Findings) -> Inertial {
-    let pose = pose(&raw.inertial_pose, place, findings);
+fn inertial(raw: &RawLink, location: &str, findings: &mut Findings) -> Inertial {
+    let pose = pose(&raw.inertial_pose, location, findings);
     if !(raw.mass.is_finite() && raw.mass > 0.0) {
         findings.error(
-            place,
+            location,
             "the mass is not above zero",
             format!("{} kg", raw.mass),
             "a finite number above zero, kg",
             "Weigh the part, or remove its <inertial> if the link is only a frame.",
         );
     }
-    at_most(HEAVIEST, "kg", "the mass", raw.mass, place, findings);
-    if raw.mass > 0.0 && raw.mass < LIGHTEST {
-        let (got, expected) = (format!("{:e} kg", raw.mass), format!("at least {LIGHTEST:e} kg"));
+    check_at_most(MAX_MASS_KG, "kg", "the mass", raw.mass, location, findings);
+    if raw.mass > 0.0 && raw.mass < MIN_MASS_KG {
+        let (got, expected) = (format!("{:e} kg", raw.mass), format!("at least {MIN_MASS_KG:e} kg"));
         let remedy = "Remove its <inertial> if the link is only a frame.";
-        findings.error(place, "the mass is too small to be simulated", got, expected, remedy);
+        findings.error(location, "the mass is too small to be simulated", got, expected, remedy);
     }
     for value in raw.inertia {
-        at_most(MOST_INERTIA, "kg m^2", "a moment of inertia", value, place, findings);
+        check_at_most(MAX_INERTIA_KG_M2, "kg m^2", "a moment of inertia", value, location, findings);
     }
     let [ixx, ixy, ixz, iyy, iyz, izz] = raw.inertia;
     let tensor = Matrix3::new(ixx, ixy, ixz, ixy, iyy, iyz, ixz, iyz, izz);
     if raw.inertia.iter().all(|v| v.is_finite()) {
         let mut moments: [f64; 3] = tensor.symmetric_eigenvalues().into();
         moments.sort_by(f64::total_cmp);
-        let [least, middle, most] = moments;
-        if least <= 0.0 {
+        let [min, middle, max] = moments;
+        if min <= 0.0 {
             findings.error(
-                place,
+                location,
                 "the inertia is not that of a body",
-                format!("principal moments {least:.3e}, {middle:.3e}, {most:.3e} kg m^2"),
+                format!("principal moments {min:.3e}, {middle:.3e}, {max:.3e} kg m^2"),
                 "all three above zero",
                 "Compute the inertia about the centre of mass again; check signs and units.",
             );
-        } else if least + middle < most * (1.0 - TRIANGLE_SLACK) {
+        } else if min + middle < max * (1.0 - TRIANGLE_TOLERANCE) {
             // An engine can integrate this, and exporters write it often, so it is no error.
             findings.warning(
-                place,
+                location,
                 "no body has this inertia: one principal moment exceeds the sum of the others",
-                format!("{least:.3e} + {middle:.3e} < {most:.3e} kg m^2"),
+                format!("{min:.3e} + {middle:.3e} < {max:.3e} kg m^2"),
                 "each at most the sum of the other two",
                 "Compute the inertia about the centre of mass again.",
             );
         }
     } else {
         let got = format!("{:?}", raw.inertia);
-        findings.error(place, "the inertia is not finite", got, "six finite numbers", "Correct the inertia.");
+        findings.error(
+            location,
+            "the inertia is not finite",
+            got,
+            "six finite numbers",
+            "Correct the inertia.",
+        );
     }
     Inertial { mass: raw.mass, pose, inertia: raw.inertia }
 }
 
 /// The primitive that `raw` stands for; none for a mesh.
-fn primitive(raw: &RawShape, place: &str, findings: &mut Findings) -> Option<Shape> {
+fn primitive(raw: &RawShape, location: &str, findings: &mut Findings) -> Option<Shape> {
     let [a, b, c] = raw.size;
     let (shape, kind, lengths) = match raw.kind {
         RawShapeKind::Box => (Shape::Box { size: raw.size }, "box", vec![a, b, c]),
@@ -244,7 +250,7 @@ fn primitive(raw: &RawShape, place: &str, findings: &mut Findings) -> Option<Sha
     };
     if lengths.iter().any(|v| !(v.is_finite() && *v > 0.0)) {
         findings.error(
-            place,
+            location,
             format!("a {kind} has no size"),
             format!("{lengths:?} m"),
             "finite lengths above zero",
@@ -252,11 +258,17 @@ fn primitive(raw: &RawShape, place: &str, findings: &mut Findings) -> Option<Sha
         );
     }
     for &length in &lengths {
-        at_most(LONGEST, "m", &format!("a size of a {kind}"), length, place, findings);
-        if length > 0.0 && length < SHORTEST {
-            let (got, expected) = (format!("{length:e} m"), format!("at least {SHORTEST:e} m"));
+        check_at_most(MAX_LENGTH_M, "m", &format!("a size of a {kind}"), length, location, findings);
+        if length > 0.0 && length < MIN_LENGTH_M {
+            let (got, expected) = (format!("{length:e} m"), format!("at least {MIN_LENGTH_M:e} m"));
             let remedy = "Check the unit: metres.";
-            findings.error(place, format!("a {kind} is too small to touch anything"), got, expected, remedy);
+            findings.error(
+                location,
+                format!("a {kind} is too small to touch anything"),
+                got,
+                expected,
+                remedy,
+            );
         }
     }
     Some(shape)
@@ -276,14 +288,14 @@ fn urdf_name(kind: RawJointKind) -> &'static str {
 }
 
 fn joint(raw: &RawJoint, parent: usize, child: usize, findings: &mut Findings) -> Joint {
-    let place = joint_place(&raw.name);
+    let location = joint_place(&raw.name);
     let kind = match raw.kind {
         RawJointKind::Fixed => JointKind::Fixed,
         RawJointKind::Revolute => JointKind::Revolute,
         RawJointKind::Continuous => JointKind::Continuous,
         other => {
             findings.error(
-                &place,
+                &location,
                 "the type is not supported",
                 urdf_name(other),
                 "revolute, continuous or fixed",
@@ -298,20 +310,20 @@ fn joint(raw: &RawJoint, parent: usize, child: usize, findings: &mut Findings) -
         kind,
         parent,
         child,
-        origin: pose(&raw.origin, &place, findings),
-        axis: if moves { axis(raw, &place, findings) } else { Vector::x() },
-        limits: if moves { limits(raw, kind, &place, findings) } else { JointLimits::default() },
-        damping: loss(raw.damping, "damping", &place, findings),
-        friction: loss(raw.friction, "friction", &place, findings),
+        origin: pose(&raw.origin, &location, findings),
+        axis: if moves { axis(raw, &location, findings) } else { Vector::x() },
+        limits: if moves { limits(raw, kind, &location, findings) } else { JointLimits::default() },
+        damping: checked_dissipation(raw.damping, "damping", &location, findings),
+        friction: checked_dissipation(raw.friction, "friction", &location, findings),
     }
 }
 
-fn axis(raw: &RawJoint, place: &str, findings: &mut Findings) -> Vector {
+fn axis(raw: &RawJoint, location: &str, findings: &mut Findings) -> Vector {
     let axis = Vector::from(raw.axis);
     // Written so that NaN, for which every comparison is false, is refused too.
-    if !(axis.norm() > SHORTEST_AXIS && axis.norm().is_finite()) {
+    if !(axis.norm() > MIN_AXIS_NORM && axis.norm().is_finite()) {
         findings.error(
-            place,
+            location,
             "the axis has no direction",
             format!("{:?}", raw.axis),
             "three finite numbers that are not all zero",
@@ -326,7 +338,7 @@ fn axis(raw: &RawJoint, place: &str, findings: &mut Findings) -> Vector {
 fn mimics(raw: &RawRobot, joints: &[Joint], findings: &mut Findings) -> Vec<Mimic> {
     let mut mimics = Vec::new();
     for follower in raw.joints.iter().filter(|joint| !joint.mimic_joint.is_empty()) {
-        let place = joint_place(&follower.name);
+        let location = joint_place(&follower.name);
         let index = |name: &str| joints.iter().position(|joint| joint.name == name && joint.kind.moves());
         let follows =
             |name: &str| raw.joints.iter().any(|joint| joint.name == name && !joint.mimic_joint.is_empty());
@@ -334,7 +346,7 @@ fn mimics(raw: &RawRobot, joints: &[Joint], findings: &mut Findings) -> Vec<Mimi
         let master = index(&follower.mimic_joint).filter(|_| !follows(&follower.mimic_joint));
         let (Some(joint), Some(master)) = (index(&follower.name), master) else {
             findings.error(
-                place,
+                location,
                 "the joint that it follows is none",
                 format!("<mimic joint=\"{}\">", follower.mimic_joint),
                 "a joint that moves and follows no other",
@@ -345,7 +357,7 @@ fn mimics(raw: &RawRobot, joints: &[Joint], findings: &mut Findings) -> Vec<Mimi
         if !(multiplier.is_finite() && offset.is_finite() && multiplier != 0.0) {
             let (got, remedy) = (format!("multiplier {multiplier}, offset {offset}"), "Correct <mimic>.");
             findings.error(
-                place,
+                location,
                 "the coupling is not usable",
                 got,
                 "finite numbers, the multiplier not zero",
@@ -353,21 +365,21 @@ fn mimics(raw: &RawRobot, joints: &[Joint], findings: &mut Findings) -> Vec<Mimi
             );
             continue;
         }
-        at_most(LARGEST_ANGLE, "", "the multiplier of <mimic>", multiplier, &place, findings);
-        at_most(LARGEST_ANGLE, "rad", "the offset of <mimic>", offset, &place, findings);
+        check_at_most(MAX_ANGLE_RAD, "", "the multiplier of <mimic>", multiplier, &location, findings);
+        check_at_most(MAX_ANGLE_RAD, "rad", "the offset of <mimic>", offset, &location, findings);
         mimics.push(Mimic { joint, master, multiplier, offset });
     }
     mimics
 }
 
-fn limits(raw: &RawJoint, kind: JointKind, place: &str, findings: &mut Findings) -> JointLimits {
+fn limits(raw: &RawJoint, kind: JointKind, location: &str, findings: &mut Findings) -> JointLimits {
     let [mut lower, mut upper, velocity, effort] = raw.limits;
     if kind == JointKind::Continuous {
         (lower, upper) = (-1.0, 1.0);
     }
     if !raw.has_limits || raw.limits.iter().any(|v| !v.is_finite()) {
         findings.error(
-            place,
+            location,
             "the limits are not usable",
             format!("lower {lower}, upper {upper}, velocity {velocity}, effort {effort}"),
             "four finite numbers",
@@ -375,7 +387,7 @@ fn limits(raw: &RawJoint, kind: JointKind, place: &str, findings: &mut Findings)
         );
     } else if lower > upper {
         findings.error(
-            place,
+            location,
             "the limits are reversed",
             format!("lower {lower}, upper {upper} rad"),
             "lower at most upper",
@@ -383,29 +395,29 @@ fn limits(raw: &RawJoint, kind: JointKind, place: &str, findings: &mut Findings)
         );
     } else if lower == upper {
         findings.warning(
-            place,
+            location,
             "the joint cannot move",
             format!("lower = upper = {lower} rad"),
             "lower below upper",
             "Make the joint fixed unless its place in joint vectors is wanted.",
         );
     }
-    at_most(LARGEST_ANGLE, "rad", "the lower limit", lower, place, findings);
-    at_most(LARGEST_ANGLE, "rad", "the upper limit", upper, place, findings);
-    at_most(FASTEST, "rad/s", "the velocity limit", velocity, place, findings);
-    at_most(STRONGEST, "N m", "the effort limit", effort, place, findings);
+    check_at_most(MAX_ANGLE_RAD, "rad", "the lower limit", lower, location, findings);
+    check_at_most(MAX_ANGLE_RAD, "rad", "the upper limit", upper, location, findings);
+    check_at_most(MAX_VELOCITY_RAD_PER_S, "rad/s", "the velocity limit", velocity, location, findings);
+    check_at_most(MAX_EFFORT, "N m", "the effort limit", effort, location, findings);
     for (name, value, unit) in [("velocity", velocity, "rad/s"), ("effort", effort, "N m")] {
         let (problem, got) = (format!("the {name} limit is not above zero"), format!("{value} {unit}"));
         let remedy = format!("Give the highest {name} of the joint.");
         if value < 0.0 {
-            findings.error(place, problem, got, "a number above zero", remedy);
+            findings.error(location, problem, got, "a number above zero", remedy);
         } else if value == 0.0 {
-            findings.warning(place, problem, got, "a number above zero", remedy);
+            findings.warning(location, problem, got, "a number above zero", remedy);
         }
     }
     if effort >= PLACEHOLDER_EFFORT {
         findings.warning(
-            place,
+            location,
             "the effort limit limits nothing",
             format!("{effort} N m"),
             format!("below {PLACEHOLDER_EFFORT} N m"),
@@ -413,16 +425,16 @@ fn limits(raw: &RawJoint, kind: JointKind, place: &str, findings: &mut Findings)
         );
     }
     if kind == JointKind::Continuous {
-        (lower, upper) = (-JointLimits::ENDLESS, JointLimits::ENDLESS);
+        (lower, upper) = (-JointLimits::CONTINUOUS_RANGE_RAD, JointLimits::CONTINUOUS_RANGE_RAD);
     }
     JointLimits { lower, upper, velocity, effort }
 }
 
-fn loss(value: f64, name: &str, place: &str, findings: &mut Findings) -> f64 {
+fn checked_dissipation(value: f64, name: &str, location: &str, findings: &mut Findings) -> f64 {
     if !(value.is_finite() && value >= 0.0) {
         let expected = "a finite number, zero or above";
-        findings.error(place, format!("the {name} is not usable"), value, expected, "Correct <dynamics>.");
+        findings.error(location, format!("the {name} is not usable"), value, expected, "Correct <dynamics>.");
     }
-    at_most(STRONGEST, "in SI units", &format!("the {name}"), value, place, findings);
+    check_at_most(MAX_EFFORT, "in SI units", &format!("the {name}"), value, location, findings);
     value
 }

@@ -16,7 +16,7 @@ pub fn to_urdf(model: &ArmModel) -> String {
 
 /// URDF text of links and joints whose `parent` and `child` index into `links`.
 pub(crate) fn urdf(name: &str, links: &[Link], joints: &[Joint], mimics: &[Mimic]) -> String {
-    let mut out = format!("<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n", escaped(name));
+    let mut out = format!("<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n", escape_xml(name));
     for link in links {
         write_link(&mut out, link);
     }
@@ -30,40 +30,43 @@ pub(crate) fn urdf(name: &str, links: &[Link], joints: &[Joint], mimics: &[Mimic
 
 /// SRDF text of `model`: groups `arm` and `hand`, poses, pairs that may touch, and grasps.
 pub fn to_srdf(model: &ArmModel) -> String {
-    let mut out = format!("<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n", escaped(&model.name));
-    let tip = escaped(&model.links[model.tip].name);
+    let mut out = format!("<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n", escape_xml(&model.name));
+    let tip = escape_xml(&model.links[model.tip].name);
     for (group, joints) in [("arm", &model.arm), ("hand", &model.hand)] {
         if joints.is_empty() {
             continue;
         }
-        line(&mut out, format_args!("  <group name=\"{group}\">"));
+        write_line(&mut out, format_args!("  <group name=\"{group}\">"));
         for &j in joints {
-            line(&mut out, format_args!("    <joint name=\"{}\"/>", escaped(&model.joints[j].name)));
+            write_line(&mut out, format_args!("    <joint name=\"{}\"/>", escape_xml(&model.joints[j].name)));
         }
-        line(&mut out, format_args!("  </group>"));
+        write_line(&mut out, format_args!("  </group>"));
     }
     if !model.hand.is_empty() {
         let effector = "<end_effector name=\"hand\" group=\"hand\" parent_group=\"arm\"";
-        line(&mut out, format_args!("  {effector} parent_link=\"{tip}\"/>"));
+        write_line(&mut out, format_args!("  {effector} parent_link=\"{tip}\"/>"));
     }
     for grasp in &model.grasps {
-        line(&mut out, format_args!("  {}", grasp_element(grasp)));
+        write_line(&mut out, format_args!("  {}", grasp_element(grasp)));
     }
     for pose in &model.poses {
-        line(
+        write_line(
             &mut out,
-            format_args!("  <group_state name=\"{}\" group=\"{}\">", escaped(&pose.name), pose.group),
+            format_args!("  <group_state name=\"{}\" group=\"{}\">", escape_xml(&pose.name), pose.group),
         );
         let joints = if pose.group == "hand" { &model.hand } else { &model.arm };
         for (&j, angle) in joints.iter().zip(&pose.angles) {
-            let name = escaped(&model.joints[j].name);
-            line(&mut out, format_args!("    <joint name=\"{name}\" value=\"{angle}\"/>"));
+            let name = escape_xml(&model.joints[j].name);
+            write_line(&mut out, format_args!("    <joint name=\"{name}\" value=\"{angle}\"/>"));
         }
-        line(&mut out, format_args!("  </group_state>"));
+        write_line(&mut out, format_args!("  </group_state>"));
     }
     for &(a, b) in &model.allowed_collisions {
-        let (a, b) = (escaped(&model.links[a].name), escaped(&model.links[b].name));
-        line(&mut out, format_args!("  <disable_collisions link1=\"{a}\" link2=\"{b}\" reason=\"User\"/>"));
+        let (a, b) = (escape_xml(&model.links[a].name), escape_xml(&model.links[b].name));
+        write_line(
+            &mut out,
+            format_args!("  <disable_collisions link1=\"{a}\" link2=\"{b}\" reason=\"User\"/>"),
+        );
     }
     out.push_str("</robot>\n");
     out
@@ -71,67 +74,80 @@ pub fn to_srdf(model: &ArmModel) -> String {
 
 /// A grasp as an SRDF element.
 pub(crate) fn grasp_element(grasp: &Grasp) -> String {
-    let Grasp { widths, centre, open_pose, closed_pose, roll, lean, opening, .. } = grasp;
-    let (widths, centre, range) = (exact(widths), exact(centre.as_slice()), exact(&grasp.roll_range));
-    let (open, closed) = (escaped(open_pose), escaped(closed_pose));
+    let Grasp {
+        width_range_m: widths,
+        center,
+        open_pose,
+        closed_pose,
+        roll_rad: roll,
+        max_lean_rad: lean,
+        capture_radius_m: opening,
+        ..
+    } = grasp;
+    let (widths, center, range) =
+        (join_numbers(widths), join_numbers(center.as_slice()), join_numbers(&grasp.roll_range_rad));
+    let (open, closed) = (escape_xml(open_pose), escape_xml(closed_pose));
     let closing = grasp
-        .closing
-        .map(|closing| format!("closing=\"{}\" ", exact(closing.as_slice())))
+        .closing_direction
+        .map(|closing| format!("closing=\"{}\" ", join_numbers(closing.as_slice())))
         .unwrap_or_default();
-    let withdrawal = exact(grasp.withdrawal.as_slice());
+    let withdrawal = join_numbers(grasp.withdrawal_direction.as_slice());
     format!(
-        "<grasp widths=\"{widths}\" centre=\"{centre}\" open=\"{open}\" closed=\"{closed}\" {closing}\
+        "<grasp widths=\"{widths}\" centre=\"{center}\" open=\"{open}\" closed=\"{closed}\" {closing}\
          roll=\"{roll}\" roll_range=\"{range}\" lean=\"{lean}\" opening=\"{opening}\" withdrawal=\"{withdrawal}\"/>"
     )
 }
 
-fn line(out: &mut String, text: std::fmt::Arguments<'_>) {
+fn write_line(out: &mut String, text: std::fmt::Arguments<'_>) {
     writeln!(out, "{text}").expect("writing to a string cannot fail");
 }
 
 fn write_link(out: &mut String, link: &Link) {
     if link.inertial.is_none() && link.collisions.is_empty() && link.visuals.is_empty() {
-        line(out, format_args!("  <link name=\"{}\"/>", escaped(&link.name)));
+        write_line(out, format_args!("  <link name=\"{}\"/>", escape_xml(&link.name)));
         return;
     }
-    line(out, format_args!("  <link name=\"{}\">", escaped(&link.name)));
+    write_line(out, format_args!("  <link name=\"{}\">", escape_xml(&link.name)));
     if let Some(inertial) = &link.inertial {
         let [ixx, ixy, ixz, iyy, iyz, izz] = inertial.inertia;
-        line(out, format_args!("    <inertial>"));
-        line(out, format_args!("      {}", origin(&inertial.pose)));
-        line(out, format_args!("      <mass value=\"{}\"/>", inertial.mass));
-        line(
+        write_line(out, format_args!("    <inertial>"));
+        write_line(out, format_args!("      {}", origin(&inertial.pose)));
+        write_line(out, format_args!("      <mass value=\"{}\"/>", inertial.mass));
+        write_line(
             out,
             format_args!(
                 "      <inertia ixx=\"{ixx}\" ixy=\"{ixy}\" ixz=\"{ixz}\" iyy=\"{iyy}\" iyz=\"{iyz}\" izz=\"{izz}\"/>"
             ),
         );
-        line(out, format_args!("    </inertial>"));
+        write_line(out, format_args!("    </inertial>"));
     }
     for visual in &link.visuals {
         let geometry = match &visual.geometry {
             VisualGeometry::Shape(shape) => primitive(shape),
             VisualGeometry::Mesh { file, scale } => {
-                format!("<mesh filename=\"{}\" scale=\"{}\"/>", escaped(file), exact(scale))
+                format!("<mesh filename=\"{}\" scale=\"{}\"/>", escape_xml(file), join_numbers(scale))
             }
         };
-        line(out, format_args!("    <visual>"));
-        line(out, format_args!("      {}", origin(&visual.pose)));
-        line(out, format_args!("      <geometry>{geometry}</geometry>"));
+        write_line(out, format_args!("    <visual>"));
+        write_line(out, format_args!("      {}", origin(&visual.pose)));
+        write_line(out, format_args!("      <geometry>{geometry}</geometry>"));
         // urdfdom keeps colours in single precision; these are all the digits that were ever there.
-        let colour = exact(&visual.colour.map(|c| (c * 1e6).round() / 1e6));
+        let color = join_numbers(&visual.color.map(|c| (c * 1e6).round() / 1e6));
         // A material is shared by its name, so the name is its colour.
-        let name = colour.replace(' ', "_");
-        line(out, format_args!("      <material name=\"rgba_{name}\"><color rgba=\"{colour}\"/></material>"));
-        line(out, format_args!("    </visual>"));
+        let name = color.replace(' ', "_");
+        write_line(
+            out,
+            format_args!("      <material name=\"rgba_{name}\"><color rgba=\"{color}\"/></material>"),
+        );
+        write_line(out, format_args!("    </visual>"));
     }
     for collision in &link.collisions {
-        line(out, format_args!("    <collision>"));
-        line(out, format_args!("      {}", origin(&collision.pose)));
-        line(out, format_args!("      <geometry>{}</geometry>", primitive(&collision.shape)));
-        line(out, format_args!("    </collision>"));
+        write_line(out, format_args!("    <collision>"));
+        write_line(out, format_args!("      {}", origin(&collision.pose)));
+        write_line(out, format_args!("      <geometry>{}</geometry>", primitive(&collision.shape)));
+        write_line(out, format_args!("    </collision>"));
     }
-    line(out, format_args!("  </link>"));
+    write_line(out, format_args!("  </link>"));
 }
 
 fn write_joint(out: &mut String, joint: &Joint, links: &[Link], mimic: Option<(&str, &Mimic)>) {
@@ -140,27 +156,27 @@ fn write_joint(out: &mut String, joint: &Joint, links: &[Link], mimic: Option<(&
         JointKind::Revolute => "revolute",
         JointKind::Continuous => "continuous",
     };
-    line(out, format_args!("  <joint name=\"{}\" type=\"{kind}\">", escaped(&joint.name)));
-    line(out, format_args!("    {}", origin(&joint.origin)));
-    line(out, format_args!("    <parent link=\"{}\"/>", escaped(&links[joint.parent].name)));
-    line(out, format_args!("    <child link=\"{}\"/>", escaped(&links[joint.child].name)));
+    write_line(out, format_args!("  <joint name=\"{}\" type=\"{kind}\">", escape_xml(&joint.name)));
+    write_line(out, format_args!("    {}", origin(&joint.origin)));
+    write_line(out, format_args!("    <parent link=\"{}\"/>", escape_xml(&links[joint.parent].name)));
+    write_line(out, format_args!("    <child link=\"{}\"/>", escape_xml(&links[joint.child].name)));
     if joint.kind.moves() {
         let l = joint.limits;
-        line(out, format_args!("    <axis xyz=\"{}\"/>", rounded(joint.axis.as_slice())));
-        line(
+        write_line(out, format_args!("    <axis xyz=\"{}\"/>", join_rounded(joint.axis.as_slice())));
+        write_line(
             out,
             format_args!(
                 "    <limit lower=\"{}\" upper=\"{}\" velocity=\"{}\" effort=\"{}\"/>",
                 l.lower, l.upper, l.velocity, l.effort
             ),
         );
-        line(
+        write_line(
             out,
             format_args!("    <dynamics damping=\"{}\" friction=\"{}\"/>", joint.damping, joint.friction),
         );
         if let Some((master, Mimic { multiplier, offset, .. })) = mimic {
-            let master = escaped(master);
-            line(
+            let master = escape_xml(master);
+            write_line(
                 out,
                 format_args!(
                     "    <mimic joint=\"{master}\" multiplier=\"{multiplier}\" offset=\"{offset}\"/>"
@@ -168,12 +184,12 @@ fn write_joint(out: &mut String, joint: &Joint, links: &[Link], mimic: Option<(&
             );
         }
     }
-    line(out, format_args!("  </joint>"));
+    write_line(out, format_args!("  </joint>"));
 }
 
 fn primitive(shape: &Shape) -> String {
     match shape {
-        Shape::Box { size } => format!("<box size=\"{}\"/>", exact(size)),
+        Shape::Box { size } => format!("<box size=\"{}\"/>", join_numbers(size)),
         Shape::Sphere { radius } => format!("<sphere radius=\"{radius}\"/>"),
         Shape::Cylinder { radius, length } => format!("<cylinder radius=\"{radius}\" length=\"{length}\"/>"),
         // URDF has no capsule; the cylinder around it is the nearest primitive that encloses it.
@@ -184,8 +200,8 @@ fn primitive(shape: &Shape) -> String {
 }
 
 fn origin(pose: &Pose) -> String {
-    let xyz = exact(pose.translation.vector.as_slice());
-    format!("<origin xyz=\"{xyz}\" rpy=\"{}\"/>", rounded(&roll_pitch_yaw(&pose.rotation)))
+    let xyz = join_numbers(pose.translation.vector.as_slice());
+    format!("<origin xyz=\"{xyz}\" rpy=\"{}\"/>", join_rounded(&roll_pitch_yaw(&pose.rotation)))
 }
 
 /// Fixed-axis roll, pitch and yaw, rad. Near a pitch of pi/2, where roll and yaw turn about one axis, roll is zero.
@@ -201,16 +217,16 @@ fn roll_pitch_yaw(rotation: &UnitQuaternion<f64>) -> [f64; 3] {
     }
 }
 
-fn exact(numbers: &[f64]) -> String {
+fn join_numbers(numbers: &[f64]) -> String {
     // Adding zero turns -0 into 0.
     numbers.iter().map(|n| (n + 0.0).to_string()).collect::<Vec<_>>().join(" ")
 }
 
-fn rounded(numbers: &[f64]) -> String {
+fn join_rounded(numbers: &[f64]) -> String {
     let scale = 10f64.powi(DECIMALS as i32);
-    exact(&numbers.iter().map(|n| (n * scale).round() / scale).collect::<Vec<_>>())
+    join_numbers(&numbers.iter().map(|n| (n * scale).round() / scale).collect::<Vec<_>>())
 }
 
-fn escaped(text: &str) -> String {
+fn escape_xml(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
 }

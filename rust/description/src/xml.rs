@@ -2,42 +2,42 @@
 //! looked at before they are called.
 
 use crate::{
-    bounds::{DEEPEST_ELEMENT, LONGEST_TEXT, MOST_ATTRIBUTES},
     finding::Findings,
+    size_limits::{MAX_ATTRIBUTES, MAX_ELEMENT_DEPTH, MAX_TEXT_BYTES},
 };
 use roxmltree::{Document, Node};
 
 /// The document of `text`, or a finding of `file`, such as `URDF`, that says why there is none.
 ///
 /// `expected` and `remedy` are for text that is not well-formed.
-pub(crate) fn document<'a>(
+pub(crate) fn parse_document<'a>(
     text: &'a str,
     file: &str,
     expected: &str,
     remedy: &str,
     findings: &mut Findings,
 ) -> Option<Document<'a>> {
-    let mut refuse = |problem: &str, got: String, most: usize, unit: &str, remedy: &str| {
-        findings.error(file, problem, got, format!("at most {most}{unit}"), remedy);
+    let mut refuse = |problem: &str, got: String, max: usize, unit: &str, remedy: &str| {
+        findings.error(file, problem, got, format!("at most {max}{unit}"), remedy);
         None
     };
-    if text.len() > LONGEST_TEXT {
+    if text.len() > MAX_TEXT_BYTES {
         let got = format!("{} bytes", text.len());
         let remedy = "Give the description alone; meshes are files of their own.";
-        return refuse("the text is too long", got, LONGEST_TEXT, " bytes", remedy);
+        return refuse("the text is too long", got, MAX_TEXT_BYTES, " bytes", remedy);
     }
-    let extent = extent(text);
-    if extent.depth > DEEPEST_ELEMENT {
+    let extent = measure_extent(text);
+    if extent.depth > MAX_ELEMENT_DEPTH {
         let got = extent.depth.to_string();
         let remedy = "Write the parts one beside the other.";
-        return refuse("elements stand too deep in each other", got, DEEPEST_ELEMENT, "", remedy);
+        return refuse("elements stand too deep in each other", got, MAX_ELEMENT_DEPTH, "", remedy);
     }
-    if extent.attributes > MOST_ATTRIBUTES {
+    if extent.attributes > MAX_ATTRIBUTES {
         let got = extent.attributes.to_string();
         return refuse(
             "an element has too many attributes",
             got,
-            MOST_ATTRIBUTES,
+            MAX_ATTRIBUTES,
             "",
             "Leave out what URDF does not know.",
         );
@@ -59,14 +59,14 @@ pub(crate) fn line_of(node: Node<'_, '_>) -> u32 {
 
 /// How deep the elements stand in each other, and how many attributes one of them has at most.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Extent {
+struct XmlExtent {
     depth: usize,
     attributes: usize,
 }
 
 /// Goes from tag to tag. Where the text is malformed it may miscount, but a parser comes no farther than there.
-fn extent(text: &str) -> Extent {
-    let mut most = Extent::default();
+fn measure_extent(text: &str) -> XmlExtent {
+    let mut extent = XmlExtent::default();
     let mut depth = 0_usize;
     let mut rest = text;
     while let Some(at) = rest.find('<') {
@@ -79,30 +79,30 @@ fn extent(text: &str) -> Extent {
             rest = &rest[begin.len() + over + end.len()..];
             continue;
         }
-        let Some(tag) = Tag::at(rest) else { break };
+        let Some(tag) = XmlTag::parse(rest) else { break };
         rest = &rest[tag.length..];
-        most.attributes = most.attributes.max(tag.attributes);
-        if tag.closes {
+        extent.attributes = extent.attributes.max(tag.attributes);
+        if tag.is_closing {
             depth = depth.saturating_sub(1);
         } else {
-            most.depth = most.depth.max(depth + 1);
+            extent.depth = extent.depth.max(depth + 1);
             depth += usize::from(!tag.is_empty);
         }
     }
-    most
+    extent
 }
 
 /// One tag, from `<` to `>`.
-struct Tag {
+struct XmlTag {
     length: usize,
     attributes: usize,
-    closes: bool,
+    is_closing: bool,
     is_empty: bool,
 }
 
-impl Tag {
+impl XmlTag {
     /// The tag with which `text` begins; none if it does not end.
-    fn at(text: &str) -> Option<Tag> {
+    fn parse(text: &str) -> Option<XmlTag> {
         let mut quote = None;
         let mut attributes = 0;
         for (at, byte) in text.bytes().enumerate() {
@@ -112,7 +112,7 @@ impl Tag {
                 (None, b'=') => attributes += 1,
                 (None, b'>') => {
                     let (closes, is_empty) = (text.starts_with("</"), text[..at].ends_with('/'));
-                    return Some(Tag { length: at + 1, attributes, closes, is_empty });
+                    return Some(XmlTag { length: at + 1, attributes, is_closing: closes, is_empty });
                 }
                 _ => {}
             }
@@ -129,9 +129,9 @@ mod tests {
     fn depth_and_attributes_are_counted_past_comments_quotes_and_declarations() {
         let text =
             "<?xml version=\"1.0\"?><!-- <a><b> --><a x='>' y=\"/>\"><b/><c><![CDATA[<d>]]></c></a><e/>";
-        assert_eq!(extent(text), Extent { depth: 2, attributes: 2 });
-        assert_eq!(extent("<a><b><c>"), Extent { depth: 3, attributes: 0 });
-        assert_eq!(extent("<a"), Extent::default());
-        assert_eq!(extent("</a></a><b>"), Extent { depth: 1, attributes: 0 });
+        assert_eq!(measure_extent(text), XmlExtent { depth: 2, attributes: 2 });
+        assert_eq!(measure_extent("<a><b><c>"), XmlExtent { depth: 3, attributes: 0 });
+        assert_eq!(measure_extent("<a"), XmlExtent::default());
+        assert_eq!(measure_extent("</a></a><b>"), XmlExtent { depth: 1, attributes: 0 });
     }
 }

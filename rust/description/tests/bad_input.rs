@@ -278,10 +278,10 @@ fn a_part_of_the_arm_can_be_chosen_and_a_wrong_choice_is_refused() {
 
 #[test]
 fn what_is_larger_or_smaller_than_any_arm_is_refused_with_the_bound() {
-    let at = |metres: &str| format!("{ENDS}<origin xyz='{metres} 0 0'/>{AXIS}{LIMIT}");
-    for metres in ["1e20", "4e9", "-10.1"] {
+    let at = |coordinate: &str| format!("{ENDS}<origin xyz='{coordinate} 0 0'/>{AXIS}{LIMIT}");
+    for coordinate in ["1e20", "4e9", "-10.1"] {
         refused(
-            &with_joint(&at(metres)),
+            &with_joint(&at(coordinate)),
             &["joint \"elbow\" (line 1)", "coordinate of an origin", "at most 10 m"],
         );
     }

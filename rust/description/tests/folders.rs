@@ -1,7 +1,7 @@
 //! Arms as folders: those that ship, and what a folder may say.
 #![allow(clippy::disallowed_methods, clippy::unwrap_used)] // A test of files.
 
-use proact_arm::{ArmModel, FOREARM_SHARE, JointKind, JointLimits, Side, sized_for};
+use proact_arm::{ArmModel, FOREARM_RATIO, JointKind, JointLimits, Side, scale_to_stature};
 use proact_description::{ArmFolder, check, parse, to_srdf, to_urdf};
 use proptest::prelude::*;
 use std::{fs, path::Path};
@@ -82,20 +82,20 @@ fn followers_are_where_their_masters_take_them_in_every_pose_and_survive_the_tex
     let model = ArmFolder::shipped("wam").unwrap().model().unwrap();
     assert_eq!(model.mimics.len(), 4);
     let closed = model.pose("hand", "closed").unwrap();
-    let place = |name: &str| model.hand.iter().position(|&j| model.joints[j].name == name).unwrap();
+    let hand_index = |name: &str| model.hand.iter().position(|&j| model.joints[j].name == name).unwrap();
     for finger in 1..=3 {
         let (inner, outer) = (
-            closed[place(&format!("hand_f{finger}_inner"))],
-            closed[place(&format!("hand_f{finger}_outer"))],
+            closed[hand_index(&format!("hand_f{finger}_inner"))],
+            closed[hand_index(&format!("hand_f{finger}_outer"))],
         );
         assert!((outer - 0.344262 * inner).abs() < 1e-12 && inner > 1.0, "{inner} {outer}");
     }
     let (mut position, mut velocity) = (closed.to_vec(), vec![0.0; closed.len()]);
-    position[place("hand_f1_spread")] = 0.3;
-    velocity[place("hand_f2_inner")] = 2.0;
-    model.couplings().follow(&mut position, &mut velocity);
-    assert_eq!(position[place("hand_f2_spread")], 0.3);
-    assert!((velocity[place("hand_f2_outer")] - 2.0 * 0.344262).abs() < 1e-12);
+    position[hand_index("hand_f1_spread")] = 0.3;
+    velocity[hand_index("hand_f2_inner")] = 2.0;
+    model.couplings().apply(&mut position, &mut velocity);
+    assert_eq!(position[hand_index("hand_f2_spread")], 0.3);
+    assert!((velocity[hand_index("hand_f2_outer")] - 2.0 * 0.344262).abs() < 1e-12);
 
     let again = parse(&to_urdf(&model), &to_srdf(&model)).unwrap();
     assert_eq!((again.mimics, again.poses), (model.mimics, model.poses));
@@ -126,7 +126,7 @@ fn a_continuous_joint_turns_for_ever_and_stays_one_in_the_text() {
     let joint = &model.joints[model.arm[6]];
     assert_eq!(
         (joint.kind, joint.limits.upper, joint.limits.velocity),
-        (JointKind::Continuous, JointLimits::ENDLESS, 1.0)
+        (JointKind::Continuous, JointLimits::CONTINUOUS_RANGE_RAD, 1.0)
     );
     let again = parse(&to_urdf(&model), &to_srdf(&model)).unwrap();
     let again = &again.joints[again.arm[6]];
@@ -134,7 +134,7 @@ fn a_continuous_joint_turns_for_ever_and_stays_one_in_the_text() {
 }
 
 /// The tool plate by the table of Denavit and Hartenberg in libbarrett's `config/wam7w.conf`: alpha, a, d.
-fn tool_plate(q: &[f64]) -> nalgebra::Isometry3<f64> {
+fn tool_flange(q: &[f64]) -> nalgebra::Isometry3<f64> {
     use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
     const H: f64 = std::f64::consts::FRAC_PI_2;
     const TABLE: [[f64; 3]; 7] = [
@@ -161,7 +161,7 @@ proptest! {
         let model = ArmFolder::shipped("wam").unwrap().model().unwrap();
         let palm = model.link_poses(&q)[model.tip];
         let half = nalgebra::UnitQuaternion::from_scaled_axis(nalgebra::Vector3::x() * std::f64::consts::PI);
-        let off = (tool_plate(&q) * half).inv_mul(&palm);
+        let off = (tool_flange(&q) * half).inv_mul(&palm);
         prop_assert!(off.translation.vector.norm() < 1e-9 && off.rotation.angle() < 1e-7, "{off}");
     }
 }
@@ -171,14 +171,14 @@ fn an_arm_takes_the_segments_of_its_wearer_and_survives_being_written() {
     for (name, side) in [("mpl_right", 1.0), ("mpl_left", -1.0)] {
         let folder = ArmFolder::shipped(name).unwrap();
         let model = folder.model().unwrap();
-        let (sized, [before, after]) = sized_for(&model, 1.8).unwrap();
+        let (sized, [before, after]) = scale_to_stature(&model, 1.8).unwrap();
         // 0.186 and 0.146 of 1.8 m.
-        assert!((after.upper_arm - 0.3348).abs() < 1e-12 && (after.forearm - 0.2628).abs() < 1e-12);
+        assert!((after.upper_arm_m - 0.3348).abs() < 1e-12 && (after.forearm_m - 0.2628).abs() < 1e-12);
         // Elbow and wrist of the straight arm hang lower by as much as the segments are longer, and nowhere else.
         let at = |model: &ArmModel, joint: usize| model.link_poses(&[])[model.joints[model.arm[joint]].child];
         for (joint, longer) in [
-            (3, after.upper_arm - before.upper_arm),
-            (6, after.upper_arm + after.forearm - before.upper_arm - before.forearm),
+            (3, after.upper_arm_m - before.upper_arm_m),
+            (6, after.upper_arm_m + after.forearm_m - before.upper_arm_m - before.forearm_m),
         ] {
             let moved = at(&sized, joint).translation.vector - at(&model, joint).translation.vector;
             assert!((moved.z + longer).abs() < 1e-4, "{name}, joint {joint}: {moved}, expected {longer}");
@@ -194,12 +194,12 @@ fn an_arm_takes_the_segments_of_its_wearer_and_survives_being_written() {
         assert_eq!(mass(&sized), mass(&model));
         let mut written = ArmFolder { urdf: to_urdf(&sized), ..folder.clone() }.model().unwrap();
         written.settings.clone_from(&sized.settings);
-        let apart = (at(&written, 6).inverse() * at(&sized, 6)).translation.vector.norm();
-        assert!(apart < 1e-6, "{apart}");
+        let difference = (at(&written, 6).inverse() * at(&sized, 6)).translation.vector.norm();
+        assert!(difference < 1e-6, "{difference}");
         // A person of the arm's own proportions would have it as it is.
-        let own = sized_for(&model, before.forearm / FOREARM_SHARE).unwrap().1[1];
-        assert!((own.forearm - before.forearm).abs() < 1e-12);
+        let own = scale_to_stature(&model, before.forearm_m / FOREARM_RATIO).unwrap().1[1];
+        assert!((own.forearm_m - before.forearm_m).abs() < 1e-12);
     }
     let wam = ArmFolder::shipped("wam").unwrap().model().unwrap();
-    assert!(sized_for(&wam, 1.8).unwrap_err().to_string().starts_with("the arm stands by itself"));
+    assert!(scale_to_stature(&wam, 1.8).unwrap_err().to_string().starts_with("the arm stands by itself"));
 }

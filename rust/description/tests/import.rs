@@ -110,7 +110,10 @@ fn what_an_import_leaves_out_or_doubts_is_said() {
         assert!(report.findings.iter().any(|f| f.problem.contains(words)), "{words} is not in {report}");
     }
     assert!(
-        report.findings.iter().any(|f| f.place == "joint \"middle0\"" && f.problem.contains("cannot move"))
+        report
+            .findings
+            .iter()
+            .any(|f| f.location == "joint \"middle0\"" && f.problem.contains("cannot move"))
     );
 }
 
@@ -137,8 +140,8 @@ fn a_joint_away_from_its_childs_origin_moves_the_frame_and_not_the_body() {
     let frame = poses[joint.child];
     assert!((frame.translation.vector - Vector3::new(1.0, 2.5, 0.0)).norm() < 1e-12);
     let link = &model.links[joint.child];
-    let centre = frame * nalgebra::Point3::from(link.inertial.unwrap().pose.translation.vector);
-    assert!((nalgebra::Point3::new(1.0, 2.1, 0.0) - centre).norm() < 1e-12, "{centre}");
+    let center = frame * nalgebra::Point3::from(link.inertial.unwrap().pose.translation.vector);
+    assert!((nalgebra::Point3::new(1.0, 2.1, 0.0) - center).norm() < 1e-12, "{center}");
     let shape = frame * link.collisions[0].pose;
     assert!((shape.translation.vector - Vector3::new(1.0, 2.0, 0.0)).norm() < 1e-12);
     // In the joint's frame, x points along -x of the model: two quarter turns.
@@ -208,8 +211,8 @@ fn our_own_arm_has_nothing_to_be_said_against_it_but_the_still_joint() {
     let report = check(proact_description::MPL_RIGHT_ARM_URDF, Some(proact_description::MPL_RIGHT_ARM_SRDF));
     assert!(report.usable);
     assert_eq!(report.count(Severity::Error) + report.count(Severity::Note), 0, "{report}");
-    let places: Vec<&str> = report.findings.iter().map(|f| f.place.as_str()).collect();
-    assert_eq!(places, ["joint \"mpl_right_arm__middle0\""], "{report}");
+    let locations: Vec<&str> = report.findings.iter().map(|f| f.location.as_str()).collect();
+    assert_eq!(locations, ["joint \"mpl_right_arm__middle0\""], "{report}");
     let summary = report.summary.unwrap();
     assert!((summary.mass_kg - 0.5287783).abs() < 1e-7);
 }

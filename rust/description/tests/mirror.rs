@@ -59,12 +59,12 @@ fn mass_limits_and_poses_stay_while_inertia_shapes_and_grasp_centre_are_mirrored
     assert_eq!(left.grasps.len(), right.grasps.len());
     let mirrored = |v: Vector3<f64>| Vector3::new(v.x, -v.y, v.z);
     for (left, right) in left.grasps.iter().zip(&right.grasps) {
-        assert_eq!(left.centre, mirrored(right.centre));
-        let [low, high] = right.roll_range;
-        assert_eq!((left.roll, left.roll_range), (-right.roll, [-high, -low]));
-        assert_eq!(left.withdrawal, mirrored(right.withdrawal));
-        assert_eq!(left.closing, right.closing.map(mirrored));
-        assert_eq!((&left.open_pose, left.widths), (&right.open_pose, right.widths));
+        assert_eq!(left.center, mirrored(right.center));
+        let [low, high] = right.roll_range_rad;
+        assert_eq!((left.roll_rad, left.roll_range_rad), (-right.roll_rad, [-high, -low]));
+        assert_eq!(left.withdrawal_direction, mirrored(right.withdrawal_direction));
+        assert_eq!(left.closing_direction, right.closing_direction.map(mirrored));
+        assert_eq!((&left.open_pose, left.width_range_m), (&right.open_pose, right.width_range_m));
     }
     for (l, r) in left.joints.iter().zip(&right.joints) {
         assert_eq!(l.limits, r.limits);

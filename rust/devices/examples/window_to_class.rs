@@ -6,14 +6,14 @@
 // It measures with the real clock.
 #![allow(clippy::disallowed_methods)]
 
-use proact_devices::{EmgOrigin, prepare};
-use proact_emg::{Classifier, EmgConfig, EmgPipeline, FeatureExtractor, SlidingWindow, extract};
-use proact_types::{EmgSample, Gesture, SimTime};
+use proact_devices::{EmgOrigin, prepare_emg};
+use proact_emg::{Classifier, EmgConfig, EmgPipeline, FeatureExtractor, SlidingWindow, extract_features};
+use proact_types::{Command, EmgSample, SimTime};
 use std::{error::Error, hint::black_box, time::Instant};
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let mut setup = prepare(&EmgOrigin::Synthetic, 1)?;
-    let intended = |tick: u64| Gesture::ALL[(tick / 2000 % 5) as usize];
+    let mut setup = prepare_emg(&EmgOrigin::Synthetic, 1)?;
+    let intended = |tick: u64| Command::ALL[(tick / 2000 % 5) as usize];
     let samples: Vec<EmgSample> =
         (0..200_000).flat_map(|t| setup.feed.sample_at(SimTime(t), intended(t))).collect();
 
@@ -42,9 +42,9 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     // Training on about as many windows as LibEMG's figure was measured with.
     let config = EmgConfig::default();
-    let mut windows = extract(&config, &samples[..96_050])?;
+    let mut windows = extract_features(&config, &samples[..96_050])?;
     windows.truncate(1919);
-    let labels: Vec<Gesture> = (0..windows.len() as u64).map(|k| intended(k * 50 + 50)).collect();
+    let labels: Vec<Command> = (0..windows.len() as u64).map(|k| intended(k * 50 + 50)).collect();
     let mut times: Vec<f64> = (0..20)
         .map(|_| {
             let start = Instant::now();

@@ -1,6 +1,6 @@
 //! What amplifiers publish on the lab streaming layer, and doubles of them.
 
-use crate::{gforce::CodeSource, stream};
+use crate::{gforce::CodeSource, random_stream};
 use proact_types::ChannelValues;
 use rand_distr::{Distribution, StandardNormal};
 
@@ -9,7 +9,7 @@ const CODE_MICROVOLTS: f64 = 2.5e6 / 1200.0 / 127.0;
 /// Noise of each electrode by itself, microvolts.
 const NOISE_MICROVOLTS: f64 = 0.8;
 /// A counter of 16 bits begins anew here.
-const COUNTER_TURN: u64 = 1 << 16;
+const COUNTER_MODULUS: u64 = 1 << 16;
 
 /// One channel as its stream describes it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -76,10 +76,10 @@ impl AmplifierLayout {
 
     /// The double's samples in the units of the layout, for a person whose armband gives `codes`. Electrodes lie around the arm at
     /// even distances, and each hears the two nearest of the armband's and a noise of its own.
-    pub fn double(&self, mut codes: CodeSource, seed: u64) -> CodeSource {
+    pub fn simulated_samples(&self, mut codes: CodeSource, seed: u64) -> CodeSource {
         let channels = self.channels.clone();
         let electrodes = channels.iter().filter(|channel| is_emg(channel.kind)).count();
-        let mut rng = stream(seed, "emg/simulate/amplifier");
+        let mut rng = random_stream(seed, "emg/simulate/amplifier");
         let mut counter = 0_u64;
         Box::new(move || {
             let around = codes();
@@ -87,16 +87,16 @@ impl AmplifierLayout {
             let mut electrode = 0;
             let mut value = |channel: &AmplifierChannel| match channel.kind {
                 kind if is_emg(kind) => {
-                    let place = electrode as f64 * around.len() as f64 / electrodes as f64;
+                    let angle_index = electrode as f64 * around.len() as f64 / electrodes as f64;
                     electrode += 1;
-                    let (first, share) = (place as usize, place.fract());
+                    let (first, share) = (angle_index as usize, angle_index.fract());
                     let code = |k: usize| around.get(k % around.len().max(1)).copied().unwrap_or(0.0);
-                    let heard = (1.0 - share) * code(first) + share * code(first + 1);
+                    let interpolated = (1.0 - share) * code(first) + share * code(first + 1);
                     let noise: f64 = StandardNormal.sample(&mut rng);
-                    let microvolts = CODE_MICROVOLTS * heard + NOISE_MICROVOLTS * noise;
-                    microvolts / microvolts_of(channel.unit).unwrap_or(1.0)
+                    let microvolts = CODE_MICROVOLTS * interpolated + NOISE_MICROVOLTS * noise;
+                    microvolts / microvolts_per_unit(channel.unit).unwrap_or(1.0)
                 }
-                "MISC" => (counter % COUNTER_TURN) as f64,
+                "MISC" => (counter % COUNTER_MODULUS) as f64,
                 _ => 0.0,
             };
             channels.iter().map(&mut value).collect::<ChannelValues>()
@@ -127,7 +127,7 @@ pub(crate) fn is_imu(kind: &str) -> bool {
 }
 
 /// Microvolts of one of this unit; none if it is no voltage.
-pub(crate) fn microvolts_of(unit: &str) -> Option<f64> {
+pub(crate) fn microvolts_per_unit(unit: &str) -> Option<f64> {
     let unit = unit.trim().to_lowercase();
     Some(match unit.as_str() {
         "v" | "volt" | "volts" => 1e6,
@@ -150,20 +150,20 @@ mod tests {
     #[test]
     fn each_double_has_the_channels_and_units_of_its_layout() {
         let [delsys, otb, brainflow] = AmplifierLayout::all();
-        assert_eq!(delsys.double(person(), 0)().len(), 16);
+        assert_eq!(delsys.simulated_samples(person(), 0)().len(), 16);
         assert!(
-            delsys.double(person(), 0)().iter().all(|volts| volts.abs() < 0.011),
+            delsys.simulated_samples(person(), 0)().iter().all(|volts| volts.abs() < 0.011),
             "the range of a Trigno"
         );
-        let sample = otb.double(person(), 0)();
+        let sample = otb.simulated_samples(person(), 0)();
         assert_eq!((sample.len(), &sample[64..]), (68, &[0.0, 0.0, 1.0, 1.0][..]));
-        assert_eq!(brainflow.double(person(), 0)().len(), 8);
+        assert_eq!(brainflow.simulated_samples(person(), 0)().len(), 8);
         assert!(AmplifierLayout::find("gforce").is_none());
     }
 
     #[test]
     fn electrodes_between_two_of_the_armband_hear_both() {
-        let mut double = AmplifierLayout::find("otb").unwrap().double(person(), 3);
+        let mut double = AmplifierLayout::find("otb").unwrap().simulated_samples(person(), 3);
         let sample = double();
         // Eight electrodes of the grid for one of the armband.
         for (electrode, code) in [(8, 10.0), (12, 15.0), (40, 50.0)] {
@@ -181,7 +181,7 @@ mod tests {
             ("\u{b5}V", Some(1.0)),
             ("counts", None),
         ] {
-            assert_eq!(microvolts_of(unit), microvolts, "{unit}");
+            assert_eq!(microvolts_per_unit(unit), microvolts, "{unit}");
         }
         assert!(is_emg("emg") && is_emg("EXG") && !is_emg("AUX"));
     }

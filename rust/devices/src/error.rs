@@ -1,6 +1,6 @@
 use crate::gforce::GForceError;
-use proact_emg::{EmgError, RecordedFault};
-use proact_types::{Gesture, GestureName, GestureTableError};
+use proact_emg::{EmgError, RecordingFault};
+use proact_types::{Command, CommandMapError, Gesture};
 use std::path::PathBuf;
 
 /// Why a source could not be made.
@@ -56,22 +56,22 @@ pub enum DeviceError {
     },
     /// A recording of a gesture that its folder does not list.
     #[error("{} is not for recordings of {gesture}", path.display())]
-    NotListed {
+    GestureNotListed {
         /// The folder.
         path: PathBuf,
         /// The gesture.
-        gesture: GestureName,
+        gesture: Gesture,
     },
     /// Gestures without any recording that nothing else can make.
     #[error(
         "{} has no recording of {}, and synthetic EMG has figures for {} only: record it",
-        path.display(), names(missing), names(&Gesture::ALL.map(GestureName::from))
+        path.display(), join_names(missing), join_names(&Command::ALL.map(Gesture::from))
     )]
-    NoFigures {
+    NotSynthesizable {
         /// The folder.
         path: PathBuf,
         /// Which are lacking.
-        missing: Vec<GestureName>,
+        missing: Vec<Gesture>,
     },
     /// A file about the recordings that cannot be used.
     #[error("{}: {reason}", path.display())]
@@ -84,13 +84,13 @@ pub enum DeviceError {
     /// Settings for another stream than the source's.
     #[error(
         "emg.rate_hz and emg.channels are {} and {}, the stream has {} and {}: it says itself what it has",
-        asked.0, asked.1, has.0, has.1
+        asked.0, asked.1, stream.0, stream.1
     )]
-    OtherStream {
+    StreamMismatch {
         /// Rate in hertz and channels of the settings.
         asked: (f64, usize),
         /// Those of the stream.
-        has: (f64, usize),
+        stream: (f64, usize),
     },
     /// Nobody says how fast the recordings are.
     #[error(
@@ -119,7 +119,7 @@ pub enum DeviceError {
         /// Which repetition.
         repetition: u32,
         /// Which gesture.
-        gesture: GestureName,
+        gesture: Gesture,
     },
     /// A row with another number of columns.
     #[error("{}, row {row}: {got} columns, expected {expected}", path.display())]
@@ -165,22 +165,22 @@ pub enum DeviceError {
     },
     /// Gestures without any recording.
     #[error(
-        "{} has no recording of {}; record it, or complete the set with --emg-fill synthetic",
-        path.display(), names(missing)
+        "{} has no recording of {}; record it, or complete the set with --fill-missing synthetic",
+        path.display(), join_names(missing)
     )]
     MissingGestures {
         /// The folder.
         path: PathBuf,
         /// Which are lacking.
-        missing: Vec<GestureName>,
+        missing: Vec<Gesture>,
     },
     /// A repetition that was asked for is not there.
-    #[error("no repetition {repetition} of {gesture}; there are {}", numbers(available))]
+    #[error("no repetition {repetition} of {gesture}; there are {}", join_numbers(available))]
     MissingRepetition {
         /// As asked for.
         repetition: u32,
         /// Of this gesture.
-        gesture: GestureName,
+        gesture: Gesture,
         /// Those that exist.
         available: Vec<u32>,
     },
@@ -193,11 +193,11 @@ pub enum DeviceError {
     /// What is tested was trained on.
     #[error(
         "repetition {} is both trained and tested on, which measures nothing: name different ones",
-        numbers(both)
+        join_numbers(repetitions)
     )]
-    Overlap {
+    TrainTestOverlap {
         /// Which repetitions.
-        both: Vec<u32>,
+        repetitions: Vec<u32>,
     },
     /// Recordings with findings that make an accuracy wrong.
     #[error(
@@ -205,11 +205,11 @@ pub enum DeviceError {
          or use them all the same with --accept-faults; --json, a model file and a trial's configuration record it",
         path.display(), lines(findings)
     )]
-    Faults {
+    FaultyRecordings {
         /// The folder or file.
         path: PathBuf,
         /// All findings, worst first.
-        findings: Vec<RecordedFault>,
+        findings: Vec<RecordingFault>,
     },
     /// A recording that does not fill one window.
     #[error("{} has {samples} samples, expected at least {window}, one window", path.display())]
@@ -235,7 +235,7 @@ pub enum DeviceError {
     #[error("the figures of synthetic {gesture} are unusable: {reason}")]
     SyntheticModel {
         /// Which gesture.
-        gesture: Gesture,
+        gesture: Command,
         /// One sentence.
         reason: String,
     },
@@ -251,7 +251,7 @@ pub enum DeviceError {
     },
     /// Samples to be played whose counter does not rise.
     #[error("{name}: counter {got} after {before}, expected a higher one")]
-    Counter {
+    CounterNotRising {
         /// Which recording.
         name: String,
         /// The counter before.
@@ -299,7 +299,7 @@ pub enum DeviceError {
     },
     /// A recording that cannot be read back.
     #[error("{}: {reason}", path.display())]
-    Recorded {
+    InvalidRecording {
         /// The file.
         path: PathBuf,
         /// What stands where, and what was expected.
@@ -392,17 +392,17 @@ pub enum DeviceError {
     GForce(#[from] GForceError),
     /// Gestures and commands that do not go together.
     #[error(transparent)]
-    Gestures(#[from] GestureTableError),
+    Gestures(#[from] CommandMapError),
     /// The classifier cannot be trained on these recordings, or the settings cannot work.
     #[error("EMG: {0}")]
     Emg(#[from] EmgError),
 }
 
-fn names(gestures: &[GestureName]) -> String {
-    gestures.iter().map(GestureName::as_str).collect::<Vec<_>>().join(", ")
+fn join_names(gestures: &[Gesture]) -> String {
+    gestures.iter().map(Gesture::as_str).collect::<Vec<_>>().join(", ")
 }
 
-fn numbers(values: &[u32]) -> String {
+fn join_numbers(values: &[u32]) -> String {
     match values {
         [] => "none".to_owned(),
         _ => values.iter().map(u32::to_string).collect::<Vec<_>>().join(", "),
@@ -410,6 +410,6 @@ fn numbers(values: &[u32]) -> String {
 }
 
 /// What makes an accuracy wrong, one finding a line.
-fn lines(findings: &[RecordedFault]) -> String {
-    crate::accepted(findings).iter().map(|finding| format!("\n  - {finding}")).collect()
+fn lines(findings: &[RecordingFault]) -> String {
+    crate::accepted_fault_texts(findings).iter().map(|finding| format!("\n  - {finding}")).collect()
 }

@@ -1,6 +1,6 @@
-use crate::{DeviceError, ProcessDecoder, Recordings, decoder_process, train};
-use proact_emg::{Classifier, DriveScore, EmgConfig, Prediction, RecognitionMetrics, WindowInput};
-use proact_types::GestureName;
+use crate::{DeviceError, ExternalDecoderProcess, Recordings, external_decoder, train_classifier};
+use proact_emg::{Classifier, DecoderInput, DriveScore, EmgConfig, Prediction, RecognitionMetrics};
+use proact_types::Gesture;
 use serde::Serialize;
 
 /// How well a classifier recognises repetitions that it was not trained on, window by window, with no decision
@@ -18,7 +18,7 @@ pub struct Evaluation {
     /// LibEMG's offline metrics.
     pub metrics: RecognitionMetrics,
     /// The gesture of each row and column.
-    pub classes: Vec<GestureName>,
+    pub classes: Vec<Gesture>,
     /// Each degree of freedom of a regressor; none of a classifier. Classes are then what is driven most.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub drives: Vec<DriveScore>,
@@ -39,7 +39,7 @@ pub fn evaluate(
     }
     let both: Vec<u32> = test_reps.iter().copied().filter(|rep| train_reps.contains(rep)).collect();
     if !both.is_empty() {
-        return Err(DeviceError::Overlap { both });
+        return Err(DeviceError::TrainTestOverlap { repetitions: both });
     }
     evaluate_folds(recordings, &[(train_reps.to_vec(), test_reps.to_vec())], config)
 }
@@ -54,7 +54,7 @@ pub fn leave_one_out(recordings: &Recordings, config: &EmgConfig) -> Result<Eval
     let mut reps: Vec<u32> = recordings.items.iter().map(|recording| recording.repetition).collect();
     reps.sort_unstable();
     reps.dedup();
-    reps.retain(|rep| gestures.iter().filter(|gesture| config.learns(**gesture)).all(|g| has(*g, *rep)));
+    reps.retain(|rep| gestures.iter().filter(|gesture| config.trains_on(**gesture)).all(|g| has(*g, *rep)));
     if reps.len() < 2 {
         return Err(DeviceError::NoRepetitions {
             purpose: "leave out: two or more of each gesture are needed, to test",
@@ -75,7 +75,7 @@ fn evaluate_folds(
     let (mut driven, mut drives) = (Vec::new(), Vec::new());
     let (mut confusion, mut seen) = (Vec::new(), Vec::new());
     for (train_reps, test_reps) in folds {
-        let mut decoder = Decoder::train(recordings, train_reps, config)?;
+        let mut decoder = FoldDecoder::train(recordings, train_reps, config)?;
         if classes.is_empty() {
             classes = decoder.classifier.gestures().to_vec();
             driven = decoder.classifier.degrees_of_freedom().to_vec();
@@ -84,24 +84,26 @@ fn evaluate_folds(
         }
         for &rep in test_reps {
             // Nobody records the co-contraction of two sites.
-            for (row, &gesture) in classes.iter().enumerate().filter(|(_, gesture)| config.learns(**gesture))
+            for (row, &gesture) in
+                classes.iter().enumerate().filter(|(_, gesture)| config.trains_on(**gesture))
             {
-                for window in recordings.find(gesture, rep)?.inputs(config)? {
+                for window in recordings.find(gesture, rep)?.window_inputs(config)? {
                     let prediction = decoder.predict(&window)?;
-                    let place = prediction.place;
+                    let class_index = prediction.class_index;
                     for ((pairs, drive), value) in drives.iter_mut().zip(&driven).zip(&prediction.drives) {
                         pairs.push((drive.target(gesture), *value));
                     }
-                    confusion[row][place] += 1;
-                    seen.push((row, place));
+                    confusion[row][class_index] += 1;
+                    seen.push((row, class_index));
                 }
             }
         }
     }
-    let drives = driven.iter().zip(&drives).map(|(drive, pairs)| DriveScore::of(*drive, pairs)).collect();
+    let drives =
+        driven.iter().zip(&drives).map(|(drive, pairs)| DriveScore::from_windows(*drive, pairs)).collect();
     let windows = confusion.iter().flatten().sum();
     let correct = (0..classes.len()).map(|k| confusion[k][k]).sum();
-    let metrics = RecognitionMetrics::of(&seen, classes.binary_search(&config.rest).ok());
+    let metrics = RecognitionMetrics::from_windows(&seen, classes.binary_search(&config.rest).ok());
     Ok(Evaluation {
         accuracy: correct as f64 / windows as f64,
         windows,
@@ -114,34 +116,34 @@ fn evaluate_folds(
 }
 
 /// A trained classifier, with its process if it is one.
-struct Decoder {
+struct FoldDecoder {
     classifier: Classifier,
-    process: Option<ProcessDecoder>,
-    asked: u64,
+    process: Option<ExternalDecoderProcess>,
+    window_count: u64,
 }
 
-impl Decoder {
-    fn train(recordings: &Recordings, reps: &[u32], config: &EmgConfig) -> Result<Decoder, DeviceError> {
-        let classifier = train(recordings, reps, &config.stand_in())?;
+impl FoldDecoder {
+    fn train(recordings: &Recordings, reps: &[u32], config: &EmgConfig) -> Result<FoldDecoder, DeviceError> {
+        let classifier = train_classifier(recordings, reps, &config.without_process())?;
         if !config.classifier.is_process() {
-            return Ok(Decoder { classifier, process: None, asked: 0 });
+            return Ok(FoldDecoder { classifier, process: None, window_count: 0 });
         }
         let mut windows = Vec::new();
         for &rep in reps {
             for gesture in recordings.gestures() {
-                windows.push((gesture, recordings.find(gesture, rep)?.inputs(config)?));
+                windows.push((gesture, recordings.find(gesture, rep)?.window_inputs(config)?));
             }
         }
-        let state = decoder_process::fit(config, classifier.gestures(), &windows)?;
+        let state = external_decoder::fit(config, classifier.gestures(), &windows)?;
         let classifier = classifier.decoded_by_process(config, &state)?;
-        let process = ProcessDecoder::start(config, &classifier, true)?;
-        Ok(Decoder { classifier, process, asked: 0 })
+        let process = ExternalDecoderProcess::start(config, &classifier, true)?;
+        Ok(FoldDecoder { classifier, process, window_count: 0 })
     }
 
-    fn predict(&mut self, window: &WindowInput) -> Result<Prediction, DeviceError> {
-        self.asked += 1;
+    fn predict(&mut self, window: &DecoderInput) -> Result<Prediction, DeviceError> {
+        self.window_count += 1;
         match &mut self.process {
-            Some(process) => process.predict(&self.classifier, self.asked, window),
+            Some(process) => process.predict(&self.classifier, self.window_count, window),
             None => Ok(self.classifier.predict(&window.features)?),
         }
     }

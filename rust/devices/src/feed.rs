@@ -1,8 +1,6 @@
-use crate::{DeviceError, Recordings, SyntheticEmg, stream};
+use crate::{DeviceError, Recordings, SyntheticEmg, random_stream};
 use proact_emg::{ClassifierKind, EmgConfig};
-use proact_types::{
-    ChannelValues, EmgSample, Gesture, GestureCommands, GestureName, MAX_TICK_SAMPLES, SimTime,
-};
+use proact_types::{ChannelValues, Command, CommandMap, EmgSample, Gesture, MAX_TICK_SAMPLES, SimTime};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
@@ -19,27 +17,27 @@ use std::collections::BTreeMap;
 pub struct EmgFeed {
     rate_hz: f64,
     /// Counter of the next sample.
-    next: u64,
+    next_counter: u64,
     /// Gestures that were recorded, and their repetitions to feed.
-    recorded: Vec<(GestureName, Vec<Vec<ChannelValues>>)>,
+    recorded: Vec<(Gesture, Vec<Vec<ChannelValues>>)>,
     /// What the person makes to give a command.
-    commands: GestureCommands,
+    commands: CommandMap,
     synthetic: Option<SyntheticEmg>,
     rng: ChaCha8Rng,
-    intended: Option<Made>,
+    intended: Option<SampleOrigin>,
     /// Repetition and sample to be fed next.
-    at: (usize, usize),
+    position: (usize, usize),
 }
 
 /// Where the samples of a gesture come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Made {
+enum SampleOrigin {
     /// The place among those that were recorded.
     Recorded(usize),
     /// The generator.
-    Synthetic(Gesture),
+    Synthetic(Command),
     /// Nobody can make it.
-    Nowhere,
+    Unavailable,
 }
 
 impl EmgFeed {
@@ -58,7 +56,7 @@ impl EmgFeed {
         if synthetic.is_none() && !missing.is_empty() {
             return Err(DeviceError::MissingGestures { path: recordings.path.clone(), missing });
         }
-        can_be_made(recordings)?;
+        check_synthesizable(recordings)?;
         if reps.is_empty() && !recordings.items.is_empty() {
             return Err(DeviceError::NoRepetitions { purpose: "feed" });
         }
@@ -67,17 +65,17 @@ impl EmgFeed {
             let samples = |rep: &u32| Ok(recordings.find(gesture, *rep)?.samples.clone());
             recorded.push((gesture, reps.iter().map(samples).collect::<Result<_, DeviceError>>()?));
         }
-        let known: Vec<GestureName> = recordings.gestures().into_iter().chain(recordings.missing()).collect();
-        let commands = GestureCommands::new(&known, recordings.rest, &BTreeMap::new())?;
+        let known: Vec<Gesture> = recordings.gestures().into_iter().chain(recordings.missing()).collect();
+        let commands = CommandMap::new(&known, recordings.rest, &BTreeMap::new())?;
         Ok(EmgFeed {
             rate_hz: recordings.rate_hz,
-            next: 0,
+            next_counter: 0,
             recorded,
             commands,
             synthetic,
-            rng: stream(seed, "emg/feed"),
+            rng: random_stream(seed, "emg/feed"),
             intended: None,
-            at: (0, 0),
+            position: (0, 0),
         })
     }
 
@@ -87,7 +85,7 @@ impl EmgFeed {
     }
 
     /// The same feed of a person who gives commands by other gestures than those of their names.
-    pub fn with_commands(mut self, commands: GestureCommands) -> EmgFeed {
+    pub fn with_commands(mut self, commands: CommandMap) -> EmgFeed {
         self.commands = commands;
         self
     }
@@ -97,9 +95,10 @@ impl EmgFeed {
     ///
     /// # Errors
     /// Figures whose sum is no covariance.
-    pub(crate) fn co_contracting(mut self, config: &EmgConfig) -> Result<EmgFeed, DeviceError> {
+    pub(crate) fn with_cocontraction_of(mut self, config: &EmgConfig) -> Result<EmgFeed, DeviceError> {
         let sites = &config.two_site;
-        let names = [sites.switch, sites.pair.positive(), sites.pair.negative()].map(GestureName::namesake);
+        let names = [sites.switch_gesture, sites.pair.positive(), sites.pair.negative()]
+            .map(Gesture::same_named_command);
         let (ClassifierKind::TwoSite, [Some(switch), Some(a), Some(b)]) = (config.classifier, names) else {
             return Ok(self);
         };
@@ -109,71 +108,72 @@ impl EmgFeed {
     }
 
     /// What the person makes to give `command`.
-    pub fn gesture_for(&self, command: Gesture) -> GestureName {
+    pub fn gesture_for(&self, command: Command) -> Gesture {
         self.commands.gesture_for(command)
     }
 
     /// The samples that arrive in the tick `now` of a person who makes `intended`, oldest first. Call it every
     /// tick: when more than eight samples are due, the older ones are lost and leave a gap in the counter.
-    pub fn sample_at(&mut self, now: SimTime, intended: impl Into<GestureName>) -> Vec<EmgSample> {
+    pub fn sample_at(&mut self, now: SimTime, intended: impl Into<Gesture>) -> Vec<EmgSample> {
         let mut samples = Vec::new();
         // Counted from the start, so that rates that do not divide 1000 do not drift. The small share makes a
         // product that should be whole, such as 3 ticks at 333.333.. Hz, not fall below.
         let due = (now.0 as f64 * self.rate_hz / 1000.0 + 1e-9).floor() as u64 + 1;
-        if due <= self.next {
+        if due <= self.next_counter {
             return samples;
         }
-        self.next = self.next.max(due.saturating_sub(MAX_TICK_SAMPLES as u64));
-        let made = self.made(intended.into());
-        self.turn_to(made);
-        while self.next < due {
+        self.next_counter = self.next_counter.max(due.saturating_sub(MAX_TICK_SAMPLES as u64));
+        let made = self.origin_of(intended.into());
+        self.begin_gesture(made);
+        while self.next_counter < due {
             let channels = self.next_values(made);
-            samples.push(EmgSample { counter: self.next, channels });
-            self.next += 1;
+            samples.push(EmgSample { counter: self.next_counter, channels });
+            self.next_counter += 1;
         }
         samples
     }
 
     /// Where the samples of `gesture` come from; a gesture that is nowhere is made as rest.
-    fn made(&self, gesture: GestureName) -> Made {
-        let source = |gesture: GestureName| match self.recorded.binary_search_by_key(&gesture, |(of, _)| *of)
-        {
-            Ok(place) => Some(Made::Recorded(place)),
-            Err(_) => gesture.namesake().filter(|_| self.synthetic.is_some()).map(Made::Synthetic),
+    fn origin_of(&self, gesture: Gesture) -> SampleOrigin {
+        let source = |gesture: Gesture| match self.recorded.binary_search_by_key(&gesture, |(of, _)| *of) {
+            Ok(recorded_index) => Some(SampleOrigin::Recorded(recorded_index)),
+            Err(_) => {
+                gesture.same_named_command().filter(|_| self.synthetic.is_some()).map(SampleOrigin::Synthetic)
+            }
         };
         source(gesture)
-            .or_else(|| source(self.commands.gesture_for(Gesture::NoMotion)))
-            .unwrap_or(Made::Nowhere)
+            .or_else(|| source(self.commands.gesture_for(Command::NoMotion)))
+            .unwrap_or(SampleOrigin::Unavailable)
     }
 
     /// Chooses where a new intention begins.
-    fn turn_to(&mut self, intended: Made) {
+    fn begin_gesture(&mut self, intended: SampleOrigin) {
         if self.intended == Some(intended) {
             return;
         }
         self.intended = Some(intended);
-        if let Made::Recorded(place) = intended {
-            let repetitions = &self.recorded[place].1;
+        if let SampleOrigin::Recorded(recorded_index) = intended {
+            let repetitions = &self.recorded[recorded_index].1;
             let repetition = self.rng.random_range(0..repetitions.len());
             let half = repetitions[repetition].len().div_ceil(2);
-            self.at = (repetition, self.rng.random_range(0..half));
+            self.position = (repetition, self.rng.random_range(0..half));
         }
     }
 
-    fn next_values(&mut self, intended: Made) -> ChannelValues {
+    fn next_values(&mut self, intended: SampleOrigin) -> ChannelValues {
         match (intended, &mut self.synthetic) {
-            (Made::Recorded(place), _) => {
-                let repetitions = &self.recorded[place].1;
-                let (repetition, sample) = self.at;
+            (SampleOrigin::Recorded(recorded_index), _) => {
+                let repetitions = &self.recorded[recorded_index].1;
+                let (repetition, sample) = self.position;
                 let values = repetitions[repetition][sample].clone();
-                self.at = if sample + 1 < repetitions[repetition].len() {
+                self.position = if sample + 1 < repetitions[repetition].len() {
                     (repetition, sample + 1)
                 } else {
                     ((repetition + 1) % repetitions.len(), 0)
                 };
                 values
             }
-            (Made::Synthetic(gesture), Some(synthetic)) => synthetic.next(gesture),
+            (SampleOrigin::Synthetic(gesture), Some(synthetic)) => synthetic.next(gesture),
             // The constructor leaves no feed without a source.
             _ => ChannelValues::new(),
         }
@@ -183,12 +183,12 @@ impl EmgFeed {
 /// Whether the generator could make what is missing.
 ///
 /// # Errors
-/// [`DeviceError::NoFigures`] for what it could not.
-pub(crate) fn can_be_made(recordings: &Recordings) -> Result<(), DeviceError> {
-    let missing: Vec<GestureName> =
-        recordings.missing().into_iter().filter(|gesture| gesture.namesake().is_none()).collect();
+/// [`DeviceError::NotSynthesizable`] for what it could not.
+pub(crate) fn check_synthesizable(recordings: &Recordings) -> Result<(), DeviceError> {
+    let missing: Vec<Gesture> =
+        recordings.missing().into_iter().filter(|gesture| gesture.same_named_command().is_none()).collect();
     if missing.is_empty() {
         return Ok(());
     }
-    Err(DeviceError::NoFigures { path: recordings.path.clone(), missing })
+    Err(DeviceError::NotSynthesizable { path: recordings.path.clone(), missing })
 }

@@ -4,7 +4,7 @@ use serde::Deserialize;
 use std::time::Instant;
 
 /// An eye further than this from the origin of its frame is a mistake, metres.
-const MAX_DISTANCE: f64 = 100.0;
+const MAX_ORIGIN_DISTANCE_M: f64 = 100.0;
 
 /// In which frame an eye tracker measures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
@@ -19,14 +19,14 @@ pub enum GazeFrame {
 
 /// A sample as an eye tracker sent it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SentGaze {
+pub struct RawGazeSample {
     /// The sample, in `frame`; its direction is a unit vector.
     pub sample: GazeSample,
     /// The frame.
     pub frame: GazeFrame,
 }
 
-impl SentGaze {
+impl RawGazeSample {
     /// A sample from an eye at `origin`, metres, along `direction` of any length above zero.
     ///
     /// # Errors
@@ -36,10 +36,12 @@ impl SentGaze {
         direction: [f64; 3],
         valid: bool,
         frame: GazeFrame,
-    ) -> Result<SentGaze, DeviceError> {
+    ) -> Result<RawGazeSample, DeviceError> {
         let wrong = |reason: String| DeviceError::GazeMessage { reason };
-        if !origin.iter().all(|x| x.abs() <= MAX_DISTANCE) {
-            return Err(wrong(format!("origin {origin:?}, expected coordinates up to {MAX_DISTANCE} m")));
+        if !origin.iter().all(|x| x.abs() <= MAX_ORIGIN_DISTANCE_M) {
+            return Err(wrong(format!(
+                "origin {origin:?}, expected coordinates up to {MAX_ORIGIN_DISTANCE_M} m"
+            )));
         }
         let vector = Vector::from(direction);
         let unit = vector.try_normalize(1e-6).filter(|_| vector.norm().is_finite());
@@ -51,7 +53,7 @@ impl SentGaze {
                 return Err(wrong(format!("direction {direction:?}, expected a finite vector above zero")));
             }
         };
-        Ok(SentGaze { sample: GazeSample { origin: Point::from(origin), direction, valid }, frame })
+        Ok(RawGazeSample { sample: GazeSample { origin: Point::from(origin), direction, valid }, frame })
     }
 }
 
@@ -61,7 +63,7 @@ pub trait GazeDevice: Send {
     ///
     /// # Errors
     /// The connection cannot be used any more.
-    fn latest(&mut self) -> Result<Option<SentGaze>, DeviceError>;
+    fn latest(&mut self) -> Result<Option<RawGazeSample>, DeviceError>;
 
     /// What there is to report at `now` of messages that were no samples, once a second at most.
     fn report_refused(&mut self, _now: Instant) -> Option<String> {

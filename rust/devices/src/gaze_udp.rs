@@ -1,4 +1,4 @@
-use crate::{DeviceError, GazeDevice, GazeFrame, RefusedDatagrams, SentGaze};
+use crate::{DeviceError, GazeDevice, GazeFrame, RawGazeSample, RefusedDatagrams};
 use serde::Deserialize;
 use std::{
     io,
@@ -12,30 +12,30 @@ pub const GAZE_UDP_PORT: u16 = 25040;
 /// First bytes of a binary sample.
 const MAGIC: [u8; 4] = *b"PGZ1";
 /// Length of a binary sample, bytes.
-const BINARY_LENGTH: usize = 56;
+const BINARY_BYTES: usize = 56;
 /// Bits of the flags.
-const VALID: u32 = 1;
-const IN_HEAD: u32 = 2;
+const FLAG_VALID: u32 = 1;
+const FLAG_HEAD_FRAME: u32 = 2;
 /// Samples taken in one go: a flood must not hold up the trial.
-const MAX_AT_ONCE: usize = 256;
+const MAX_SAMPLES_PER_POLL: usize = 256;
 
 /// Keys that are not listed here, such as a tracker's own confidence, are ignored.
 #[derive(Deserialize)]
-struct Text {
+struct GazeJson {
     #[serde(default)]
     origin: [f64; 3],
     direction: [f64; 3],
-    #[serde(default = "yes")]
+    #[serde(default = "default_valid")]
     valid: bool,
     #[serde(default)]
     frame: GazeFrame,
 }
 
-fn yes() -> bool {
+fn default_valid() -> bool {
     true
 }
 
-impl SentGaze {
+impl RawGazeSample {
     /// Reads one datagram. Either JSON, `{"origin": [x, y, z], "direction": [x, y, z], "valid": true, "frame":
     /// "world" | "head"}`, where all but the direction may be left out and other keys are ignored; or 56 bytes, little endian: `PGZ1`, flags
     /// (u32; 1 = valid, 2 = in the frame of the head), origin and direction (three f64 each). Metres; the direction
@@ -43,44 +43,44 @@ impl SentGaze {
     ///
     /// # Errors
     /// [`DeviceError::GazeMessage`] for anything else, with the reason.
-    pub fn parse(message: &[u8]) -> Result<SentGaze, DeviceError> {
+    pub fn parse(message: &[u8]) -> Result<RawGazeSample, DeviceError> {
         let wrong = |reason: String| DeviceError::GazeMessage { reason };
-        let Text { origin, direction, valid, frame } = if message.starts_with(&MAGIC) {
-            binary(message).ok_or_else(|| {
-                wrong(format!("a binary sample of {} bytes, expected {BINARY_LENGTH}", message.len()))
+        let GazeJson { origin, direction, valid, frame } = if message.starts_with(&MAGIC) {
+            parse_binary(message).ok_or_else(|| {
+                wrong(format!("a binary sample of {} bytes, expected {BINARY_BYTES}", message.len()))
             })?
         } else {
             serde_json::from_slice(message).map_err(|error| wrong(error.to_string()))?
         };
-        SentGaze::new(origin, direction, valid, frame)
+        RawGazeSample::new(origin, direction, valid, frame)
     }
 
     /// The binary form.
-    pub fn to_bytes(self) -> [u8; BINARY_LENGTH] {
-        let mut bytes = [0; BINARY_LENGTH];
+    pub fn to_bytes(self) -> [u8; BINARY_BYTES] {
+        let mut bytes = [0; BINARY_BYTES];
         bytes[..4].copy_from_slice(&MAGIC);
-        let in_head = if self.frame == GazeFrame::Head { IN_HEAD } else { 0 };
-        bytes[4..8].copy_from_slice(&((u32::from(self.sample.valid) * VALID) | in_head).to_le_bytes());
+        let in_head = if self.frame == GazeFrame::Head { FLAG_HEAD_FRAME } else { 0 };
+        bytes[4..8].copy_from_slice(&((u32::from(self.sample.valid) * FLAG_VALID) | in_head).to_le_bytes());
         let numbers = self.sample.origin.iter().chain(self.sample.direction.iter());
-        for (place, number) in bytes[8..].chunks_exact_mut(8).zip(numbers) {
-            place.copy_from_slice(&number.to_le_bytes());
+        for (bytes_out, number) in bytes[8..].chunks_exact_mut(8).zip(numbers) {
+            bytes_out.copy_from_slice(&number.to_le_bytes());
         }
         bytes
     }
 }
 
-fn binary(message: &[u8]) -> Option<Text> {
-    let message: &[u8; BINARY_LENGTH] = message.try_into().ok()?;
+fn parse_binary(message: &[u8]) -> Option<GazeJson> {
+    let message: &[u8; BINARY_BYTES] = message.try_into().ok()?;
     let flags = u32::from_le_bytes(message[4..8].try_into().ok()?);
     let number = |n: usize| {
         let bytes: Option<[u8; 8]> = message[8 + 8 * n..16 + 8 * n].try_into().ok();
         bytes.map(f64::from_le_bytes)
     };
-    Some(Text {
+    Some(GazeJson {
         origin: [number(0)?, number(1)?, number(2)?],
         direction: [number(3)?, number(4)?, number(5)?],
-        valid: flags & VALID != 0,
-        frame: if flags & IN_HEAD != 0 { GazeFrame::Head } else { GazeFrame::World },
+        valid: flags & FLAG_VALID != 0,
+        frame: if flags & FLAG_HEAD_FRAME != 0 { GazeFrame::Head } else { GazeFrame::World },
     })
 }
 
@@ -118,14 +118,14 @@ impl GazeReceiver {
 }
 
 impl GazeDevice for GazeReceiver {
-    fn latest(&mut self) -> Result<Option<SentGaze>, DeviceError> {
+    fn latest(&mut self) -> Result<Option<RawGazeSample>, DeviceError> {
         let mut latest = None;
         let mut bytes = [0; 1024];
-        for _ in 0..MAX_AT_ONCE {
+        for _ in 0..MAX_SAMPLES_PER_POLL {
             match self.socket.recv(&mut bytes) {
-                Ok(count) => match SentGaze::parse(&bytes[..count]) {
+                Ok(count) => match RawGazeSample::parse(&bytes[..count]) {
                     Ok(sent) => latest = Some(sent),
-                    Err(error) => self.refused.note(error),
+                    Err(error) => self.refused.record_refusal(error),
                 },
                 Err(e) if e.kind() == io::ErrorKind::WouldBlock => break,
                 Err(source) => return Err(DeviceError::Udp { address: "127.0.0.1".to_owned(), source }),
@@ -148,15 +148,15 @@ mod tests {
     #[test]
     fn both_forms_are_read_and_directions_become_unit_vectors() {
         let text = br#"{"origin": [0.1, 0, 1.5], "direction": [0, 0, -4], "frame": "world"}"#;
-        let sent = SentGaze::parse(text).unwrap();
+        let sent = RawGazeSample::parse(text).unwrap();
         assert_eq!(sent.sample.direction, Vector::new(0.0, 0.0, -1.0));
         assert!(sent.sample.valid && sent.frame == GazeFrame::World);
-        let sent = SentGaze { frame: GazeFrame::Head, ..sent };
-        assert_eq!(SentGaze::parse(&sent.to_bytes()).unwrap(), sent);
+        let sent = RawGazeSample { frame: GazeFrame::Head, ..sent };
+        assert_eq!(RawGazeSample::parse(&sent.to_bytes()).unwrap(), sent);
         let more =
             br#"{"direction": [0, 0, -4], "confidence": 0.97, "pupil": {"left": 3.1}, "frame": "head"}"#;
-        assert_eq!(SentGaze::parse(more).unwrap().sample.direction, Vector::new(0.0, 0.0, -1.0));
-        let lost = SentGaze::parse(br#"{"direction": [0, 0, 0], "valid": false}"#).unwrap();
+        assert_eq!(RawGazeSample::parse(more).unwrap().sample.direction, Vector::new(0.0, 0.0, -1.0));
+        let lost = RawGazeSample::parse(br#"{"direction": [0, 0, 0], "valid": false}"#).unwrap();
         assert!(!lost.sample.valid);
     }
 
@@ -172,12 +172,14 @@ mod tests {
             (br#"{"direction": [1, 0, 0], "frame": "moon"}"#, "moon"),
             (b"PGZ1 short", "expected 56"),
         ] {
-            let error = SentGaze::parse(message).unwrap_err().to_string();
+            let error = RawGazeSample::parse(message).unwrap_err().to_string();
             assert!(error.contains(part), "{}: {error}", String::from_utf8_lossy(message));
         }
         let nan =
             GazeSample { origin: Point::origin(), direction: Vector::new(f64::NAN, 0.0, 0.0), valid: true };
-        assert!(SentGaze::parse(&SentGaze { sample: nan, frame: GazeFrame::World }.to_bytes()).is_err());
+        assert!(
+            RawGazeSample::parse(&RawGazeSample { sample: nan, frame: GazeFrame::World }.to_bytes()).is_err()
+        );
     }
 
     #[test]
@@ -203,7 +205,7 @@ mod tests {
         fn no_bytes_make_it_panic(bytes in prop::collection::vec(any::<u8>(), 0..100), binary in any::<bool>()) {
             let mut message = if binary { MAGIC.to_vec() } else { Vec::new() };
             message.extend(bytes);
-            let _ = SentGaze::parse(&message);
+            let _ = RawGazeSample::parse(&message);
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Sources of what a person sends: EMG and gaze. Recordings, a generator of synthetic EMG, a gaze tracker's errors.
 //!
 //! Files are read here, when a source is made; what runs during a trial is deterministic: every random choice
-//! comes from [`stream`], so the same seed gives the same samples. Implements the ports of `testbed`.
+//! comes from [`random_stream`], so the same seed gives the same samples. Implements the ports of `testbed`.
 //!
 //! Live streams come through one trait, [`SampleSource`]: the armbands gForce ([`gforce`]) and Myo ([`myo`]) over any
 //! link (Bluetooth with the feature `ble`, which needs libdbus-1-dev on Linux), streams of the lab streaming layer (feature `lsl`, which builds
@@ -12,20 +12,20 @@
 //! [`SINK_SCHEMES`]. Only these know the real clock.
 //!
 //! ```
-//! use proact_devices::{EmgOrigin, prepare};
+//! use proact_devices::{EmgOrigin, prepare_emg};
 //! use proact_emg::EmgPipeline;
-//! use proact_types::{Gesture, SimTime};
+//! use proact_types::{Command, SimTime};
 //!
-//! let mut setup = prepare(&EmgOrigin::Synthetic, 7)?;
+//! let mut setup = prepare_emg(&EmgOrigin::Synthetic, 7)?;
 //! let mut pipeline = EmgPipeline::new(&setup.config, setup.classifier.clone())?;
-//! let mut gesture = Gesture::NoMotion.into();
+//! let mut gesture = Command::NoMotion.into();
 //! for tick in 0..1000 {
-//!     let samples = setup.feed.sample_at(SimTime(tick), Gesture::HandClose);
+//!     let samples = setup.feed.sample_at(SimTime(tick), Command::HandClose);
 //!     if let Some(output) = pipeline.step(SimTime(tick), &samples) {
 //!         gesture = output.gesture;
 //!     }
 //! }
-//! assert_eq!(gesture, Gesture::HandClose);
+//! assert_eq!(gesture, Command::HandClose);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 // They panic where the output is closed or full.
@@ -40,19 +40,18 @@ pub const NO_LSL: &str = "this proact was built without the lab streaming layer;
      --features lsl; both need cmake and a C++ compiler";
 
 mod amplifier;
-mod decoder_process;
+mod emg_setup;
 mod error;
 mod evaluate;
+mod external_decoder;
 mod feed;
 mod feedback;
-mod gaze;
 mod gaze_tracker;
 mod gaze_udp;
 pub mod gforce;
-mod judged;
 #[cfg(feature = "lsl")]
 mod lab_streaming;
-mod libemg_udp;
+mod libemg;
 mod line_process;
 mod live;
 mod metadata;
@@ -63,10 +62,11 @@ mod random;
 mod raw_keys;
 mod recorder;
 mod recording;
+mod recording_faults;
 mod recording_folder;
-mod refused;
+mod refused_datagrams;
 mod sample_file;
-mod setup;
+mod simulated_eye_tracker;
 mod simulated_imu;
 mod sources;
 mod synthetic;
@@ -74,37 +74,42 @@ mod vmpl;
 mod vmpl_ghost;
 
 pub use amplifier::{AmplifierChannel, AmplifierLayout};
-pub use decoder_process::{ProcessDecoder, open_pipeline, read_process_file, train_process, try_process};
+pub use emg_setup::{
+    EmgOrigin, EmgSetup, default_config, prepare_emg, prepare_emg_with, prepare_model, train_classifier,
+};
 pub use error::DeviceError;
 pub use evaluate::{Evaluation, evaluate, leave_one_out};
+pub use external_decoder::{
+    ExternalDecoderProcess, open_pipeline, read_process_file, train_process, try_process,
+};
 pub use feed::EmgFeed;
 pub use feedback::{
     FeedbackSink, FeedbackSinks, OpenSink, SINK_SCHEMES, SinkScheme, UdpFeedback, VibrationDevice,
     VibrationDriver, VibrationLine,
 };
-pub use gaze::GazeSource;
-pub use gaze_tracker::{GazeDevice, GazeFrame, SentGaze};
+pub use gaze_tracker::{GazeDevice, GazeFrame, RawGazeSample};
 pub use gaze_udp::{GAZE_UDP_PORT, GazeReceiver};
-pub use judged::{FaultPolicy, accepted, findings_json};
 #[cfg(feature = "lsl")]
 pub use lab_streaming::{LslCapture, LslGaze, LslMarkers, LslOutlet, LslSource};
-pub use libemg_udp::{LIBEMG_PORT, LibEmgOutput, LibEmgReceiver, LibEmgSender};
-pub use line_process::{LineFault, LineProcess};
+pub use libemg::{LIBEMG_PORT, LibEmgOutput, LibEmgReceiver, LibEmgSender};
+pub use line_process::{LineProcess, LineProcessError};
 pub use live::{
-    EmgPacket, FaultySource, InjectedFault, KeyboardSource, Pacing, PersonSource, PlaybackSource,
-    SampleSource, ScriptedEvent, ScriptedSource, SourceClock, SourceCounts, SourceEvent, SourceInfo,
+    EmgPacket, FaultySource, InjectedFault, KeyboardSource, Pacing, PlaybackSource, SampleSource,
+    ScriptedEvent, ScriptedSource, SimulatedPersonSource, SourceClock, SourceCounts, SourceEvent, SourceInfo,
 };
 pub use metadata::read_class_map;
-pub use random::stream;
+pub use random::random_stream;
 pub use recorder::{EmgRecorder, RecordedStream, read_recorded};
 pub use recording::{MYO_RATE_HZ, Recording, Recordings};
+pub use recording_faults::{FaultPolicy, accepted_fault_texts, findings_json};
 pub use recording_folder::RecordingFolder;
-pub use refused::RefusedDatagrams;
+pub use refused_datagrams::RefusedDatagrams;
 pub use sample_file::{SampleFile, read_samples};
-pub use setup::{EmgOrigin, EmgSetup, default_config, prepare, prepare_model, prepare_with, train};
+pub use simulated_eye_tracker::SimulatedEyeTracker;
 pub use simulated_imu::SimulatedImu;
 pub use sources::{
-    Address, ClassesFrom, OpenSource, REACTION, SourceName, SourceOptions, SourceRegistry, SourceScheme,
+    LibEmgEndpoint, OpenSource, REACTION_TIME, SourceAddress, SourceName, SourceOptions, SourceRegistry,
+    SourceScheme,
 };
 pub use synthetic::{FittedGesture, SyntheticEmg, SyntheticModel};
 pub use vmpl::{

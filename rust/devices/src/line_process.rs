@@ -4,30 +4,30 @@ use serde::Deserialize;
 use std::{
     io::{self, BufRead, BufReader, Read, Write},
     process::{Child, ChildStdin, ChildStdout, Command, Stdio},
-    sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel},
+    sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, TrySendError, sync_channel},
     thread,
     time::{Duration, Instant},
 };
 
 /// Lines under way in each direction: a process that does not read, or says too much, must not hold up the tick.
-const MOST_LINES: usize = 32;
+const MAX_QUEUED_LINES: usize = 32;
 
 /// Milliseconds that a process which has closed its output may take to end.
-const MOMENTS: u32 = 50;
+const EXIT_GRACE_MS: u32 = 50;
 
 /// Why a line has no answer.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-pub enum LineFault {
+pub enum LineProcessError {
     /// Nothing came in time. The process may still answer, which is skipped then.
-    #[error("the process has not answered within {} ms", patience.as_millis())]
-    Late {
+    #[error("the process has not answered within {} ms", timeout.as_millis())]
+    Timeout {
         /// Time that was waited.
-        patience: Duration,
+        timeout: Duration,
     },
     /// It does not read its input, so that lines wait for it.
-    #[error("the process does not read its input")]
-    NotRead,
+    #[error("the process does not read its input, or says more than one line for each that it reads")]
+    InputNotRead,
     /// It has ended, or says what is no line.
     #[error("{0}")]
     Broken(String),
@@ -40,14 +40,14 @@ pub struct LineProcess {
     lines: Option<SyncSender<String>>,
     answers: Receiver<Result<String, String>>,
     /// Stamps of lines that were not answered in time, rising.
-    missed: Vec<u64>,
+    unanswered: Vec<u64>,
     /// Milliseconds that may be waited for its end.
-    moments: u32,
+    exit_grace_ms: u32,
 }
 
 /// What an answer says of the line that it answers.
 #[derive(Deserialize)]
-struct Stamp {
+struct AnswerStamp {
     #[serde(alias = "window")]
     time: u64,
 }
@@ -62,57 +62,77 @@ impl LineProcess {
             command.split_first().ok_or_else(|| io::Error::from(io::ErrorKind::InvalidInput))?;
         let mut child =
             Command::new(program).args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
-        let (lines, to_write) = sync_channel(MOST_LINES);
-        let (heard, answers) = sync_channel(MOST_LINES);
+        let (lines, to_write) = sync_channel(MAX_QUEUED_LINES);
+        let (answer_sender, answers) = sync_channel(MAX_QUEUED_LINES);
         if let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) {
             thread::spawn(move || write(input, &to_write));
-            thread::spawn(move || read(output, longest_line, &heard));
+            thread::spawn(move || read(output, longest_line, &answer_sender));
         }
-        Ok(LineProcess { child, lines: Some(lines), answers, missed: Vec::new(), moments: MOMENTS })
+        Ok(LineProcess {
+            child,
+            lines: Some(lines),
+            answers,
+            unanswered: Vec::new(),
+            exit_grace_ms: EXIT_GRACE_MS,
+        })
     }
 
-    /// Writes `line` and waits at most for `patience` for its answer. Answers to earlier lines (by their `time` or `window`) that
+    /// Writes `line` and waits at most for `timeout` for its answer. Answers to earlier lines (by their `time` or `window`) that
     /// were not answered in time are skipped; all else is given.
     ///
     /// # Errors
-    /// [`LineFault`].
-    pub fn ask(&mut self, stamp: u64, line: String, patience: Duration) -> Result<String, LineFault> {
+    /// [`LineProcessError`].
+    pub fn ask(&mut self, stamp: u64, line: String, timeout: Duration) -> Result<String, LineProcessError> {
         match self.lines.as_ref().map(|lines| lines.try_send(line)) {
             Some(Ok(())) => {}
             Some(Err(TrySendError::Full(_))) => {
-                return Err(LineFault::NotRead);
+                return Err(self.pending_failure().unwrap_or(LineProcessError::InputNotRead));
             }
-            Some(Err(TrySendError::Disconnected(_))) | None => return Err(self.ended()),
+            Some(Err(TrySendError::Disconnected(_))) | None => {
+                return Err(self.pending_failure().unwrap_or_else(|| self.exit_reason()));
+            }
         }
-        let deadline = Instant::now() + patience;
+        let deadline = Instant::now() + timeout;
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
             let answer = match self.answers.recv_timeout(left) {
-                Ok(answer) => answer.map_err(LineFault::Broken)?,
+                Ok(answer) => answer.map_err(LineProcessError::Broken)?,
                 Err(RecvTimeoutError::Timeout) => {
-                    self.missed.push(stamp);
-                    return Err(LineFault::Late { patience });
+                    self.unanswered.push(stamp);
+                    return Err(LineProcessError::Timeout { timeout });
                 }
-                Err(RecvTimeoutError::Disconnected) => return Err(self.ended()),
+                Err(RecvTimeoutError::Disconnected) => return Err(self.exit_reason()),
             };
-            match serde_json::from_str::<Stamp>(&answer) {
-                Ok(late) if late.time < stamp && self.missed.contains(&late.time) => {
-                    self.missed.retain(|missed| *missed > late.time);
+            match serde_json::from_str::<AnswerStamp>(&answer) {
+                Ok(late) if late.time < stamp && self.unanswered.contains(&late.time) => {
+                    self.unanswered.retain(|missed| *missed > late.time);
                 }
                 _ => return Ok(answer),
             }
         }
     }
 
+    /// What was wrong with what it said, if nothing can come behind it; answers that wait before are dropped.
+    fn pending_failure(&mut self) -> Option<LineProcessError> {
+        loop {
+            match self.answers.try_recv() {
+                Ok(Ok(_)) => {}
+                Ok(Err(reason)) => return Some(LineProcessError::Broken(reason)),
+                Err(TryRecvError::Empty) => return None,
+                Err(TryRecvError::Disconnected) => return Some(self.exit_reason()),
+            }
+        }
+    }
+
     /// Why nothing comes any more. A process that has just closed its output takes a moment to end: its exit status says more.
-    fn ended(&mut self) -> LineFault {
-        for _ in 0..std::mem::take(&mut self.moments) {
+    fn exit_reason(&mut self) -> LineProcessError {
+        for _ in 0..std::mem::take(&mut self.exit_grace_ms) {
             if !matches!(self.child.try_wait(), Ok(None)) {
                 break;
             }
             thread::sleep(Duration::from_millis(1));
         }
-        LineFault::Broken(match self.child.try_wait() {
+        LineProcessError::Broken(match self.child.try_wait() {
             Ok(Some(status)) => format!("the process has ended ({status})"),
             _ => "the process has closed its output".to_owned(),
         })
@@ -129,7 +149,7 @@ fn write(mut input: ChildStdin, lines: &Receiver<String>) {
 }
 
 /// Ends when the process says no more, or nobody listens.
-fn read(output: ChildStdout, longest_line: u64, heard: &SyncSender<Result<String, String>>) {
+fn read(output: ChildStdout, longest_line: u64, answer_sender: &SyncSender<Result<String, String>>) {
     let mut output = BufReader::new(output);
     loop {
         let mut line = Vec::new();
@@ -141,7 +161,7 @@ fn read(output: ChildStdout, longest_line: u64, heard: &SyncSender<Result<String
             Err(error) => Err(format!("the process cannot be heard: {error}")),
         };
         let over = answer.is_err();
-        if heard.send(answer).is_err() || over {
+        if answer_sender.send(answer).is_err() || over {
             return;
         }
     }

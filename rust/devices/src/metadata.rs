@@ -2,7 +2,7 @@ mod rate_names;
 
 use crate::DeviceError;
 use proact_emg::ImuChannel;
-use proact_types::{Gesture, GestureName, MAX_GESTURES, MOST_TEXT_BYTES, read_text};
+use proact_types::{Command, Gesture, MAX_GESTURES, MAX_TEXT_BYTES, read_text};
 use serde_json::Value;
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -16,9 +16,9 @@ pub(crate) struct Metadata {
     /// Samples per second.
     pub rate_hz: Option<f64>,
     /// Gesture of each class number; none if the folder does not say.
-    pub classes: Option<BTreeMap<u32, GestureName>>,
+    pub classes: Option<BTreeMap<u32, Gesture>>,
     /// The gesture of a relaxed hand; none if the folder does not say.
-    pub rest: Option<GestureName>,
+    pub rest: Option<Gesture>,
     /// Channels of an inertial measurement unit, in the order of their columns.
     imu: Vec<ImuChannel>,
     /// Per file first row and number of rows that were lost and bridged.
@@ -28,12 +28,12 @@ pub(crate) struct Metadata {
 }
 
 /// A key without capitals and signs, so that `SamplingFrequency` and `sampling_frequency` are one.
-fn plain(key: &str) -> String {
+fn normalize_key(key: &str) -> String {
     key.chars().filter(|letter| letter.is_alphanumeric()).flat_map(char::to_lowercase).collect()
 }
 
 /// Files that say something: our own and LibEMG 0's, then LibEMG 2's.
-const FILES: [&str; 2] = ["metadata.json", "collection_details.json"];
+const METADATA_FILES: [&str; 2] = ["metadata.json", "collection_details.json"];
 /// Names that programs give to the rate, without capitals, underlines and the like: ours, LibEMG's, BIDS', MNE's, EEGLAB's and others'.
 /// The first that is there counts.
 const RATE_KEYS: [&str; 24] = [
@@ -63,7 +63,7 @@ const RATE_KEYS: [&str; 24] = [
     "hz",
 ];
 /// Keys that are read, and those in which LibEMG keeps how it prompted.
-const OTHER_KEYS: [&str; 9] =
+const KNOWN_KEYS: [&str; 9] =
     ["class_map", "classes", "rest", "bridged", "imu", "num_reps", "num_motions", "rep_time", "rest_time"];
 
 impl Metadata {
@@ -73,9 +73,9 @@ impl Metadata {
     /// A file that is no JSON object, or has a rate or classes that cannot be.
     pub(crate) fn read(dir: &Path) -> Result<Metadata, DeviceError> {
         let mut metadata = Metadata::default();
-        for name in FILES {
+        for name in METADATA_FILES {
             let path = dir.join(name);
-            let text = match std::fs::File::open(&path).and_then(|file| read_text(file, MOST_TEXT_BYTES)) {
+            let text = match std::fs::File::open(&path).and_then(|file| read_text(file, MAX_TEXT_BYTES)) {
                 Ok(text) => text,
                 Err(error) if error.kind() == ErrorKind::NotFound => continue,
                 Err(source) => return Err(DeviceError::Read { path, source }),
@@ -89,7 +89,7 @@ impl Metadata {
             metadata.unknown.extend(read.unknown);
             let known = metadata.gestures();
             if let Some(rest) = metadata.rest.filter(|rest| !known.contains(rest)) {
-                let known = known.iter().map(GestureName::as_str).collect::<Vec<_>>().join(", ");
+                let known = known.iter().map(Gesture::as_str).collect::<Vec<_>>().join(", ");
                 let reason = format!("rest is {rest}, expected one of the gestures: {known}");
                 return Err(DeviceError::Metadata { path: dir.join(name), reason });
             }
@@ -100,16 +100,16 @@ impl Metadata {
     fn parse(text: &str) -> Result<Metadata, String> {
         let object: Value = serde_json::from_str(text).map_err(|e| e.to_string())?;
         let object = object.as_object().ok_or("expected a JSON object")?;
-        let order = |key: &String| RATE_KEYS.iter().position(|known| *known == plain(key));
+        let order = |key: &String| RATE_KEYS.iter().position(|known| *known == normalize_key(key));
         let mut rates: Vec<(usize, &String, f64)> = Vec::new();
         for (key, value) in object {
-            if let Some(place) = order(key) {
+            if let Some(rank) = order(key) {
                 let rate = value.as_f64().filter(|r| r.is_finite() && *r > 0.0);
                 let rate = rate.ok_or_else(|| format!("{key} is {value}, expected a number above zero"))?;
-                rates.push((place, key, rate));
+                rates.push((rank, key, rate));
             }
         }
-        rates.sort_by_key(|(place, ..)| *place);
+        rates.sort_by_key(|(rank, ..)| *rank);
         let rate_hz = rates.first().map(|(.., rate)| *rate);
         if let Some(((_, key, rate), (_, other, different))) =
             rates.first().zip(rates.iter().find(|(.., rate)| Some(*rate) != rate_hz))
@@ -118,32 +118,31 @@ impl Metadata {
                 "{key} is {rate} and {other} is {different}, expected one rate: remove the wrong key"
             ));
         }
-        let known = |key: &&String| order(key).is_some() || OTHER_KEYS.contains(&key.as_str());
+        let known = |key: &&String| order(key).is_some() || KNOWN_KEYS.contains(&key.as_str());
         let unknown =
             object.iter().filter(|(key, _)| !known(key)).map(|(key, value)| (key.clone(), value.clone()));
         let unknown = unknown.collect();
         let named = |(class, name): (Option<u32>, &Value)| match (class, name.as_str()) {
-            (Some(class), Some(name)) => Ok((class, gesture_called(name)?)),
+            (Some(class), Some(name)) => Ok((class, gesture_named(name)?)),
             _ => Err(format!("a class is called {name}, expected class numbers with names")),
         };
-        let classes: Option<BTreeMap<u32, GestureName>> =
-            match (object.get("class_map"), object.get("classes")) {
-                (Some(Value::Object(map)), _) => Some(
-                    map.iter()
-                        .map(|(class, name)| (class.parse().ok(), name))
-                        .map(named)
-                        .collect::<Result<_, _>>()?,
-                ),
-                (None, Some(Value::Array(names))) => {
-                    Some((0..).map(Some).zip(names).map(named).collect::<Result<_, _>>()?)
-                }
-                (None, None) => None,
-                (Some(other), _) | (None, Some(other)) => {
-                    return Err(format!("the classes are {other}, expected numbers with names"));
-                }
-            };
+        let classes: Option<BTreeMap<u32, Gesture>> = match (object.get("class_map"), object.get("classes")) {
+            (Some(Value::Object(map)), _) => Some(
+                map.iter()
+                    .map(|(class, name)| (class.parse().ok(), name))
+                    .map(named)
+                    .collect::<Result<_, _>>()?,
+            ),
+            (None, Some(Value::Array(names))) => {
+                Some((0..).map(Some).zip(names).map(named).collect::<Result<_, _>>()?)
+            }
+            (None, None) => None,
+            (Some(other), _) | (None, Some(other)) => {
+                return Err(format!("the classes are {other}, expected numbers with names"));
+            }
+        };
         if let Some(classes) = &classes {
-            let distinct: BTreeSet<&GestureName> = classes.values().collect();
+            let distinct: BTreeSet<&Gesture> = classes.values().collect();
             if distinct.len() < classes.len() {
                 return Err("two classes have the same name, expected each once".to_owned());
             }
@@ -153,7 +152,7 @@ impl Metadata {
         }
         let rest = match object.get("rest") {
             None => None,
-            Some(Value::String(name)) => Some(gesture_called(name)?),
+            Some(Value::String(name)) => Some(gesture_named(name)?),
             Some(other) => return Err(format!("rest is {other}, expected the name of a gesture")),
         };
         let bridged = match object.get("bridged") {
@@ -193,7 +192,7 @@ impl Metadata {
     /// # Errors
     /// There are none.
     pub(crate) fn imu(&self, dir: &Path) -> Result<&[ImuChannel], DeviceError> {
-        if self.imu.is_empty() { Err(self.no_imu(dir)) } else { Ok(&self.imu) }
+        if self.imu.is_empty() { Err(self.missing_imu_error(dir)) } else { Ok(&self.imu) }
     }
 
     /// It names channels of an inertial measurement unit.
@@ -202,10 +201,10 @@ impl Metadata {
     }
 
     /// What is said of the folder `dir` without an inertial measurement unit.
-    pub(crate) fn no_imu(&self, dir: &Path) -> DeviceError {
+    pub(crate) fn missing_imu_error(&self, dir: &Path) -> DeviceError {
         let reason = "it names no channels of an inertial measurement unit, expected a list `imu` of names and units with files \
                       R_<repetition>_C_<class>_IMU.csv; leave --imu out to train without";
-        DeviceError::Metadata { path: dir.join(FILES[0]), reason: reason.to_owned() }
+        DeviceError::Metadata { path: dir.join(METADATA_FILES[0]), reason: reason.to_owned() }
     }
 
     /// The rows of the file `name` that were lost and bridged: first row, from 0, and number.
@@ -231,20 +230,20 @@ impl Metadata {
     }
 
     /// The gesture of a class number: by its name if the folder names it, else the command in the place of
-    /// [`Gesture::ALL`].
+    /// [`Command::ALL`].
     ///
     /// # Errors
     /// A number without a gesture.
-    pub(crate) fn gesture(&self, path: &Path, class: u32) -> Result<GestureName, DeviceError> {
+    pub(crate) fn gesture(&self, path: &Path, class: u32) -> Result<Gesture, DeviceError> {
         let found = match &self.classes {
             Some(classes) => classes.get(&class).copied(),
-            None => Gesture::ALL.get(class as usize).copied().map(GestureName::from),
+            None => Command::ALL.get(class as usize).copied().map(Gesture::from),
         };
         found.ok_or_else(|| {
-            let numbered = |(class, name): (u32, GestureName)| format!("{class} {name}");
+            let numbered = |(class, name): (u32, Gesture)| format!("{class} {name}");
             let known: Vec<String> = match &self.classes {
                 Some(classes) => classes.iter().map(|(class, name)| numbered((*class, *name))).collect(),
-                None => (0..).zip(Gesture::ALL.map(GestureName::from)).map(numbered).collect(),
+                None => (0..).zip(Command::ALL.map(Gesture::from)).map(numbered).collect(),
             };
             DeviceError::UnknownClass { path: path.to_owned(), class, known: known.join(", ") }
         })
@@ -253,16 +252,16 @@ impl Metadata {
     /// Names the classes by their numbers, and the first as that of a relaxed hand, where the folder does not say.
     pub(crate) fn name_classes(&mut self, names: &[&str]) {
         if self.classes.is_none() {
-            let named = |(class, name): (u32, &&str)| Some((class, name.parse::<GestureName>().ok()?));
-            let classes: BTreeMap<u32, GestureName> = (0..).zip(names).filter_map(named).collect();
+            let named = |(class, name): (u32, &&str)| Some((class, name.parse::<Gesture>().ok()?));
+            let classes: BTreeMap<u32, Gesture> = (0..).zip(names).filter_map(named).collect();
             self.rest = self.rest.or(classes.get(&0).copied());
             self.classes = Some(classes);
         }
     }
 
     /// The gestures of the folder, in alphabetical order: those that it names, else the five.
-    pub(crate) fn gestures(&self) -> Vec<GestureName> {
-        let Some(classes) = &self.classes else { return Gesture::ALL.map(GestureName::from).into() };
+    pub(crate) fn gestures(&self) -> Vec<Gesture> {
+        let Some(classes) = &self.classes else { return Command::ALL.map(Gesture::from).into() };
         classes.values().copied().collect::<BTreeSet<_>>().into_iter().collect()
     }
 }
@@ -272,9 +271,9 @@ impl Metadata {
 ///
 /// # Errors
 /// A file that cannot be read or names no classes.
-pub fn read_class_map(path: &Path) -> Result<Vec<GestureName>, DeviceError> {
+pub fn read_class_map(path: &Path) -> Result<Vec<Gesture>, DeviceError> {
     let text = std::fs::File::open(path)
-        .and_then(|file| read_text(file, MOST_TEXT_BYTES))
+        .and_then(|file| read_text(file, MAX_TEXT_BYTES))
         .map_err(|source| DeviceError::Read { path: path.to_owned(), source })?;
     let named =
         Metadata::parse(&text).and_then(|metadata| metadata.classes.ok_or("it names no classes".to_owned()));
@@ -283,14 +282,14 @@ pub fn read_class_map(path: &Path) -> Result<Vec<GestureName>, DeviceError> {
 }
 
 /// The gesture that a folder calls `name`: the five in any spelling, all others as they stand.
-fn gesture_called(name: &str) -> Result<GestureName, String> {
+fn gesture_named(name: &str) -> Result<Gesture, String> {
     let plain = name.trim().to_lowercase().replace([' ', '-'], "_");
     if plain == "rest" {
-        return Ok(Gesture::NoMotion.into());
+        return Ok(Command::NoMotion.into());
     }
-    match plain.parse::<Gesture>() {
+    match plain.parse::<Command>() {
         Ok(known) => Ok(known.into()),
-        Err(_) => name.trim().parse().map_err(|error: proact_types::BadGestureName| error.to_string()),
+        Err(_) => name.trim().parse().map_err(|error: proact_types::InvalidGesture| error.to_string()),
     }
 }
 
@@ -308,8 +307,8 @@ mod tests {
         let metadata = Metadata::read(dir.path()).unwrap();
         assert_eq!(metadata.rate_hz, Some(1000.0));
         let gesture = |class| metadata.gesture(Path::new("R_0_C_0.csv"), class);
-        assert_eq!(gesture(0).unwrap(), Gesture::HandOpen);
-        assert_eq!(gesture(1).unwrap(), Gesture::NoMotion);
+        assert_eq!(gesture(0).unwrap(), Command::HandOpen);
+        assert_eq!(gesture(1).unwrap(), Command::NoMotion);
         assert_eq!(gesture(2).unwrap().as_str(), "Pinch");
         let error = gesture(3).unwrap_err().to_string();
         assert!(
@@ -335,8 +334,8 @@ mod tests {
     #[test]
     fn a_list_of_names_counts_from_zero() {
         let metadata = Metadata::parse(r#"{"classes": ["Rest", "wrist-flexion"]}"#).unwrap();
-        assert_eq!(metadata.gesture(Path::new("f"), 1).unwrap(), Gesture::WristFlexion);
-        assert_eq!(metadata.gesture(Path::new("f"), 0).unwrap(), Gesture::NoMotion);
+        assert_eq!(metadata.gesture(Path::new("f"), 1).unwrap(), Command::WristFlexion);
+        assert_eq!(metadata.gesture(Path::new("f"), 0).unwrap(), Command::NoMotion);
     }
 
     #[test]

@@ -1,18 +1,18 @@
 //! The testbed's ports, implemented by the feed and the gaze tracker.
 
-use crate::{EmgFeed, GazeSource};
+use crate::{EmgFeed, SimulatedEyeTracker};
 use proact_testbed::ports::{EmgSource, GazeTracker};
-use proact_types::{EmgSample, GazeSample, Gesture, Point, SimTime, Vector};
+use proact_types::{Command, EmgSample, GazeSample, Point, SimTime, Vector};
 
 impl EmgSource for EmgFeed {
-    fn sample_at(&mut self, now: SimTime, intended: Gesture) -> Vec<EmgSample> {
+    fn sample_at(&mut self, now: SimTime, intended: Command) -> Vec<EmgSample> {
         let gesture = self.gesture_for(intended);
         EmgFeed::sample_at(self, now, gesture)
     }
 }
 
-impl GazeTracker for GazeSource {
+impl GazeTracker for SimulatedEyeTracker {
     fn sample_at(&mut self, now: SimTime, eye: &Point, direction: &Vector, open: bool) -> Option<GazeSample> {
-        GazeSource::sample_at(self, now, eye, direction, open)
+        SimulatedEyeTracker::sample_at(self, now, eye, direction, open)
     }
 }

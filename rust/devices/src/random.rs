@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 /// Its key is the BLAKE3 hash of the context `proact random stream`, a zero byte, the seed as 8 little-endian
 /// bytes, and the name. Streams of different names or seeds are independent; drawing more from one never changes
 /// another.
-pub fn stream(seed: u64, name: &str) -> ChaCha8Rng {
+pub fn random_stream(seed: u64, name: &str) -> ChaCha8Rng {
     let mut hasher = blake3::Hasher::new();
     hasher.update(b"proact random stream\0");
     hasher.update(&seed.to_le_bytes());
@@ -21,7 +21,7 @@ mod tests {
 
     #[test]
     fn a_stream_depends_on_seed_and_name_and_on_nothing_else() {
-        let draw = |seed, name| stream(seed, name).next_u64();
+        let draw = |seed, name| random_stream(seed, name).next_u64();
         assert_eq!(draw(1, "gaze"), draw(1, "gaze"));
         assert_ne!(draw(1, "gaze"), draw(2, "gaze"));
         assert_ne!(draw(1, "gaze"), draw(1, "emg"));

@@ -4,7 +4,7 @@ use crate::{
     sample_file::{SampleFile, read_rows, read_samples},
 };
 use proact_emg::{ImuChannel, RATES_HZ};
-use proact_types::{ChannelValues, EmgSample, Gesture, GestureName};
+use proact_types::{ChannelValues, Command, EmgSample, Gesture};
 use std::{
     collections::BTreeSet,
     path::{Path, PathBuf},
@@ -15,9 +15,9 @@ pub const MYO_RATE_HZ: f64 = 200.0;
 
 /// How recordings lie in a folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Layout {
+enum RecordingLayout {
     /// `R_<repetition>_C_<class>.csv` or `R_<repetition>_C_<class>_EMG.csv`, one column a channel; class numbers
-    /// by the folder's metadata, else in the order of [`Gesture::ALL`].
+    /// by the folder's metadata, else in the order of [`Command::ALL`].
     LibEmg,
     /// That of a participant of the 3DC data set: `train/EMG/3dc_EMG_gesture_<repetition>_<class>.txt` and the same in `test`, whose
     /// repetitions follow. 1000 Hz.
@@ -33,7 +33,7 @@ pub struct Recording {
     /// Number of the repetition, from 0.
     pub repetition: u32,
     /// What the person did.
-    pub gesture: GestureName,
+    pub gesture: Gesture,
     /// `[samples][channels]`, without gaps; those of an inertial measurement unit follow the electrodes ([`Recordings::imu`]).
     pub samples: Vec<ChannelValues>,
     /// First row, from 0, and number of rows that were lost: what stands there nobody measured.
@@ -47,27 +47,27 @@ impl Recording {
     ///
     /// # Errors
     /// Metadata beside it that cannot be used, or a rate that nobody says.
-    pub fn rate_hz(&self, asked_hz: Option<f64>) -> Result<f64, DeviceError> {
+    pub fn rate_hz(&self, requested_hz: Option<f64>) -> Result<f64, DeviceError> {
         let beside = Metadata::read(self.path.parent().unwrap_or(Path::new("")))?.rate_hz;
-        let rate_hz = asked_hz.or(beside).or(self.is_of_a_myo().then_some(MYO_RATE_HZ));
+        let rate_hz = requested_hz.or(beside).or(self.is_from_myo().then_some(MYO_RATE_HZ));
         rate_hz.ok_or_else(|| DeviceError::UnknownRate { path: self.path.clone() })
     }
 
     /// Whether its samples are what a Myo gives: eight signed bytes.
-    fn is_of_a_myo(&self) -> bool {
+    fn is_from_myo(&self) -> bool {
         let byte = |value: &f64| value.fract() == 0.0 && (-128.0..=127.0).contains(value);
         self.samples.iter().all(|sample| sample.len() == MYO_CHANNELS && sample.iter().all(byte))
     }
 
     /// The samples with counters from 0, which step over those that were lost.
-    pub fn numbered(&self) -> impl Iterator<Item = EmgSample> + '_ {
+    pub fn numbered_samples(&self) -> impl Iterator<Item = EmgSample> + '_ {
         let lost = |row: usize| self.bridged.iter().any(|[first, rows]| row >= *first && row - first < *rows);
         let measured = self.samples.iter().enumerate().filter(move |(row, _)| !lost(*row));
         measured.map(|(row, channels)| EmgSample { counter: row as u64, channels: channels.clone() })
     }
 
     /// Samples that may have gaps as a recording without: what was lost lies on a straight line, and is marked.
-    pub fn bridging(repetition: u32, gesture: GestureName, samples: &[EmgSample]) -> Recording {
+    pub fn bridge_gaps(repetition: u32, gesture: Gesture, samples: &[EmgSample]) -> Recording {
         let (mut rows, mut bridged): (Vec<ChannelValues>, Vec<[usize; 2]>) = (Vec::new(), Vec::new());
         for (k, sample) in samples.iter().enumerate() {
             let before = k.checked_sub(1).map(|k| &samples[k]);
@@ -98,9 +98,9 @@ pub struct Recordings {
     /// Channels of an inertial measurement unit, which follow them. Only [`Recordings::open_with_imu`] reads any.
     pub imu: Vec<ImuChannel>,
     /// The gestures that there should be, in alphabetical order: those that the folder names, else the five.
-    pub expected: Vec<GestureName>,
+    pub expected: Vec<Gesture>,
     /// The gesture of a relaxed hand.
-    pub rest: GestureName,
+    pub rest: Gesture,
     /// Sorted by repetition, then gesture.
     pub items: Vec<Recording>,
     /// What was odd about the files and was read all the same, one sentence each.
@@ -128,8 +128,8 @@ impl Recordings {
     /// # Errors
     /// A missing or empty folder, a folder of several sessions, a file with anything but finite numbers in
     /// rows of one length, metadata that cannot be or disagrees, or a rate that nobody says; each says where and what.
-    pub fn open(dir: &Path, asked_hz: Option<f64>) -> Result<Recordings, DeviceError> {
-        Recordings::open_of(dir, asked_hz, false)
+    pub fn open(dir: &Path, requested_hz: Option<f64>) -> Result<Recordings, DeviceError> {
+        Recordings::open_layout(dir, requested_hz, false)
     }
 
     /// [`Recordings::open`] of a folder with what an inertial measurement unit said: a file `R_<repetition>_C_<class>_IMU.csv` beside each
@@ -138,27 +138,31 @@ impl Recordings {
     ///
     /// # Errors
     /// As [`Recordings::open`]; a folder that says nothing of such channels, or has other columns than it says.
-    pub fn open_with_imu(dir: &Path, asked_hz: Option<f64>) -> Result<Recordings, DeviceError> {
-        Recordings::open_of(dir, asked_hz, true)
+    pub fn open_with_imu(dir: &Path, requested_hz: Option<f64>) -> Result<Recordings, DeviceError> {
+        Recordings::open_layout(dir, requested_hz, true)
     }
 
-    fn open_of(dir: &Path, asked_hz: Option<f64>, with_imu: bool) -> Result<Recordings, DeviceError> {
-        if let Some(value) = asked_hz.filter(|rate_hz| !RATES_HZ.contains(rate_hz)) {
+    fn open_layout(dir: &Path, requested_hz: Option<f64>, with_imu: bool) -> Result<Recordings, DeviceError> {
+        if let Some(value) = requested_hz.filter(|rate_hz| !RATES_HZ.contains(rate_hz)) {
             let expected = "1 to 1000000 samples per second";
             return Err(DeviceError::Parameter { name: "EMG rate", value, expected });
         }
-        let names = list(dir)?;
+        let names = file_names(dir)?;
         let mut metadata = Metadata::read(dir)?;
-        let told_hz = match (metadata.rate_hz, asked_hz) {
-            (Some(recorded_hz), Some(asked_hz)) if recorded_hz != asked_hz => {
-                return Err(DeviceError::RateDisagrees { path: dir.to_owned(), recorded_hz, asked_hz });
+        let metadata_hz = match (metadata.rate_hz, requested_hz) {
+            (Some(recorded_hz), Some(requested_hz)) if recorded_hz != requested_hz => {
+                return Err(DeviceError::RateDisagrees {
+                    path: dir.to_owned(),
+                    recorded_hz,
+                    asked_hz: requested_hz,
+                });
             }
-            (recorded_hz, asked_hz) => recorded_hz.or(asked_hz),
+            (recorded_hz, requested_hz) => recorded_hz.or(requested_hz),
         };
         let imu = if with_imu { metadata.imu(dir)?.to_vec() } else { Vec::new() };
         let (mut items, mut notes) = (Vec::new(), Vec::new());
-        match layout(dir, &names) {
-            Some(Layout::LibEmg) => {
+        match detect_layout(dir, &names) {
+            Some(RecordingLayout::LibEmg) => {
                 for name in &names {
                     if let Some((repetition, class)) = parse_name(name) {
                         let path = dir.join(name);
@@ -173,14 +177,18 @@ impl Recordings {
                     }
                 }
             }
-            Some(Layout::ThreeDc) if with_imu => return Err(Metadata::default().no_imu(dir)),
-            Some(Layout::ThreeDc) => {
+            Some(RecordingLayout::ThreeDc) if with_imu => {
+                return Err(Metadata::default().missing_imu_error(dir));
+            }
+            Some(RecordingLayout::ThreeDc) => {
                 metadata.name_classes(&THREE_DC_CLASSES);
                 items.extend(read_three_dc(dir, &metadata, &mut notes)?);
             }
-            Some(Layout::MyoReadings) if with_imu => return Err(Metadata::default().no_imu(dir)),
-            Some(Layout::MyoReadings) => {
-                let rate_hz = told_hz.unwrap_or(MYO_RATE_HZ);
+            Some(RecordingLayout::MyoReadings) if with_imu => {
+                return Err(Metadata::default().missing_imu_error(dir));
+            }
+            Some(RecordingLayout::MyoReadings) => {
+                let rate_hz = metadata_hz.unwrap_or(MYO_RATE_HZ);
                 for (label, gesture) in MYO_LABELS {
                     let name = format!("{label}.txt");
                     if names.contains(&name) {
@@ -189,16 +197,16 @@ impl Recordings {
                     }
                 }
             }
-            None => return Err(no_layout(dir, &names)),
+            None => return Err(unknown_layout_error(dir, &names)),
         }
         items.sort_by_key(|r| (r.repetition, r.gesture));
         let (expected, rest) = (metadata.gestures(), metadata.rest.unwrap_or_default());
-        let myo = told_hz.is_none() && items.iter().all(Recording::is_of_a_myo);
+        let myo = metadata_hz.is_none() && items.iter().all(Recording::is_from_myo);
         let three_dc = items.iter().any(|r: &Recording| three_dc_name(&r.path).is_some());
-        let rate_hz = told_hz.or(myo.then_some(MYO_RATE_HZ)).or(three_dc.then_some(THREE_DC_RATE_HZ));
+        let rate_hz = metadata_hz.or(myo.then_some(MYO_RATE_HZ)).or(three_dc.then_some(THREE_DC_RATE_HZ));
         let rate_hz = rate_hz.ok_or_else(|| DeviceError::UnknownRate { path: dir.to_owned() })?;
         let path = dir.to_owned();
-        let unknown_rate_keys = if told_hz.is_none() { metadata.unknown_rate_keys() } else { Vec::new() };
+        let unknown_rate_keys = if metadata_hz.is_none() { metadata.unknown_rate_keys() } else { Vec::new() };
         notes.extend(metadata.notes(&unknown_rate_keys));
         let mut recordings =
             Recordings { path, rate_hz, channels: 0, imu, expected, rest, items, notes, unknown_rate_keys };
@@ -212,7 +220,7 @@ impl Recordings {
     /// A folder or file that cannot be written; none is replaced.
     pub fn write(&self, dir: &Path) -> Result<(), DeviceError> {
         let folder = RecordingFolder::create(dir, self.rate_hz, &self.expected, self.rest, &self.imu)?;
-        self.items.iter().try_for_each(|item| folder.keep(item))
+        self.items.iter().try_for_each(|item| folder.write_recording(item))
     }
 
     /// Checks that all files have the channels of the first, and no repetition comes twice.
@@ -238,7 +246,7 @@ impl Recordings {
     ///
     /// # Errors
     /// [`DeviceError::MissingRepetition`] with those that exist.
-    pub fn find(&self, gesture: impl Into<GestureName>, repetition: u32) -> Result<&Recording, DeviceError> {
+    pub fn find(&self, gesture: impl Into<Gesture>, repetition: u32) -> Result<&Recording, DeviceError> {
         let gesture = gesture.into();
         let of_gesture = || self.items.iter().filter(|r| r.gesture == gesture);
         of_gesture().find(|r| r.repetition == repetition).ok_or_else(|| DeviceError::MissingRepetition {
@@ -249,12 +257,12 @@ impl Recordings {
     }
 
     /// The gestures of which there is at least one recording, in alphabetical order.
-    pub fn gestures(&self) -> Vec<GestureName> {
+    pub fn gestures(&self) -> Vec<Gesture> {
         self.items.iter().map(|r| r.gesture).collect::<BTreeSet<_>>().into_iter().collect()
     }
 
     /// Those of the gestures that there should be of which there is none.
-    pub fn missing(&self) -> Vec<GestureName> {
+    pub fn missing(&self) -> Vec<Gesture> {
         let there = self.gestures();
         self.expected.iter().copied().filter(|g| !there.contains(g)).collect()
     }
@@ -288,7 +296,7 @@ fn three_dc_name(path: &Path) -> Option<(u32, u32)> {
 }
 
 fn has_three_dc(dir: &Path) -> bool {
-    let mut inside = THREE_DC_SETS.iter().flat_map(|set| list(&dir.join(set)).unwrap_or_default());
+    let mut inside = THREE_DC_SETS.iter().flat_map(|set| file_names(&dir.join(set)).unwrap_or_default());
     inside.any(|name| three_dc_name(Path::new(&name)).is_some())
 }
 
@@ -300,7 +308,7 @@ fn read_three_dc(
 ) -> Result<Vec<Recording>, DeviceError> {
     let (mut items, mut before): (Vec<Recording>, u32) = (Vec::new(), 0);
     for set in THREE_DC_SETS.map(|set| dir.join(set)).into_iter().filter(|set| set.is_dir()) {
-        for name in list(&set)? {
+        for name in file_names(&set)? {
             let path = set.join(name);
             let Some((repetition, class)) = three_dc_name(&path) else { continue };
             let gesture = metadata.gesture(&path, class)?;
@@ -315,11 +323,11 @@ fn read_three_dc(
 }
 
 /// Labels of the myo_readings layout. Rest has a file of its own.
-const MYO_LABELS: [(u32, Gesture); 4] = [
-    (0, Gesture::NoMotion),
-    (1, Gesture::WristFlexion),
-    (2, Gesture::WristExtension),
-    (7, Gesture::HandClose),
+const MYO_LABELS: [(u32, Command); 4] = [
+    (0, Command::NoMotion),
+    (1, Command::WristFlexion),
+    (2, Command::WristExtension),
+    (7, Command::HandClose),
 ];
 
 /// Channels of the myo_readings layout; the label follows.
@@ -331,7 +339,7 @@ const MYO_EDGE_SECS: f64 = 0.5;
 /// The rest file is one long stretch; it is cut into as many repetitions as the other files have.
 const MYO_REPETITIONS: usize = 6;
 
-fn list(dir: &Path) -> Result<Vec<String>, DeviceError> {
+fn file_names(dir: &Path) -> Result<Vec<String>, DeviceError> {
     let failed = |source| DeviceError::Read { path: dir.to_owned(), source };
     if std::fs::metadata(dir).map_err(failed)?.is_file() {
         return Err(DeviceError::NotAFolder { path: dir.to_owned() });
@@ -345,22 +353,22 @@ fn list(dir: &Path) -> Result<Vec<String>, DeviceError> {
     Ok(names)
 }
 
-fn layout(dir: &Path, names: &[String]) -> Option<Layout> {
+fn detect_layout(dir: &Path, names: &[String]) -> Option<RecordingLayout> {
     if names.iter().any(|n| parse_name(n).is_some()) {
-        Some(Layout::LibEmg)
+        Some(RecordingLayout::LibEmg)
     } else if has_three_dc(dir) {
-        Some(Layout::ThreeDc)
+        Some(RecordingLayout::ThreeDc)
     } else if MYO_LABELS.iter().any(|(label, _)| names.contains(&format!("{label}.txt"))) {
-        Some(Layout::MyoReadings)
+        Some(RecordingLayout::MyoReadings)
     } else {
         None
     }
 }
 
-fn no_layout(dir: &Path, names: &[String]) -> DeviceError {
+fn unknown_layout_error(dir: &Path, names: &[String]) -> DeviceError {
     let holds_recordings = |name: &&String| {
         let inside = dir.join(name);
-        list(&inside).is_ok_and(|inner| layout(&inside, &inner).is_some())
+        file_names(&inside).is_ok_and(|inner| detect_layout(&inside, &inner).is_some())
     };
     let sessions: Vec<String> = names.iter().filter(holds_recordings).cloned().collect();
     let path = dir.to_owned();
@@ -405,7 +413,7 @@ fn parse_name(name: &str) -> Option<(u32, u32)> {
 fn read_myo_readings(
     path: &Path,
     label: u32,
-    gesture: GestureName,
+    gesture: Gesture,
     rate_hz: f64,
     notes: &mut Vec<String>,
 ) -> Result<Vec<Recording>, DeviceError> {
@@ -422,7 +430,7 @@ fn read_myo_readings(
         rows.iter().map(|values| values[..MYO_CHANNELS].iter().copied().collect()).collect()
     };
     let edge = (MYO_EDGE_SECS * rate_hz).round() as usize;
-    let cues: Vec<&[ChannelValues]> = if gesture == Gesture::NoMotion {
+    let cues: Vec<&[ChannelValues]> = if gesture == Command::NoMotion {
         rows.chunks((rows.len() / MYO_REPETITIONS).max(1)).take(MYO_REPETITIONS).collect()
     } else {
         let runs = rows.chunk_by(|a, b| a[MYO_CHANNELS] == b[MYO_CHANNELS]);

@@ -7,9 +7,9 @@ use std::{
 };
 
 /// Longest row of a file, bytes; 64 channels with all digits take a fortieth.
-const LONGEST_ROW: usize = 64 << 10;
+const MAX_ROW_BYTES: usize = 64 << 10;
 /// Most rows of a file: a quarter of an hour at 4 kHz, five hours at 200 Hz.
-const MOST_ROWS: usize = 4_000_000;
+const MAX_ROWS: usize = 4_000_000;
 /// What some programs write before the first character of a text.
 const BYTE_ORDER_MARK: char = '\u{feff}';
 
@@ -42,14 +42,14 @@ pub(crate) fn read_rows(path: &Path, expected: Option<usize>) -> Result<SampleFi
     // Whether rows end with a comma; not known before the first.
     let mut comma = None;
     for row in 1.. {
-        match read_line(&mut source, LONGEST_ROW, &mut line).map_err(failed)? {
+        match read_line(&mut source, MAX_ROW_BYTES, &mut line).map_err(failed)? {
             LineRead::End => break,
-            LineRead::Whole if file.samples.len() == MOST_ROWS => {
-                return Err(too_large(path, format!("it has more than {MOST_ROWS} rows")));
+            LineRead::Complete if file.samples.len() == MAX_ROWS => {
+                return Err(too_large(path, format!("it has more than {MAX_ROWS} rows")));
             }
-            LineRead::Whole => {}
+            LineRead::Complete => {}
             LineRead::TooLong => {
-                return Err(too_large(path, format!("row {row} has more than {LONGEST_ROW} bytes")));
+                return Err(too_large(path, format!("row {row} has more than {MAX_ROW_BYTES} bytes")));
             }
         }
         let text = std::str::from_utf8(&line).map_err(|_| {
@@ -73,7 +73,7 @@ pub(crate) fn read_rows(path: &Path, expected: Option<usize>) -> Result<SampleFi
             }
             text = text[..text.len() - 1].trim_end();
         }
-        match values(path, row, text, &mut columns) {
+        match parse_row(path, row, text, &mut columns) {
             Ok(values) => file.samples.push(values),
             // A program that was ended wrote no line end, and maybe not the whole row.
             Err(error) if !line.ends_with(b"\n") && !file.samples.is_empty() => {
@@ -90,7 +90,7 @@ pub(crate) fn read_rows(path: &Path, expected: Option<usize>) -> Result<SampleFi
 }
 
 /// The numbers of a row, as many as `columns`, which are those of the first row unless they are known.
-fn values(
+fn parse_row(
     path: &Path,
     row: usize,
     text: &str,
@@ -99,8 +99,8 @@ fn values(
     let got = text.split(',').count();
     let wanted = *columns.get_or_insert(got);
     if got != wanted || got > MAX_EMG_CHANNELS {
-        let most = || format!("at most {MAX_EMG_CHANNELS}");
-        let expected = if got > MAX_EMG_CHANNELS { most() } else { wanted.to_string() };
+        let max_text = || format!("at most {MAX_EMG_CHANNELS}");
+        let expected = if got > MAX_EMG_CHANNELS { max_text() } else { wanted.to_string() };
         return Err(DeviceError::Columns { path: path.to_owned(), row, got, expected });
     }
     let mut values = ChannelValues::new();

@@ -1,9 +1,9 @@
 //! Where samples come from: the kinds of sources by their schemes, in one table.
 
 use crate::{
-    DeviceError, EmgOrigin, FaultPolicy, KeyboardSource, Pacing, PersonSource, PlaybackSource, Recordings,
-    SampleSource,
-    gforce::{Connect, GForce, GForceOptions, LinkError, TcpConnector},
+    DeviceError, EmgOrigin, FaultPolicy, KeyboardSource, Pacing, PlaybackSource, Recordings, SampleSource,
+    SimulatedPersonSource,
+    gforce::{GForce, GForceOptions, GattConnector, LinkError, TcpConnector},
     myo::{Myo, MyoEmgMode, protocol::RATE_HZ as MYO_HZ},
     raw_keys::RawKeys,
     read_recorded,
@@ -16,20 +16,20 @@ use std::{
 };
 
 /// How long a simulated person takes from the prompt to the muscle.
-pub const REACTION: Duration = Duration::from_millis(250);
+pub const REACTION_TIME: Duration = Duration::from_millis(250);
 
 /// Highest rate that may be asked for, Hz. Amplifiers for grids of electrodes have 10 kHz.
-const FASTEST_HZ: u16 = 20_000;
+const MAX_RATE_HZ: u16 = 20_000;
 
 /// How a source is opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SourceOptions {
     /// Repetition that a folder of recordings plays and a simulated person makes.
-    pub rep: u32,
+    pub repetition: u32,
     /// Files and simulated people as fast as they can be read.
-    pub flat_out: bool,
+    pub as_fast_as_possible: bool,
     /// Bits of the armband's converter: 8 up to 1000 Hz, 12 up to 500 Hz.
-    pub bits: u8,
+    pub adc_bits: u8,
     /// Bytes of the armband's packets.
     pub packet_bytes: u8,
     /// Seed of simulated people.
@@ -46,7 +46,16 @@ impl Default for SourceOptions {
     fn default() -> Self {
         let GForceOptions { bits, packet_bytes, .. } = GForceOptions::default();
         let faults = FaultPolicy::default();
-        Self { rep: 2, flat_out: false, bits, packet_bytes, seed: 0, rate_hz: None, imu: false, faults }
+        Self {
+            repetition: 2,
+            as_fast_as_possible: false,
+            adc_bits: bits,
+            packet_bytes,
+            seed: 0,
+            rate_hz: None,
+            imu: false,
+            faults,
+        }
     }
 }
 
@@ -57,7 +66,7 @@ impl SourceOptions {
     /// [`DeviceError::Parameter`] for what is no whole number up to 20,000.
     pub fn at_rate(self, rate: Option<f64>) -> Result<Self, DeviceError> {
         let rate_hz = match rate {
-            Some(rate) if (1.0..=f64::from(FASTEST_HZ)).contains(&rate) && rate.fract() == 0.0 => {
+            Some(rate) if (1.0..=f64::from(MAX_RATE_HZ)).contains(&rate) && rate.fract() == 0.0 => {
                 Some(rate as u16)
             }
             Some(value) => {
@@ -69,17 +78,17 @@ impl SourceOptions {
         Ok(Self { rate_hz, ..self })
     }
 
-    fn armband(&self) -> GForceOptions {
-        let &Self { rate_hz, bits, packet_bytes, imu, .. } = self;
+    fn gforce_options(&self) -> GForceOptions {
+        let &Self { rate_hz, adc_bits: bits, packet_bytes, imu, .. } = self;
         GForceOptions { rate_hz, bits, packet_bytes, imu, ..GForceOptions::default() }
     }
 
     fn pacing(&self) -> Pacing {
-        if self.flat_out { Pacing::FlatOut } else { Pacing::RealTime }
+        if self.as_fast_as_possible { Pacing::AsFastAsPossible } else { Pacing::RealTime }
     }
 
     fn person(&self, origin: &EmgOrigin) -> Result<Box<dyn SampleSource>, DeviceError> {
-        let person = PersonSource::new(origin, self.pacing(), REACTION, self.seed)?;
+        let person = SimulatedPersonSource::new(origin, self.pacing(), REACTION_TIME, self.seed)?;
         let person =
             if self.imu && *origin == EmgOrigin::Synthetic { person.with_imu(self.seed) } else { person };
         Ok(Box::new(person))
@@ -113,10 +122,10 @@ impl SourceName {
     }
 
     /// From where LibEMG's classes come, if they are the source.
-    pub fn classes_from(&self) -> Option<ClassesFrom> {
+    pub fn libemg_endpoint(&self) -> Option<LibEmgEndpoint> {
         match self.scheme() {
-            CLASSES_UDP => self.address().parse().ok().map(ClassesFrom::Udp),
-            CLASSES_TCP => Some(ClassesFrom::Tcp(self.address().to_owned())),
+            CLASSES_UDP => self.address().parse().ok().map(LibEmgEndpoint::Udp),
+            CLASSES_TCP => Some(LibEmgEndpoint::Tcp(self.address().to_owned())),
             _ => None,
         }
     }
@@ -138,13 +147,13 @@ impl FromStr for SourceName {
 
 /// What follows a scheme.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Address {
+pub enum SourceAddress {
     /// Nothing.
     None,
     /// Maybe something, such as `NAME`.
     Optional(&'static str),
     /// Something, such as `HOST:PORT`.
-    Needed(&'static str),
+    Required(&'static str),
 }
 
 /// Opens a source at an address.
@@ -156,7 +165,7 @@ pub struct SourceScheme {
     /// What its name begins with, such as `ble`.
     pub scheme: &'static str,
     /// What follows a colon or `://`.
-    pub address: Address,
+    pub address: SourceAddress,
     /// In a few words.
     pub help: &'static str,
     /// How it is opened.
@@ -165,13 +174,13 @@ pub struct SourceScheme {
 
 impl SourceScheme {
     /// How it is named, such as `ble, ble:NAME`.
-    pub fn form(&self) -> String {
+    pub fn syntax(&self) -> String {
         let scheme = self.scheme;
         match self.address {
-            Address::None => scheme.to_owned(),
-            Address::Optional(what) => format!("{scheme}, {scheme}:{what}"),
-            Address::Needed(what) if what.contains(':') => format!("{scheme}://{what}"),
-            Address::Needed(what) => format!("{scheme}:{what}"),
+            SourceAddress::None => scheme.to_owned(),
+            SourceAddress::Optional(what) => format!("{scheme}, {scheme}:{what}"),
+            SourceAddress::Required(what) if what.contains(':') => format!("{scheme}://{what}"),
+            SourceAddress::Required(what) => format!("{scheme}:{what}"),
         }
     }
 }
@@ -184,7 +193,7 @@ const CLASSES_ONLY: &str = "LibEMG sends classes, not samples: only `emg stream`
 
 /// From where LibEMG sends classes.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum ClassesFrom {
+pub enum LibEmgEndpoint {
     /// They come to this UDP port.
     Udp(u16),
     /// LibEMG waits for a connection at this address.
@@ -205,62 +214,70 @@ impl SourceRegistry {
             schemes: vec![
                 scheme(
                     "gforce-sim",
-                    Address::Needed("HOST:PORT"),
+                    SourceAddress::Required("HOST:PORT"),
                     "the gForce armband's simulator",
                     |address, options| {
-                        Ok(Box::new(GForce::open(Box::new(TcpConnector::new(address)), options.armband())?))
+                        Ok(Box::new(GForce::open(
+                            Box::new(TcpConnector::new(address)),
+                            options.gforce_options(),
+                        )?))
                     },
                 ),
-                scheme("ble", Address::Optional("NAME"), "a gForce armband over Bluetooth", open_ble),
+                scheme("ble", SourceAddress::Optional("NAME"), "a gForce armband over Bluetooth", open_ble),
                 scheme(
                     "myo-sim",
-                    Address::Needed("HOST:PORT"),
+                    SourceAddress::Required("HOST:PORT"),
                     "the Myo armband's simulator",
                     |address, options| open_myo(Ok(TcpConnector::new(address)), options),
                 ),
-                scheme("myo", Address::Optional("NAME"), "a Myo armband over Bluetooth", open_myo_ble),
-                scheme("lsl", Address::Optional("NAME"), "a stream of the lab streaming layer", open_lsl),
+                scheme("myo", SourceAddress::Optional("NAME"), "a Myo armband over Bluetooth", open_myo_ble),
+                scheme(
+                    "lsl",
+                    SourceAddress::Optional("NAME"),
+                    "a stream of the lab streaming layer",
+                    open_lsl,
+                ),
                 scheme(
                     "file",
-                    Address::Needed("PATH"),
+                    SourceAddress::Required("PATH"),
                     "a folder of recordings, or one .csv or .edf file, as if live",
-                    play,
+                    open_playback,
                 ),
                 scheme(
                     "synthetic",
-                    Address::None,
+                    SourceAddress::None,
                     "a simulated person who makes what is prompted, with generated EMG",
                     |_, options| options.person(&EmgOrigin::Synthetic),
                 ),
                 scheme(
                     "person",
-                    Address::Needed("FOLDER"),
+                    SourceAddress::Required("FOLDER"),
                     "a simulated person with the EMG of a folder of recordings",
-                    person_of_recordings,
+                    open_person,
                 ),
                 scheme(
                     "keys",
-                    Address::None,
+                    SourceAddress::None,
                     "keys of the terminal: W wrist extension, S wrist flexion, A hand close, D hand open, space relaxes",
                     |_, options| Ok(Box::new(KeyboardSource::new(RawKeys::new(), options.seed)?)),
                 ),
                 scheme(
                     CLASSES_UDP,
-                    Address::Needed("PORT"),
+                    SourceAddress::Required("PORT"),
                     "LibEMG's classes or probabilities, for emg stream",
                     |port, _| {
                         let reason = match port.parse::<u16>() {
                             Ok(_) => CLASSES_ONLY,
                             Err(_) => "expected a UDP port up to 65535",
                         };
-                        Err(unusable(&format!("{CLASSES_UDP}:{port}"), reason))
+                        Err(source_error(&format!("{CLASSES_UDP}:{port}"), reason))
                     },
                 ),
                 scheme(
                     CLASSES_TCP,
-                    Address::Needed("HOST:PORT"),
+                    SourceAddress::Required("HOST:PORT"),
                     "the same from a LibEMG with tcp=True",
-                    |address, _| Err(unusable(&format!("{CLASSES_TCP}://{address}"), CLASSES_ONLY)),
+                    |address, _| Err(source_error(&format!("{CLASSES_TCP}://{address}"), CLASSES_ONLY)),
                 ),
             ],
         }
@@ -272,7 +289,7 @@ impl SourceRegistry {
     /// [`DeviceError::Source`] if there is one of its name.
     pub fn with(mut self, scheme: SourceScheme) -> Result<Self, DeviceError> {
         if self.schemes.iter().any(|known| known.scheme == scheme.scheme) {
-            return Err(unusable(scheme.scheme, "there is one of this name: give yours another"));
+            return Err(source_error(scheme.scheme, "there is one of this name: give yours another"));
         }
         self.schemes.push(scheme);
         Ok(self)
@@ -284,8 +301,8 @@ impl SourceRegistry {
     }
 
     /// How they are named, in one line.
-    pub fn forms(&self) -> String {
-        self.schemes.iter().map(SourceScheme::form).collect::<Vec<_>>().join(", ")
+    pub fn all_syntaxes(&self) -> String {
+        self.schemes.iter().map(SourceScheme::syntax).collect::<Vec<_>>().join(", ")
     }
 
     /// The kind of the source called `name`.
@@ -296,19 +313,19 @@ impl SourceRegistry {
         let fits = |scheme: &&SourceScheme| {
             scheme.scheme == name.scheme()
                 && match scheme.address {
-                    Address::None => name.address().is_empty(),
-                    Address::Optional(_) => true,
-                    Address::Needed(_) => !name.address().is_empty(),
+                    SourceAddress::None => name.address().is_empty(),
+                    SourceAddress::Optional(_) => true,
+                    SourceAddress::Required(_) => !name.address().is_empty(),
                 }
         };
         let found = self.schemes.iter().find(fits);
-        found.ok_or_else(|| DeviceError::UnknownSource { got: name.to_string(), known: self.forms() })
+        found.ok_or_else(|| DeviceError::UnknownSource { got: name.to_string(), known: self.all_syntaxes() })
     }
 
     /// Opens the source called `name`.
     ///
     /// # Errors
-    /// As [`SourceRegistry::find`]; what the source says.
+    /// As [`SourceRegistry::resolve_stream`]; what the source says.
     pub fn open(
         &self,
         name: &SourceName,
@@ -317,7 +334,7 @@ impl SourceRegistry {
         let source = (self.find(name)?.open)(name.address(), options)?;
         if options.imu && source.info().imu.is_empty() {
             let reason = "it has no inertial measurement unit, which --imu, or the model, asks for";
-            return Err(unusable(&name.to_string(), reason));
+            return Err(source_error(&name.to_string(), reason));
         }
         Ok(source)
     }
@@ -329,38 +346,44 @@ impl Default for SourceRegistry {
     }
 }
 
-fn unusable(name: &str, reason: &str) -> DeviceError {
+fn source_error(name: &str, reason: &str) -> DeviceError {
     DeviceError::Source { name: name.to_owned(), reason: reason.to_owned() }
 }
 
 /// Files are played in packets as long as the armband's.
-fn packet_of(rate_hz: f64) -> usize {
+fn packet_samples(rate_hz: f64) -> usize {
     ((rate_hz * 0.016).round() as usize).max(1)
 }
 
-fn play(path: &str, options: &SourceOptions) -> Result<Box<dyn SampleSource>, DeviceError> {
+fn open_playback(path: &str, options: &SourceOptions) -> Result<Box<dyn SampleSource>, DeviceError> {
     let (path, pacing) = (Path::new(path), options.pacing());
     if path.is_file() {
         let recorded = read_recorded(path)?;
         let (name, rate) = (path.display().to_string(), recorded.rate_hz);
-        return Ok(Box::new(PlaybackSource::new(&name, recorded.samples, rate, packet_of(rate), pacing)?));
+        return Ok(Box::new(PlaybackSource::new(
+            &name,
+            recorded.samples,
+            rate,
+            packet_samples(rate),
+            pacing,
+        )?));
     }
     let rate_hz = options.rate_hz.map(f64::from);
     let recordings =
         if options.imu { Recordings::open_with_imu(path, rate_hz) } else { Recordings::open(path, rate_hz) }?;
-    let findings = recordings.judge(&[options.rep], options.faults)?;
-    let (gestures, packet) = (recordings.gestures(), packet_of(recordings.rate_hz));
-    let source = PlaybackSource::of_recordings(&recordings, options.rep, &gestures, packet, pacing)?;
+    let findings = recordings.check_faults(&[options.repetition], options.faults)?;
+    let (gestures, packet) = (recordings.gestures(), packet_samples(recordings.rate_hz));
+    let source = PlaybackSource::of_recordings(&recordings, options.repetition, &gestures, packet, pacing)?;
     Ok(Box::new(source.with_findings(findings)))
 }
 
-fn person_of_recordings(dir: &str, options: &SourceOptions) -> Result<Box<dyn SampleSource>, DeviceError> {
+fn open_person(dir: &str, options: &SourceOptions) -> Result<Box<dyn SampleSource>, DeviceError> {
     options.person(&EmgOrigin::Recording {
         dir: PathBuf::from(dir),
         rate_hz: options.rate_hz.map(f64::from),
         // The classifier that comes with it is not used; any repetition will do.
-        train_reps: vec![options.rep],
-        feed_reps: vec![options.rep],
+        train_reps: vec![options.repetition],
+        feed_reps: vec![options.repetition],
         fill: true,
         faults: options.faults,
     })
@@ -374,7 +397,7 @@ fn open_ble(name: &str, options: &SourceOptions) -> Result<Box<dyn SampleSource>
 
 #[cfg(not(feature = "ble"))]
 fn open_ble(_name: &str, _options: &SourceOptions) -> Result<Box<dyn SampleSource>, DeviceError> {
-    Err(unusable(
+    Err(source_error(
         "ble",
         "this proact was built without Bluetooth; set PROACT_FEATURES=ble for ./proact, or install libdbus-1-dev and \
          build with --features ble",
@@ -382,7 +405,7 @@ fn open_ble(_name: &str, _options: &SourceOptions) -> Result<Box<dyn SampleSourc
 }
 
 /// A Myo has one rate and one resolution.
-fn open_myo<C: Connect + 'static>(
+fn open_myo<C: GattConnector + 'static>(
     connector: Result<C, LinkError>,
     options: &SourceOptions,
 ) -> Result<Box<dyn SampleSource>, DeviceError> {
@@ -412,7 +435,7 @@ fn open_lsl(name: &str, options: &SourceOptions) -> Result<Box<dyn SampleSource>
 
 #[cfg(not(feature = "lsl"))]
 fn open_lsl(_name: &str, _options: &SourceOptions) -> Result<Box<dyn SampleSource>, DeviceError> {
-    Err(unusable("lsl", crate::NO_LSL))
+    Err(source_error("lsl", crate::NO_LSL))
 }
 
 #[cfg(test)]
@@ -450,7 +473,7 @@ mod tests {
             );
         }
         let Ok(name) = "libemg-udp:70000".parse::<SourceName>();
-        assert_eq!(name.classes_from(), None);
+        assert_eq!(name.libemg_endpoint(), None);
         let error = registry.open(&name, &SourceOptions::default()).err().unwrap().to_string();
         assert!(error.contains("up to 65535"), "{error}");
         for classes in ["libemg-udp:12346", "libemg-tcp://127.0.0.1:12346"] {
@@ -469,11 +492,12 @@ mod tests {
             assert_eq!(address, "left");
             options.person(&EmgOrigin::Synthetic)
         }
-        let mine = SourceScheme { scheme: "myband", address: Address::Needed("ARM"), help: "our own", open };
+        let mine =
+            SourceScheme { scheme: "myband", address: SourceAddress::Required("ARM"), help: "our own", open };
         let registry = SourceRegistry::standard().with(mine).unwrap();
         let Ok(name) = "myband:left".parse::<SourceName>();
         assert_eq!(registry.open(&name, &SourceOptions::default()).unwrap().info().channels, 8);
-        assert!(registry.forms().ends_with("myband:ARM"), "{}", registry.forms());
+        assert!(registry.all_syntaxes().ends_with("myband:ARM"), "{}", registry.all_syntaxes());
         let error = registry.with(mine).err().unwrap().to_string();
         assert!(error.contains("myband") && error.contains("give yours another"), "{error}");
     }

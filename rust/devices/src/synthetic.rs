@@ -1,6 +1,6 @@
 use crate::{DeviceError, Recordings};
 use nalgebra::DMatrix;
-use proact_types::{ChannelValues, Gesture, GestureName};
+use proact_types::{ChannelValues, Command, Gesture};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 pub struct FittedGesture {
     /// Which gesture.
-    pub gesture: Gesture,
+    pub gesture: Command,
     /// Covariance of the channels, `[channels][channels]`, counts squared.
     pub covariance: Vec<Vec<f64>>,
     /// Standard deviation of the logarithm of the amplitude from one half second to the next, beyond what noise
@@ -26,7 +26,7 @@ pub struct SyntheticModel {
     pub origin: String,
     /// Unit of the values.
     pub unit: String,
-    /// Every gesture in [`Gesture::ALL`] order.
+    /// Every gesture in [`Command::ALL`] order.
     pub gestures: Vec<FittedGesture>,
 }
 
@@ -50,7 +50,7 @@ impl SyntheticModel {
     /// Never for the file as shipped; a test proves it.
     pub fn shipped() -> Result<SyntheticModel, DeviceError> {
         serde_json::from_str(include_str!("../data/synthetic_emg.json")).map_err(|error| {
-            DeviceError::SyntheticModel { gesture: Gesture::NoMotion, reason: error.to_string() }
+            DeviceError::SyntheticModel { gesture: Command::NoMotion, reason: error.to_string() }
         })
     }
 
@@ -61,7 +61,7 @@ impl SyntheticModel {
     /// A repetition that does not exist, or less than two seconds of a gesture.
     pub fn fit(recordings: &Recordings, reps: &[u32], origin: &str) -> Result<SyntheticModel, DeviceError> {
         let mut gestures = Vec::new();
-        for gesture in recordings.gestures().into_iter().filter_map(GestureName::namesake) {
+        for gesture in recordings.gestures().into_iter().filter_map(Gesture::same_named_command) {
             let mut samples: Vec<ChannelValues> = Vec::new();
             for &rep in reps {
                 samples.extend(recordings.find(gesture, rep)?.samples.iter().cloned());
@@ -83,7 +83,7 @@ impl SyntheticModel {
     }
 
     /// Root mean square over all channels of `gesture`; zero for a gesture that was not fitted.
-    pub fn rms(&self, gesture: Gesture) -> f64 {
+    pub fn rms(&self, gesture: Command) -> f64 {
         let trace = |g: &FittedGesture| (0..g.covariance.len()).map(|k| g.covariance[k][k]).sum::<f64>();
         self.gestures
             .iter()
@@ -93,7 +93,7 @@ impl SyntheticModel {
 }
 
 /// Fits one gesture; the amplitude is that of blocks of `block` samples.
-fn fit_gesture(gesture: Gesture, samples: &[ChannelValues], block: usize) -> FittedGesture {
+fn fit_gesture(gesture: Command, samples: &[ChannelValues], block: usize) -> FittedGesture {
     let (count, channels) = (samples.len() as f64, samples[0].len());
     let mean = |c: usize| samples.iter().map(|s| s[c]).sum::<f64>() / count;
     let means: Vec<f64> = (0..channels).map(mean).collect();
@@ -106,8 +106,8 @@ fn fit_gesture(gesture: Gesture, samples: &[ChannelValues], block: usize) -> Fit
         0.5 * (square / (samples.len() * channels) as f64).ln()
     };
     let logs: Vec<f64> = samples.chunks_exact(block).map(log_rms).collect();
-    let centre = logs.iter().sum::<f64>() / logs.len() as f64;
-    let variance = logs.iter().map(|v| (v - centre).powi(2)).sum::<f64>() / (logs.len() - 1) as f64;
+    let center = logs.iter().sum::<f64>() / logs.len() as f64;
+    let variance = logs.iter().map(|v| (v - center).powi(2)).sum::<f64>() / (logs.len() - 1) as f64;
     // The mean square of n independent Gaussian vectors of covariance C has the relative variance
     // 2 tr(C C) / tr(C)^2 / n, and half its logarithm a quarter of that: what constant amplitude would show.
     let by_noise = 0.5 * covariance.norm_squared() / covariance.trace().powi(2) / block as f64;
@@ -135,19 +135,19 @@ pub struct SyntheticEmg {
     rng: ChaCha8Rng,
     channels: usize,
     oversampling: u32,
-    shaping: Vec<Shaping>,
+    shaping: Vec<ShapingFilter>,
     /// Makes the shaped noise unit variance.
     gain: f64,
-    /// Lower triangular factors of the covariances, in [`Gesture::ALL`] order, scaled to the stream's unit.
+    /// Lower triangular factors of the covariances, in [`Command::ALL`] order, scaled to the stream's unit.
     factors: Vec<DMatrix<f64>>,
     log_sds: Vec<f64>,
     /// Fluctuation: a first-order process of unit variance.
     fluctuation: f64,
     persistence: f64,
-    gesture: Option<Gesture>,
+    current_gesture: Option<Command>,
     /// The mixing matrix now and its step per sample during an onset.
-    mix: DMatrix<f64>,
-    onset_left: u32,
+    mixing_matrix: DMatrix<f64>,
+    onset_samples_left: u32,
     onset_samples: u32,
 }
 
@@ -169,17 +169,19 @@ impl SyntheticEmg {
                 return Err(DeviceError::Parameter { name, value, expected: "0.000001 to 1000000" });
             }
         }
-        let most = model.channels();
-        if !(1..=most).contains(&channels) {
-            return Err(DeviceError::SyntheticChannels { channels, most });
+        let max_channels = model.channels();
+        if !(1..=max_channels).contains(&channels) {
+            return Err(DeviceError::SyntheticChannels { channels, most: max_channels });
         }
         let mut factors = Vec::new();
         let mut log_sds = Vec::new();
-        for gesture in Gesture::ALL {
+        for gesture in Command::ALL {
             let unusable = |reason: &str| DeviceError::SyntheticModel { gesture, reason: reason.to_owned() };
             let fitted =
                 model.gestures.iter().find(|g| g.gesture == gesture).ok_or_else(|| unusable("not fitted"))?;
-            if fitted.covariance.len() != most || fitted.covariance.iter().any(|row| row.len() != most) {
+            if fitted.covariance.len() != max_channels
+                || fitted.covariance.iter().any(|row| row.len() != max_channels)
+            {
                 return Err(unusable("the covariance is not square, or of another size than the others"));
             }
             if !(fitted.amplitude_log_sd.is_finite() && fitted.amplitude_log_sd >= 0.0) {
@@ -192,7 +194,7 @@ impl SyntheticEmg {
             log_sds.push(fitted.amplitude_log_sd);
         }
         let oversampling = (SHAPING_RATE_HZ / rate_hz).ceil().max(1.0);
-        let shaping = Shaping::new(rate_hz * oversampling);
+        let shaping = ShapingFilter::new(rate_hz * oversampling);
         let fluctuation = StandardNormal.sample(&mut rng);
         let mut emg = SyntheticEmg {
             rng,
@@ -200,13 +202,13 @@ impl SyntheticEmg {
             oversampling: oversampling as u32,
             gain: shaping.gain(),
             shaping: vec![shaping; channels],
-            mix: DMatrix::zeros(channels, channels),
+            mixing_matrix: DMatrix::zeros(channels, channels),
             factors,
             log_sds,
             fluctuation,
             persistence: (-1.0 / (FLUCTUATION_SECS * rate_hz)).exp(),
-            gesture: None,
-            onset_left: 0,
+            current_gesture: None,
+            onset_samples_left: 0,
             onset_samples: (ONSET_SECS * rate_hz).round().max(1.0) as u32,
         };
         // The filters start empty: run them in.
@@ -223,8 +225,8 @@ impl SyntheticEmg {
     /// Figures whose sum is no covariance.
     pub fn with_cocontraction(
         mut self,
-        switch: Gesture,
-        pair: [Gesture; 2],
+        switch: Command,
+        pair: [Command; 2],
     ) -> Result<SyntheticEmg, DeviceError> {
         let [a, b] = pair.map(|gesture| &self.factors[gesture.index()]);
         let both = a * a.transpose() + b * b.transpose();
@@ -237,17 +239,17 @@ impl SyntheticEmg {
     }
 
     /// The next sample while the person makes `gesture`. Does not allocate.
-    pub fn next(&mut self, gesture: Gesture) -> ChannelValues {
-        if self.gesture != Some(gesture) {
+    pub fn next(&mut self, gesture: Command) -> ChannelValues {
+        if self.current_gesture != Some(gesture) {
             // The stream begins in its first gesture; later ones build up.
-            self.onset_left = if self.gesture.is_none() { 1 } else { self.onset_samples };
-            self.gesture = Some(gesture);
+            self.onset_samples_left = if self.current_gesture.is_none() { 1 } else { self.onset_samples };
+            self.current_gesture = Some(gesture);
         }
         let target = &self.factors[gesture.index()];
-        if self.onset_left > 0 {
-            let share = 1.0 / f64::from(self.onset_left);
-            self.mix.zip_apply(target, |now, then| *now += (then - *now) * share);
-            self.onset_left -= 1;
+        if self.onset_samples_left > 0 {
+            let share = 1.0 / f64::from(self.onset_samples_left);
+            self.mixing_matrix.zip_apply(target, |now, then| *now += (then - *now) * share);
+            self.onset_samples_left -= 1;
         }
         let draw: f64 = StandardNormal.sample(&mut self.rng);
         self.fluctuation =
@@ -257,7 +259,7 @@ impl SyntheticEmg {
         let amplitude = (sd * self.fluctuation - sd * sd).exp();
         let noise = self.noise();
         (0..self.channels)
-            .map(|row| amplitude * (0..=row).map(|k| self.mix[(row, k)] * noise[k]).sum::<f64>())
+            .map(|row| amplitude * (0..=row).map(|k| self.mixing_matrix[(row, k)] * noise[k]).sum::<f64>())
             .collect()
     }
 
@@ -276,17 +278,17 @@ impl SyntheticEmg {
 
 /// The shaping filter as three one-pole sections by the bilinear transform, corners kept in place.
 #[derive(Clone, Debug)]
-struct Shaping {
+struct ShapingFilter {
     low: f64,
     high: f64,
     /// Last input and output of each section.
     state: [(f64, f64); 3],
 }
 
-impl Shaping {
-    fn new(rate_hz: f64) -> Shaping {
+impl ShapingFilter {
+    fn new(rate_hz: f64) -> ShapingFilter {
         let warp = |corner: f64| (std::f64::consts::PI * corner / rate_hz).tan();
-        Shaping { low: warp(LOW_CORNER_HZ), high: warp(HIGH_CORNER_HZ), state: [(0.0, 0.0); 3] }
+        ShapingFilter { low: warp(LOW_CORNER_HZ), high: warp(HIGH_CORNER_HZ), state: [(0.0, 0.0); 3] }
     }
 
     fn step(&mut self, input: f64) -> f64 {
@@ -304,7 +306,7 @@ impl Shaping {
 
     /// What makes the output's variance one for white input of variance one.
     fn gain(&self) -> f64 {
-        let mut fresh = Shaping { state: [(0.0, 0.0); 3], ..*self };
+        let mut fresh = ShapingFilter { state: [(0.0, 0.0); 3], ..*self };
         // Long enough for the slowest pole to die away at any rate up to 20 kHz.
         const RESPONSE: usize = 20_000;
         let energy: f64 = (0..RESPONSE).map(|k| fresh.step(if k == 0 { 1.0 } else { 0.0 }).powi(2)).sum();
@@ -315,15 +317,15 @@ impl Shaping {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stream;
+    use crate::random_stream;
 
     /// Seconds over which figures of noise are taken, and how far they may be off: several standard errors.
     const SECS: usize = 120;
     const TOLERANCE: f64 = 0.1;
 
-    fn samples(rate_hz: f64, gesture: Gesture) -> Vec<ChannelValues> {
+    fn samples(rate_hz: f64, gesture: Command) -> Vec<ChannelValues> {
         let model = SyntheticModel::shipped().unwrap();
-        let mut emg = SyntheticEmg::new(&model, rate_hz, 8, 1.0, stream(5, "test")).unwrap();
+        let mut emg = SyntheticEmg::new(&model, rate_hz, 8, 1.0, random_stream(5, "test")).unwrap();
         (0..SECS * rate_hz as usize).map(|_| emg.next(gesture)).collect()
     }
 
@@ -348,7 +350,7 @@ mod tests {
     #[test]
     fn the_spectrum_is_that_of_the_shaping_filter() {
         // Power at a frequency by its Fourier sums over blocks of one second, against the formula.
-        let signal: Vec<f64> = samples(1000.0, Gesture::WristFlexion).iter().map(|s| s[0]).collect();
+        let signal: Vec<f64> = samples(1000.0, Command::WristFlexion).iter().map(|s| s[0]).collect();
         let power = |f: f64| {
             let blocks = signal.chunks_exact(1000).map(|block| {
                 let sum = |turn: fn(f64) -> f64| {
@@ -362,7 +364,7 @@ mod tests {
             });
             blocks.sum::<f64>()
         };
-        let band = |centre: i32| (centre - 5..=centre + 5).map(|f| power(f64::from(f))).sum::<f64>();
+        let band = |center: i32| (center - 5..=center + 5).map(|f| power(f64::from(f))).sum::<f64>();
         let formula = |f: f64| {
             let (l, h) = (LOW_CORNER_HZ * LOW_CORNER_HZ, HIGH_CORNER_HZ * HIGH_CORNER_HZ);
             f * f / ((f * f + l) * (f * f + h).powi(2))
@@ -378,11 +380,11 @@ mod tests {
     #[test]
     fn a_co_contraction_has_the_variances_of_both_muscles() {
         let model = SyntheticModel::shipped().unwrap();
-        let pair = [Gesture::WristExtension, Gesture::WristFlexion];
-        let emg = SyntheticEmg::new(&model, 200.0, 8, 1.0, stream(5, "test")).unwrap();
-        let mut emg = emg.with_cocontraction(Gesture::HandOpen, pair).unwrap();
-        let samples: Vec<ChannelValues> = (0..SECS * 200).map(|_| emg.next(Gesture::HandOpen)).collect();
-        let of = |gesture: Gesture| &model.gestures[gesture.index()].covariance;
+        let pair = [Command::WristExtension, Command::WristFlexion];
+        let emg = SyntheticEmg::new(&model, 200.0, 8, 1.0, random_stream(5, "test")).unwrap();
+        let mut emg = emg.with_cocontraction(Command::HandOpen, pair).unwrap();
+        let samples: Vec<ChannelValues> = (0..SECS * 200).map(|_| emg.next(Command::HandOpen)).collect();
+        let of = |gesture: Command| &model.gestures[gesture.index()].covariance;
         for channel in 0..8 {
             let got = samples.iter().map(|s| s[channel] * s[channel]).sum::<f64>() / samples.len() as f64;
             let expected: f64 = pair.iter().map(|gesture| of(*gesture)[channel][channel]).sum();
@@ -393,15 +395,15 @@ mod tests {
     #[test]
     fn a_new_gesture_builds_up_and_does_not_jump() {
         let model = SyntheticModel::shipped().unwrap();
-        let mut emg = SyntheticEmg::new(&model, 1000.0, 8, 1.0, stream(1, "test")).unwrap();
+        let mut emg = SyntheticEmg::new(&model, 1000.0, 8, 1.0, random_stream(1, "test")).unwrap();
         let mut rms = |gesture, count| {
             let sum: f64 = (0..count).map(|_| emg.next(gesture).iter().map(|v| v * v).sum::<f64>()).sum();
             (sum / f64::from(count) / 8.0).sqrt()
         };
-        let rest = rms(Gesture::NoMotion, 500);
-        let begins = rms(Gesture::WristExtension, 20);
-        rms(Gesture::WristExtension, 80);
-        let full = rms(Gesture::WristExtension, 500);
+        let rest = rms(Command::NoMotion, 500);
+        let begins = rms(Command::WristExtension, 20);
+        rms(Command::WristExtension, 80);
+        let full = rms(Command::WristExtension, 500);
         assert!(rest < 3.0 && begins < 0.4 * full && full > 10.0, "{rest} {begins} {full}");
     }
 
@@ -409,7 +411,7 @@ mod tests {
     fn impossible_figures_channels_rates_and_scales_are_refused() {
         let model = SyntheticModel::shipped().unwrap();
         let error = |model: &SyntheticModel, rate, channels, scale| {
-            SyntheticEmg::new(model, rate, channels, scale, stream(1, "test")).unwrap_err().to_string()
+            SyntheticEmg::new(model, rate, channels, scale, random_stream(1, "test")).unwrap_err().to_string()
         };
         assert!(error(&model, f64::NAN, 8, 1.0).contains("EMG rate is NaN"));
         assert!(error(&model, 200.0, 9, 1.0).contains("at most 8 channels, the recordings have 9"));
@@ -424,8 +426,8 @@ mod tests {
         let mut ragged = model.clone();
         ragged.gestures[1].covariance[3].pop();
         assert!(error(&ragged, 200.0, 8, 1.0).contains("not square"));
-        let mut lacking = model;
-        lacking.gestures.truncate(3);
-        assert!(error(&lacking, 200.0, 8, 1.0).contains("wrist_extension are unusable: not fitted"));
+        let mut incomplete = model;
+        incomplete.gestures.truncate(3);
+        assert!(error(&incomplete, 200.0, 8, 1.0).contains("wrist_extension are unusable: not fitted"));
     }
 }

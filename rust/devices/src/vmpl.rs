@@ -22,16 +22,16 @@ const COMMAND_BYTES: usize = 4 * VMPL_JOINTS;
 /// Some programs send the arm alone.
 const ARM_BYTES: usize = 4 * VMPL_ARM_JOINTS;
 /// Words of the contact sensors behind the joints' percepts.
-const CONTACTS: usize = 37;
+const CONTACT_WORDS: usize = 37;
 const PERCEPTS_BYTES: usize = 12 * VMPL_JOINTS;
-const WITH_CONTACTS_BYTES: usize = PERCEPTS_BYTES + 2 * CONTACTS;
+const WITH_CONTACTS_BYTES: usize = PERCEPTS_BYTES + 2 * CONTACT_WORDS;
 const WITH_FORCES_BYTES: usize = WITH_CONTACTS_BYTES + 12 * VMPL_FINGERS;
 /// A contact word is a force in hundredths of a newton: miniVIE does not say its unit.
 const CONTACT_UNITS_PER_N: f64 = 100.0;
 /// No joint turns this far, rad: a packet with such a number holds something else.
-const MOST_RAD: f32 = 7.0;
+const MAX_ANGLE_RAD: f32 = 7.0;
 /// Packets taken in one go: a flood must not hold up the trial.
-const MOST_AT_ONCE: usize = 256;
+const MAX_PACKETS_PER_POLL: usize = 256;
 
 /// Where a vMPL of the right arm listens, and where it answers.
 pub const VMPL_RIGHT_PORTS: [u16; 2] = [25000, 25001];
@@ -67,9 +67,9 @@ impl VmplCommand {
         let mut angles = [0.0; VMPL_JOINTS];
         for (number, (angle, bytes)) in angles.iter_mut().zip(packet.as_chunks::<4>().0).enumerate() {
             *angle = f32::from_le_bytes(*bytes);
-            if !angle.is_finite() || angle.abs() > MOST_RAD {
+            if !angle.is_finite() || angle.abs() > MAX_ANGLE_RAD {
                 return Err(wrong(format!(
-                    "angle {number} is {angle} rad, expected -{MOST_RAD} to {MOST_RAD}"
+                    "angle {number} is {angle} rad, expected -{MAX_ANGLE_RAD} to {MAX_ANGLE_RAD}"
                 )));
             }
         }
@@ -113,7 +113,7 @@ impl VmplPercepts {
         for (bytes, value) in joints.as_chunks_mut::<4>().0.iter_mut().zip(self.joints.as_flattened()) {
             *bytes = value.to_le_bytes();
         }
-        let (contacts, forces) = rest.split_at_mut(2 * CONTACTS);
+        let (contacts, forces) = rest.split_at_mut(2 * CONTACT_WORDS);
         for (bytes, force) in contacts.as_chunks_mut::<2>().0.iter_mut().zip(self.forces) {
             *bytes = ((force * CONTACT_UNITS_PER_N).round() as u16).to_le_bytes();
         }
@@ -192,10 +192,10 @@ impl VmplDisplay {
         // Longer than any command, so that a longer packet is not taken for its beginning.
         let mut bytes = [0; 2 * COMMAND_BYTES];
         let mut latest = None;
-        for _ in 0..MOST_AT_ONCE {
+        for _ in 0..MAX_PACKETS_PER_POLL {
             match self.socket.recv(&mut bytes).map(|count| VmplCommand::parse(&bytes[..count])) {
                 Ok(Ok(command)) => latest = Some(command),
-                Ok(Err(error)) => self.refused.note(error),
+                Ok(Err(error)) => self.refused.record_refusal(error),
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
                 // A decoder that does not listen yet answers percepts with a refusal of its port.
                 Err(_) => {}

@@ -11,7 +11,7 @@ use std::{
 /// Bytes of a set-up: five numbers of 32 bits, little endian.
 const SETUP_BYTES: usize = 20;
 /// Packets taken in one go: a flood must not hold up the trial.
-const MOST_AT_ONCE: usize = 256;
+const MAX_PACKETS_PER_POLL: usize = 256;
 
 /// Where the ghost of a right arm gets its angles, and where its set-up.
 pub const VMPL_RIGHT_GHOST_PORTS: [u16; 2] = [25010, 27000];
@@ -24,7 +24,7 @@ pub struct VmplGhostSetup {
     /// Whether it is there at all.
     pub enabled: bool,
     /// Red, green and blue, 0 to 1.
-    pub colour: [f32; 3],
+    pub color: [f32; 3],
     /// From 0, not to be seen, to 1, solid.
     pub alpha: f32,
 }
@@ -40,17 +40,17 @@ impl VmplGhostSetup {
             return Err(wrong(format!("{} bytes, expected {SETUP_BYTES} of a ghost's set-up", packet.len())));
         }
         let mut numbers = [0.0_f32; 5];
-        for (place, (number, bytes)) in numbers.iter_mut().zip(packet.as_chunks::<4>().0).enumerate() {
+        for (index, (number, bytes)) in numbers.iter_mut().zip(packet.as_chunks::<4>().0).enumerate() {
             *number = f32::from_le_bytes(*bytes);
             // A number that is none is in no range.
             if !(0.0..=1.0).contains(number) {
                 return Err(wrong(format!(
-                    "number {place} of a ghost's set-up is {number}, expected 0 to 1"
+                    "number {index} of a ghost's set-up is {number}, expected 0 to 1"
                 )));
             }
         }
         let [enable, red, green, blue, alpha] = numbers;
-        Ok(VmplGhostSetup { enabled: enable >= 0.5, colour: [red, green, blue], alpha })
+        Ok(VmplGhostSetup { enabled: enable >= 0.5, color: [red, green, blue], alpha })
     }
 }
 
@@ -102,18 +102,18 @@ impl VmplGhost {
     pub fn latest(&mut self) -> Option<(&VmplCommand, VmplGhostSetup)> {
         // Longer than any packet, so that a longer one is not taken for its beginning.
         let mut bytes = [0; 256];
-        for _ in 0..MOST_AT_ONCE {
+        for _ in 0..MAX_PACKETS_PER_POLL {
             let Ok(count) = self.commands.recv(&mut bytes) else { break };
             match VmplCommand::parse(&bytes[..count]) {
                 Ok(command) => self.command = Some(command),
-                Err(error) => self.refused.note(error),
+                Err(error) => self.refused.record_refusal(error),
             }
         }
-        for _ in 0..MOST_AT_ONCE {
+        for _ in 0..MAX_PACKETS_PER_POLL {
             let Ok(count) = self.setups.recv(&mut bytes) else { break };
             match VmplGhostSetup::parse(&bytes[..count]) {
                 Ok(setup) => self.setup = Some(setup),
-                Err(error) => self.refused.note(error),
+                Err(error) => self.refused.record_refusal(error),
             }
         }
         self.command.as_ref().zip(self.setup.filter(|setup| setup.enabled))
@@ -140,13 +140,13 @@ mod tests {
 
     #[test]
     fn a_setup_is_read_byte_for_byte_and_what_is_none_is_refused_with_the_reason() {
-        let expected = VmplGhostSetup { enabled: true, colour: [0.3, 0.4, 0.5], alpha: 0.8 };
+        let expected = VmplGhostSetup { enabled: true, color: [0.3, 0.4, 0.5], alpha: 0.8 };
         assert_eq!(VmplGhostSetup::parse(&ON).expect("a set-up"), expected);
         let off = VmplGhostSetup::parse(&[0; 20]).expect("a set-up");
         assert!(!off.enabled);
-        let with = |place: usize, number: f32| {
+        let with = |index: usize, number: f32| {
             let mut packet = ON;
-            packet[4 * place..4 * place + 4].copy_from_slice(&number.to_le_bytes());
+            packet[4 * index..4 * index + 4].copy_from_slice(&number.to_le_bytes());
             packet.to_vec()
         };
         for (packet, part) in [

@@ -3,8 +3,8 @@
 
 use proact_devices::{
     EmgOrigin, EmgPacket,
-    gforce::{EmgParser, cut, protocol::EmgSetting},
-    prepare,
+    gforce::{GForceParser, protocol::EmgSetting, split_into_fragments},
+    prepare_emg,
 };
 use proact_emg::EmgPipeline;
 use proact_types::SimTime;
@@ -16,17 +16,19 @@ static COUNTED: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
 #[test]
 fn bytes_become_gestures_without_allocation_whole_and_in_fragments() {
-    let setup = prepare(&EmgOrigin::Synthetic, 1).unwrap();
+    let setup = prepare_emg(&EmgOrigin::Synthetic, 1).unwrap();
     for notification_bytes in [244, 20] {
         let notifications: Vec<(u64, Vec<u8>)> = (0..400_u64)
             .flat_map(|number| {
                 // The middle bits, which do not come again soon: what repeats itself is no arm.
                 let codes = (0..128).map(|k| ((number * 128 + k).wrapping_mul(2_654_435_761) >> 16) as u8);
                 let message: Vec<u8> = [0x08, number as u8].into_iter().chain(codes).collect();
-                cut(&message, notification_bytes).into_iter().map(move |piece| (16 * number, piece))
+                split_into_fragments(&message, notification_bytes)
+                    .into_iter()
+                    .map(move |piece| (16 * number, piece))
             })
             .collect();
-        let mut parser = EmgParser::new(EmgSetting::PROACT, true).unwrap();
+        let mut parser = GForceParser::new(EmgSetting::PROACT_DEFAULT, true).unwrap();
         let mut pipeline = EmgPipeline::new(&setup.config, setup.classifier.clone()).unwrap();
         let mut packet = EmgPacket::default();
         let mut decisions = 0;

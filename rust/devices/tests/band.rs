@@ -17,12 +17,12 @@ fn the_band_of_five_people_is_found_where_it_sits_in_another_session() {
         println!("skipped: ../shared not found");
         return;
     }
-    let tally = band_check::judge(&dir).unwrap();
-    println!("{tally:?}");
-    assert_eq!((tally.checks, tally.wrong), (180, 0), "{tally:?}");
-    assert!((tally.false_alarms as f64) < 0.07 * tally.checks as f64, "{tally:?}");
-    assert!(tally.found as f64 > 0.9 * tally.turned as f64, "{tally:?}");
+    let counts = band_check::judge(&dir).unwrap();
+    println!("{counts:?}");
+    assert_eq!((counts.checks, counts.wrong), (180, 0), "{counts:?}");
+    assert!((counts.false_alarms as f64) < 0.07 * counts.checks as f64, "{counts:?}");
+    assert!(counts.found as f64 > 0.9 * counts.turned as f64, "{counts:?}");
     // Two electrodes that are as strong cannot be told apart; hardly any swap may pass for something else.
-    assert!(tally.named as f64 > 0.65 * tally.swapped as f64, "{tally:?}");
-    assert!((tally.mistaken as f64) < 0.01 * tally.swapped as f64, "{tally:?}");
+    assert!(counts.named as f64 > 0.65 * counts.swapped as f64, "{counts:?}");
+    assert!((counts.mistaken as f64) < 0.01 * counts.swapped as f64, "{counts:?}");
 }

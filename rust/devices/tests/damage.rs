@@ -14,10 +14,10 @@ fn info() -> SourceInfo {
         rate_hz: 200.0,
         channels: 2,
         packet_samples: 4,
-        zero: 128.0,
+        zero_code: 128.0,
         rails: Some((0.0, 255.0)),
         loss_is_counted: true,
-        volts: None,
+        volts_per_code: None,
         imu: Vec::new(),
     }
 }

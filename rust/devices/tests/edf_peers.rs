@@ -37,10 +37,10 @@ fn pyedflib_and_mne_find_every_sample_in_its_place_in_volts_and_the_gaps() {
         rate_hz: 1000.0,
         channels: 8,
         packet_samples: 16,
-        zero: 128.0,
+        zero_code: 128.0,
         rails: Some((0.0, 255.0)),
         loss_is_counted: true,
-        volts: Some(scale),
+        volts_per_code: Some(scale),
         imu: Vec::new(),
     };
     // Two packets are lost, then 50 samples within packets, then one in two for a while.

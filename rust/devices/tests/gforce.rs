@@ -4,8 +4,8 @@
 use proact_devices::{
     EmgPacket, SampleSource, SourceEvent,
     gforce::{
-        Connect, GForce, GForceOptions, GattLink, LinkError, Simulator, SimulatorOptions, SocketLink,
-        serve_connection,
+        GForce, GForceOptions, GForceSimulator, GForceSimulatorOptions, GattConnector, GattLink, LinkError,
+        SocketLink, serve_connection,
     },
 };
 use std::{
@@ -26,53 +26,56 @@ fn code(sample: u64) -> f64 {
     f64::from((sample.wrapping_mul(2_654_435_761) >> 8) as u8) - 128.0
 }
 
-fn simulator(options: SimulatorOptions) -> Simulator {
+fn simulator(options: GForceSimulatorOptions) -> GForceSimulator {
     let mut next = 0;
     let codes = move || {
         next += 1;
         [code(next - 1); 8].into_iter().collect()
     };
-    Simulator::new(options, Box::new(codes)).unwrap()
+    GForceSimulator::new(options, Box::new(codes)).unwrap()
 }
 
-fn flawless() -> SimulatorOptions {
-    SimulatorOptions::flawless(1000, 8)
+fn flawless() -> GForceSimulatorOptions {
+    GForceSimulatorOptions::flawless(1000, 8)
 }
 
 /// Connects over a socket pair to a simulator on a thread of its own.
-struct Pair {
-    simulator: Arc<Mutex<Simulator>>,
+struct SimulatedConnector {
+    simulator: Arc<Mutex<GForceSimulator>>,
     /// Ends the connection under way.
-    cut: Arc<Mutex<Arc<AtomicBool>>>,
+    disconnect: Arc<Mutex<Arc<AtomicBool>>>,
     thread: Option<JoinHandle<()>>,
     /// Attempts that fail before one succeeds again.
-    deaf: Arc<Mutex<u32>>,
+    failing_attempts: Arc<Mutex<u32>>,
 }
 
 #[derive(Clone)]
-struct Handle {
-    cut: Arc<Mutex<Arc<AtomicBool>>>,
-    deaf: Arc<Mutex<u32>>,
+struct ConnectionHandle {
+    disconnect: Arc<Mutex<Arc<AtomicBool>>>,
+    failing_attempts: Arc<Mutex<u32>>,
 }
 
-impl Handle {
-    fn pull_the_plug(&self, failures: u32) {
-        *self.deaf.lock().unwrap() = failures;
-        self.cut.lock().unwrap().store(true, Ordering::Relaxed);
+impl ConnectionHandle {
+    fn disconnect_and_fail(&self, failures: u32) {
+        *self.failing_attempts.lock().unwrap() = failures;
+        self.disconnect.lock().unwrap().store(true, Ordering::Relaxed);
     }
 }
 
-fn pair(options: SimulatorOptions) -> (Box<Pair>, Handle) {
+fn pair(options: GForceSimulatorOptions) -> (Box<SimulatedConnector>, ConnectionHandle) {
     let cut = Arc::new(Mutex::new(Arc::new(AtomicBool::new(false))));
     let deaf = Arc::new(Mutex::new(0));
-    let handle = Handle { cut: cut.clone(), deaf: deaf.clone() };
+    let handle = ConnectionHandle { disconnect: cut.clone(), failing_attempts: deaf.clone() };
     let simulator = Arc::new(Mutex::new(simulator(options)));
-    (Box::new(Pair { simulator, cut, thread: None, deaf }), handle)
+    (
+        Box::new(SimulatedConnector { simulator, disconnect: cut, thread: None, failing_attempts: deaf }),
+        handle,
+    )
 }
 
-impl Connect for Pair {
+impl GattConnector for SimulatedConnector {
     fn connect(&mut self) -> Result<Box<dyn GattLink>, LinkError> {
-        let mut deaf = self.deaf.lock().unwrap();
+        let mut deaf = self.failing_attempts.lock().unwrap();
         if *deaf > 0 {
             *deaf -= 1;
             return Err(LinkError::Radio("out of reach".to_owned()));
@@ -82,7 +85,7 @@ impl Connect for Pair {
         }
         let (ours, theirs) = UnixStream::pair().unwrap();
         let stop = Arc::new(AtomicBool::new(false));
-        *self.cut.lock().unwrap() = stop.clone();
+        *self.disconnect.lock().unwrap() = stop.clone();
         let simulator = self.simulator.clone();
         self.thread = Some(std::thread::spawn(move || {
             serve_connection(&mut SocketLink::new(theirs), &mut *simulator.lock().unwrap(), &stop);
@@ -125,7 +128,7 @@ fn a_clean_stream_arrives_whole_with_the_settings_read_back() {
     let mut source = GForce::open(pair, GForceOptions::default()).unwrap();
     let info = source.info().clone();
     assert_eq!((info.rate_hz, info.channels, info.packet_samples), (1000.0, 8, 16));
-    assert_eq!((info.zero, info.rails, info.loss_is_counted), (128.0, Some((0.0, 255.0)), true));
+    assert_eq!((info.zero_code, info.rails, info.loss_is_counted), (128.0, Some((0.0, 255.0)), true));
     assert!(info.name.contains("firmware ProACT-sim-1"), "{}", info.name);
     assert_eq!(source.battery_percent(), Some(87));
     let (packets, events) = collect(&mut source, 20);
@@ -137,7 +140,8 @@ fn a_clean_stream_arrives_whole_with_the_settings_read_back() {
 fn losses_doubles_swaps_and_cut_packets_become_gaps_and_nothing_else() {
     for notification_bytes in [244, 20] {
         let mut options = flawless();
-        (options.loss, options.duplicates, options.reordered, options.truncated) = (0.01, 0.02, 0.01, 0.01);
+        (options.loss_rate, options.duplicate_rate, options.reorder_rate, options.truncation_rate) =
+            (0.01, 0.02, 0.01, 0.01);
         (options.notification_bytes, options.seed) = (notification_bytes, 4);
         // Smaller packets, so that there are many within a second.
         let small = GForceOptions { packet_bytes: 64, ..GForceOptions::default() };
@@ -166,7 +170,7 @@ fn a_rate_that_the_armband_refuses_is_an_error_that_says_so() {
 
 #[test]
 fn an_armband_without_ids_still_streams_and_says_that_losses_are_not_counted() {
-    let (pair, _) = pair(SimulatorOptions { package_ids: false, ..flawless() });
+    let (pair, _) = pair(GForceSimulatorOptions { package_ids: false, ..flawless() });
     let mut source = GForce::open(pair, GForceOptions::default()).unwrap();
     assert!(!source.info().loss_is_counted);
     assert_eq!(collect(&mut source, 5).0.len(), 5);
@@ -178,7 +182,7 @@ fn a_lost_armband_is_reported_found_again_and_leaves_a_gap() {
     let simulator = pair.simulator.clone();
     let mut source = GForce::open(pair, GForceOptions::default()).unwrap();
     collect(&mut source, 5);
-    handle.pull_the_plug(1);
+    handle.disconnect_and_fail(1);
     let mut packet = EmgPacket::default();
     let mut events = Vec::new();
     let mut before = 80;
@@ -195,7 +199,7 @@ fn a_lost_armband_is_reported_found_again_and_leaves_a_gap() {
     assert_eq!(packet.samples[0].counter, before + packet.lost_before);
     assert_eq!(source.counts().disconnects, 1);
     drop(source);
-    assert!(simulator.lock().unwrap().samples() > 0);
+    assert!(simulator.lock().unwrap().sample_count() > 0);
 }
 
 #[test]
@@ -209,15 +213,15 @@ fn nobody_at_the_address_is_an_error_with_the_address() {
 #[test]
 fn an_inertial_measurement_unit_has_messages_of_its_own_beside_those_of_the_electrodes() {
     use proact_devices::gforce::imu::{imu_messages, read_imu};
-    let said = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -2.0, 0.0];
-    let [orientation, acceleration, velocity] = imu_messages(&said);
+    let sent = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -2.0, 0.0];
+    let [orientation, acceleration, velocity] = imu_messages(&sent);
     assert_eq!((orientation.len(), acceleration.len(), velocity.len()), (17, 13, 13));
     assert_eq!(orientation[..5], [0x05, 0x00, 0x00, 0x80, 0x3F]);
     assert_eq!((acceleration[0], &acceleration[9..]), (0x01, &[0x00, 0x00, 0x01, 0x00][..]));
     assert_eq!((velocity[0], &velocity[5..9]), (0x02, &[0x00, 0x00, 0xFE, 0xFF][..]));
     let mut read = [f64::NAN; 10];
     assert!([orientation, acceleration, velocity].iter().all(|message| read_imu(message, &mut read)));
-    assert_eq!(read, said);
+    assert_eq!(read, sent);
     assert!(
         !read_imu(&[0x01, 0, 0], &mut read) && !read_imu(&[0x08; 13], &mut read) && !read_imu(&[], &mut read)
     );

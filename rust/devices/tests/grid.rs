@@ -5,7 +5,7 @@ use proact_devices::{
     EmgPacket, EmgRecorder, Pacing, PlaybackSource, Recording, RecordingFolder, Recordings, SampleSource,
     SourceEvent, SourceInfo, read_recorded,
 };
-use proact_types::{EmgSample, Gesture, GestureName};
+use proact_types::{Command, EmgSample, Gesture};
 use std::time::Duration;
 
 const CHANNELS: usize = 64;
@@ -27,10 +27,10 @@ fn a_stream_of_a_grid_is_kept_in_both_formats_and_played_again() {
         rate_hz: RATE_HZ,
         channels: CHANNELS,
         packet_samples: 64,
-        zero: 0.0,
+        zero_code: 0.0,
         rails: None,
         loss_is_counted: true,
-        volts: None,
+        volts_per_code: None,
         imu: Vec::new(),
     };
     let all = samples(640, 0);
@@ -44,7 +44,8 @@ fn a_stream_of_a_grid_is_kept_in_both_formats_and_played_again() {
         recorder.finish().unwrap();
         let read = read_recorded(&path).unwrap();
         assert_eq!((read.rate_hz, &read.samples), (RATE_HZ, &all), "{ending}");
-        let mut source = PlaybackSource::new("grid", read.samples, RATE_HZ, 64, Pacing::FlatOut).unwrap();
+        let mut source =
+            PlaybackSource::new("grid", read.samples, RATE_HZ, 64, Pacing::AsFastAsPossible).unwrap();
         assert_eq!(source.info().channels, CHANNELS);
         let (mut packet, mut played) = (EmgPacket::default(), Vec::new());
         while source.poll(Duration::from_secs(1), &mut packet).unwrap() != SourceEvent::Ended {
@@ -58,15 +59,15 @@ fn a_stream_of_a_grid_is_kept_in_both_formats_and_played_again() {
 fn a_training_with_a_grid_is_written_and_read_again() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().join("recordings");
-    let gestures = Gesture::ALL.map(GestureName::from);
+    let gestures = Command::ALL.map(Gesture::from);
     let written =
-        RecordingFolder::create(&folder, RATE_HZ, &gestures, Gesture::NoMotion.into(), &[]).unwrap();
-    for (gesture, seed) in Gesture::ALL.into_iter().zip(0..) {
-        written.keep(&Recording::bridging(0, gesture.into(), &samples(100, seed))).unwrap();
+        RecordingFolder::create(&folder, RATE_HZ, &gestures, Command::NoMotion.into(), &[]).unwrap();
+    for (gesture, seed) in Command::ALL.into_iter().zip(0..) {
+        written.write_recording(&Recording::bridge_gaps(0, gesture.into(), &samples(100, seed))).unwrap();
     }
     let read = Recordings::open(&folder, None).unwrap();
     assert_eq!((read.rate_hz, read.channels, read.items.len()), (RATE_HZ, CHANNELS, 5));
-    let item = read.items.iter().find(|item| item.gesture == Gesture::HandOpen).unwrap();
-    let seed = Gesture::ALL.iter().position(|gesture| *gesture == Gesture::HandOpen).unwrap() as u64;
-    assert!(item.numbered().eq(samples(100, seed)));
+    let item = read.items.iter().find(|item| item.gesture == Command::HandOpen).unwrap();
+    let seed = Command::ALL.iter().position(|gesture| *gesture == Command::HandOpen).unwrap() as u64;
+    assert!(item.numbered_samples().eq(samples(100, seed)));
 }

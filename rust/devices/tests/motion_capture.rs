@@ -3,15 +3,15 @@
 #![allow(clippy::disallowed_methods, clippy::unwrap_used)]
 
 use proact_devices::motion_capture::{
-    CaptureLink, HostClock, MotionCapture,
-    natnet::{NatNetBody, NatNetClient, NatNetFrame, NatNetMessage, NatNetOptions, NatNetServer, parse},
+    CaptureStatus, HostClock, MotionCapture,
+    natnet::{NatNetClient, NatNetFrame, NatNetMessage, NatNetOptions, NatNetRigidBody, NatNetServer, parse},
     vrpn::{VrpnClient, VrpnEvent, VrpnParser, VrpnServer, cookie},
 };
 use proact_localization::RawBodyPose;
 use std::time::{Duration, Instant};
 
 /// Sockets of one machine answer within milliseconds; a loaded one may take its time.
-const PATIENCE: Duration = Duration::from_secs(20);
+const TIMEOUT: Duration = Duration::from_secs(20);
 
 fn pose(body: &str, stamp_ms: i64, x: f64) -> RawBodyPose {
     RawBodyPose {
@@ -29,22 +29,22 @@ fn pose(body: &str, stamp_ms: i64, x: f64) -> RawBodyPose {
 fn until(
     capture: &mut dyn MotionCapture,
     mut send: impl FnMut(),
-    done: impl Fn(&[RawBodyPose], &CaptureLink) -> bool,
+    done: impl Fn(&[RawBodyPose], &CaptureStatus) -> bool,
 ) -> Vec<RawBodyPose> {
     let (mut poses, start) = (Vec::new(), Instant::now());
     loop {
         send();
-        let link = capture.take(&mut poses).unwrap();
+        let link = capture.drain_poses(&mut poses).unwrap();
         if done(&poses, &link) {
             return poses;
         }
-        assert!(start.elapsed() < PATIENCE, "{link:?}, {} poses", poses.len());
+        assert!(start.elapsed() < TIMEOUT, "{link:?}, {} poses", poses.len());
         std::thread::sleep(Duration::from_millis(2));
     }
 }
 
-fn waits_for(part: &str) -> impl Fn(&[RawBodyPose], &CaptureLink) -> bool {
-    move |_, link| matches!(link, CaptureLink::Waiting { reason } if reason.contains(part))
+fn waits_for(part: &str) -> impl Fn(&[RawBodyPose], &CaptureStatus) -> bool {
+    move |_, link| matches!(link, CaptureStatus::Waiting { reason } if reason.contains(part))
 }
 
 #[test]
@@ -98,7 +98,7 @@ fn a_server_that_is_not_there_is_waited_for_and_said() {
 }
 
 fn frame(number: i32) -> NatNetFrame {
-    let body = |id: i32, tracked| NatNetBody {
+    let body = |id: i32, tracked| NatNetRigidBody {
         id,
         position: [0.25, 1.5, -0.125],
         quaternion: [0.0, 0.0, 0.0, 1.0],
@@ -108,7 +108,7 @@ fn frame(number: i32) -> NatNetFrame {
     NatNetFrame {
         number,
         bodies: vec![body(7, true), body(8, false)],
-        seconds: f64::from(number) * 0.01,
+        timestamp_secs: f64::from(number) * 0.01,
         definitions_changed: false,
     }
 }
@@ -137,7 +137,7 @@ fn natnet(data_port: Option<u16>) {
     assert!(client.malformed() >= 4, "{}", client.malformed());
 
     // A body that gets another name is known by that.
-    server.define(&[(7, "ShoulderpadL"), (8, "Head")]);
+    server.set_bodies(&[(7, "ShoulderpadL"), (8, "Head")]);
     until(&mut client, || send(&mut server), |poses, _| poses.iter().any(|pose| pose.body == "ShoulderpadL"));
     // A server that falls silent is told, and greeted anew.
     until(&mut client, || (), waits_for("no frame for 2 s"));
@@ -191,7 +191,7 @@ fn the_byte_vectors_of_vrpn_are_understood() {
     }
     let events: Vec<VrpnEvent> = std::iter::from_fn(|| parser.next_event().unwrap()).collect();
     let [
-        VrpnEvent::Greeted,
+        VrpnEvent::CookieReceived,
         VrpnEvent::Device(device),
         VrpnEvent::Pose(pose),
         VrpnEvent::Ping { .. },
@@ -209,7 +209,7 @@ fn the_byte_vectors_of_vrpn_are_understood() {
 fn the_byte_vectors_of_natnet_are_understood() {
     let Some(all) = vectors("natnet") else { return };
     let Ok(NatNetMessage::Frame(frame)) = parse(vector(&all, "frame_3_1")) else { panic!("frame") };
-    assert_eq!((frame.number, frame.seconds, frame.definitions_changed), (42, 12.5, false));
+    assert_eq!((frame.number, frame.timestamp_secs, frame.definitions_changed), (42, 12.5, false));
     let [first, second] = &frame.bodies[..] else { panic!("{frame:?}") };
     assert_eq!((first.id, first.position, first.error, first.tracked), (7, [0.1, 0.2, 0.3], 0.0005, true));
     assert_eq!((second.id, second.position, second.tracked), (8, [-1.0, 1.25, 0.5], false));
@@ -218,13 +218,13 @@ fn the_byte_vectors_of_natnet_are_understood() {
     assert!(parse(vector(&all, "frame_4_1")).is_err());
     let Ok(NatNetMessage::Server(info)) = parse(vector(&all, "server_info_v3")) else { panic!("info") };
     assert_eq!(
-        (info.program.as_str(), info.data_port, info.group),
+        (info.program.as_str(), info.data_port, info.multicast_group),
         ("Motive", 1511, Some([239, 255, 42, 99]))
     );
 
     // What our client says, byte by byte.
     let spy = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
-    spy.set_read_timeout(Some(PATIENCE)).unwrap();
+    spy.set_read_timeout(Some(TIMEOUT)).unwrap();
     let address = spy.local_addr().unwrap().to_string();
     let _client = NatNetClient::open(&address, NatNetOptions::default(), HostClock::start()).unwrap();
     let mut bytes = [0; 1024];
@@ -232,12 +232,12 @@ fn the_byte_vectors_of_natnet_are_understood() {
     assert_eq!(&bytes[..count], vector(&all, "connect_v3"));
     // A server of 2.2 that sends to a group is asked for 3.1, for names, and kept alive.
     spy.send_to(vector(&all, "server_info_v3"), from).unwrap();
-    let mut said = Vec::new();
-    while said.len() < 3 {
+    let mut requests = Vec::new();
+    while requests.len() < 3 {
         let count = spy.recv(&mut bytes).unwrap();
-        said.push(bytes[..count].to_vec());
+        requests.push(bytes[..count].to_vec());
     }
-    said.retain(|packet| packet != vector(&all, "connect_v3"));
-    assert!(said.iter().any(|packet| packet == vector(&all, "keepalive")), "{said:?}");
-    assert!(said.iter().any(|packet| packet == vector(&all, "request_model_def")), "{said:?}");
+    requests.retain(|packet| packet != vector(&all, "connect_v3"));
+    assert!(requests.iter().any(|packet| packet == vector(&all, "keepalive")), "{requests:?}");
+    assert!(requests.iter().any(|packet| packet == vector(&all, "request_model_def")), "{requests:?}");
 }

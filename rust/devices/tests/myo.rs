@@ -33,7 +33,8 @@ impl Served {
     fn new(port: u16, loss: f64) -> Served {
         let listener = TcpListener::bind(("127.0.0.1", port)).unwrap();
         let address = listener.local_addr().unwrap();
-        let options = MyoSimulatorOptions { battery_percent: 64, loss, ..MyoSimulatorOptions::default() };
+        let options =
+            MyoSimulatorOptions { battery_percent: 64, loss_rate: loss, ..MyoSimulatorOptions::default() };
         // Each sample tells its own number, modulo 256.
         let mut next = 0_u8;
         let codes = move || {
@@ -43,10 +44,10 @@ impl Served {
         let mut simulator = MyoSimulator::new(options, Box::new(codes)).unwrap();
         let stop = Arc::new(AtomicBool::new(false));
         let disconnected = Arc::new(AtomicBool::new(false));
-        let (told, gone) = (stop.clone(), disconnected.clone());
+        let (stop_server, gone) = (stop.clone(), disconnected.clone());
         let thread = std::thread::spawn(move || {
             let report = |event: &str| gone.store(event.starts_with("disconnected"), Ordering::Relaxed);
-            serve(&listener, &mut simulator, &told, report).unwrap();
+            serve(&listener, &mut simulator, &stop_server, report).unwrap();
             simulator
         });
         Served { address, stop, disconnected, thread: Some(thread) }
@@ -154,7 +155,7 @@ fn the_inertial_measurement_unit_follows_the_electrodes_in_every_sample() {
     let served = Served::new(0, 0.0);
     let address = TcpConnector::new(served.address.to_string());
     let mut myo = Myo::open(Box::new(address), MyoEmgMode::Filtered, true).unwrap();
-    assert_eq!((myo.info().channels, &myo.info().imu), (8, &ImuChannel::of_an_armband()));
+    assert_eq!((myo.info().channels, &myo.info().imu), (8, &ImuChannel::armband_channels()));
     let all = samples(&mut myo, 100);
     assert!(counted(&all), "its notifications are no samples of the electrodes");
     assert!(all.iter().all(|sample| sample.channels.len() == 18));

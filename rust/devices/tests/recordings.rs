@@ -4,10 +4,10 @@
 
 use proact_devices::{
     DeviceError, EmgOrigin, FaultPolicy, Recording, RecordingFolder, Recordings, SourceOptions,
-    SourceRegistry, evaluate, prepare,
+    SourceRegistry, evaluate, prepare_emg,
 };
-use proact_emg::{EmgConfig, ImuChannel, RecordedFault, WindowLength};
-use proact_types::{EmgSample, Gesture, GestureName};
+use proact_emg::{EmgConfig, ImuChannel, RecordingFault, WindowLength};
+use proact_types::{Command, EmgSample, Gesture};
 use std::{fs, path::Path};
 
 fn write(dir: &Path, name: &str, text: &str) {
@@ -61,7 +61,7 @@ fn both_spellings_of_libemg_names_are_read_and_other_files_left_alone() {
         let recordings = Recordings::read(dir.path(), 200.0).expect("a good folder");
         assert_eq!((recordings.items.len(), recordings.channels), (15, 2));
         assert!(recordings.missing().is_empty());
-        let third = recordings.find(Gesture::WristFlexion, 2).expect("it is there");
+        let third = recordings.find(Command::WristFlexion, 2).expect("it is there");
         assert_eq!(third.samples.len(), 60);
     }
 }
@@ -134,9 +134,9 @@ fn myo_readings_become_repetitions_with_the_edges_of_each_cue_cut() {
     }
     let recordings = Recordings::read(dir.path(), 200.0).expect("a good folder");
     assert_eq!((recordings.channels, recordings.items.len()), (8, 24));
-    assert_eq!(recordings.missing(), [Gesture::HandOpen]);
-    assert_eq!(recordings.find(Gesture::HandClose, 5).expect("six cues").samples.len(), 300 - 200);
-    assert_eq!(recordings.find(Gesture::NoMotion, 5).expect("six parts").samples.len(), 400);
+    assert_eq!(recordings.missing(), [Command::HandOpen]);
+    assert_eq!(recordings.find(Command::HandClose, 5).expect("six cues").samples.len(), 300 - 200);
+    assert_eq!(recordings.find(Command::NoMotion, 5).expect("six parts").samples.len(), 400);
 
     write(dir.path(), "1.txt", &row(2).repeat(10));
     assert!(error(dir.path()).ends_with("1.txt, row 1: label 2, expected 0 or 1"));
@@ -154,17 +154,17 @@ fn a_folder_that_lacks_gestures_is_refused_with_the_list_or_filled() {
         }
         EmgOrigin::Synthetic => EmgOrigin::Synthetic,
     };
-    let message = prepare(&source(false), 1).expect_err("two gestures are lacking").to_string();
+    let message = prepare_emg(&source(false), 1).expect_err("two gestures are lacking").to_string();
     assert!(
         message.ends_with(
-            "no recording of hand_open, wrist_extension; record it, or complete the set with --emg-fill synthetic"
+            "no recording of hand_open, wrist_extension; record it, or complete the set with --fill-missing synthetic"
         ),
         "{message}"
     );
-    let setup = prepare(&source(true), 1).expect("filled");
+    let setup = prepare_emg(&source(true), 1).expect("filled");
     assert_eq!(setup.label, "recording+synthetic");
     assert_eq!((setup.config.rate_hz, setup.config.channels), (200.0, 2));
-    assert_eq!(setup.classifier.gestures(), Gesture::ALL);
+    assert_eq!(setup.classifier.gestures(), Command::ALL);
 }
 
 #[test]
@@ -180,7 +180,7 @@ fn repetitions_that_do_not_exist_or_are_too_short_are_refused() {
             fill: false,
             faults: FaultPolicy::Refuse,
         };
-        prepare(&source, 1).map(|setup| setup.label).map_err(|e| e.to_string())
+        prepare_emg(&source, 1).map(|setup| setup.label).map_err(|e| e.to_string())
     };
     assert_eq!(with(&[0, 1], &[2]), Ok("recording".to_owned()));
     assert_eq!(with(&[0, 9], &[2]), Err("no repetition 9 of hand_close; there are 0, 1, 2".to_owned()));
@@ -196,8 +196,8 @@ fn repetitions_that_do_not_exist_or_are_too_short_are_refused() {
 fn a_trial_takes_the_rate_that_the_folder_says_or_the_one_asked_for() {
     let dir = folder();
     write_libemg(dir.path(), &[0, 1, 2, 3, 4], "");
-    let rate = |asked| {
-        prepare(&EmgOrigin::recording(dir.path()).at_rate(asked), 1)
+    let rate = |requested_hz| {
+        prepare_emg(&EmgOrigin::recording(dir.path()).at_rate(requested_hz), 1)
             .map(|setup| (setup.config.rate_hz, setup.feed.rate_hz(), setup.config.window_samples().unwrap()))
             .map_err(|e| e.to_string())
     };
@@ -236,40 +236,40 @@ fn eight_signed_bytes_are_a_myos_and_have_its_rate() {
 fn what_was_lost_is_bridged_in_the_file_marked_beside_it_and_never_read_as_measured() {
     let dir = folder();
     let at = dir.path().join("kept");
-    let gestures = [Gesture::NoMotion, Gesture::HandClose].map(GestureName::from);
-    let kept = RecordingFolder::create(&at, 200.0, &gestures, Gesture::NoMotion.into(), &[]).unwrap();
+    let gestures = [Command::NoMotion, Command::HandClose].map(Gesture::from);
+    let kept = RecordingFolder::create(&at, 200.0, &gestures, Command::NoMotion.into(), &[]).unwrap();
     let sample = |counter: u64| EmgSample { counter, channels: [counter as f64, 0.5].into_iter().collect() };
     let gapped: Vec<EmgSample> =
         (100..160).filter(|k| !(120..124).contains(k) && *k != 150).map(sample).collect();
-    let item = Recording::bridging(0, Gesture::HandClose.into(), &gapped);
+    let item = Recording::bridge_gaps(0, Command::HandClose.into(), &gapped);
     assert_eq!((item.samples.len(), &item.bridged), (60, &vec![[20, 4], [50, 1]]));
-    kept.keep(&item).unwrap();
+    kept.write_recording(&item).unwrap();
     let whole: Vec<EmgSample> = (0..60).map(sample).collect();
-    kept.keep(&Recording::bridging(0, Gesture::NoMotion.into(), &whole)).unwrap();
+    kept.write_recording(&Recording::bridge_gaps(0, Command::NoMotion.into(), &whole)).unwrap();
 
     let read = Recordings::open(&at, None).unwrap();
-    let close = read.find(Gesture::HandClose, 0).unwrap();
+    let close = read.find(Command::HandClose, 0).unwrap();
     assert_eq!((&close.samples, &close.bridged), (&item.samples, &item.bridged));
-    let numbered: Vec<EmgSample> = close.numbered().collect();
+    let numbered: Vec<EmgSample> = close.numbered_samples().collect();
     let renumbered: Vec<EmgSample> =
         gapped.iter().map(|s| EmgSample { counter: s.counter - 100, channels: s.channels.clone() }).collect();
     assert_eq!(numbered, renumbered);
-    assert_eq!(read.find(Gesture::NoMotion, 0).unwrap().numbered().count(), 60);
+    assert_eq!(read.find(Command::NoMotion, 0).unwrap().numbered_samples().count(), 60);
 
     // Recorded again without a loss; the marks go with the file.
-    let again = Recording::bridging(0, Gesture::HandClose.into(), &whole);
-    kept.keep(&again).unwrap();
+    let again = Recording::bridge_gaps(0, Command::HandClose.into(), &whole);
+    kept.write_recording(&again).unwrap();
     assert_eq!(
-        Recordings::open(&at, None).unwrap().find(Gesture::HandClose, 0).unwrap().numbered().count(),
+        Recordings::open(&at, None).unwrap().find(Command::HandClose, 0).unwrap().numbered_samples().count(),
         60
     );
     let (resumed, known) =
-        RecordingFolder::resume(&at, 200.0, 2, &gestures, Gesture::NoMotion.into(), &[]).unwrap();
+        RecordingFolder::resume(&at, 200.0, 2, &gestures, Command::NoMotion.into(), &[]).unwrap();
     assert_eq!(known.items.len(), 2);
-    resumed.discard(Gesture::HandClose.into(), 0).unwrap();
+    resumed.remove_recording(Command::HandClose.into(), 0).unwrap();
     assert_eq!(Recordings::open(&at, None).unwrap().items.len(), 1);
-    let refused = |rate, channels, gestures: &[GestureName]| {
-        RecordingFolder::resume(&at, rate, channels, gestures, Gesture::NoMotion.into(), &[])
+    let refused = |rate, channels, gestures: &[Gesture]| {
+        RecordingFolder::resume(&at, rate, channels, gestures, Command::NoMotion.into(), &[])
             .err()
             .unwrap()
             .to_string()
@@ -286,8 +286,8 @@ fn what_was_lost_is_bridged_in_the_file_marked_beside_it_and_never_read_as_measu
 fn an_inertial_measurement_unit_is_kept_beside_the_electrodes_and_read_only_where_it_is_asked_for() {
     let dir = folder();
     let at = dir.path().join("worn");
-    let gestures = [Gesture::NoMotion, Gesture::HandClose].map(GestureName::from);
-    let rest = GestureName::from(Gesture::NoMotion);
+    let gestures = [Command::NoMotion, Command::HandClose].map(Gesture::from);
+    let rest = Gesture::from(Command::NoMotion);
     let imu = [ImuChannel::new("acceleration_x", "g"), ImuChannel::new("acceleration_z", "g")];
     let kept = RecordingFolder::create(&at, 200.0, &gestures, rest, &imu).unwrap();
     let sample = |counter: u64| {
@@ -296,11 +296,11 @@ fn an_inertial_measurement_unit_is_kept_beside_the_electrodes_and_read_only_wher
     };
     let samples: Vec<EmgSample> = (0..60).map(sample).collect();
     for gesture in gestures {
-        kept.keep(&Recording::bridging(0, gesture, &samples)).unwrap();
+        kept.write_recording(&Recording::bridge_gaps(0, gesture, &samples)).unwrap();
     }
     let with = Recordings::open_with_imu(&at, None).unwrap();
     assert_eq!((with.channels, &with.imu[..]), (3, &imu[..]));
-    assert_eq!(with.find(Gesture::HandClose, 0).unwrap().numbered().collect::<Vec<_>>(), samples);
+    assert_eq!(with.find(Command::HandClose, 0).unwrap().numbered_samples().collect::<Vec<_>>(), samples);
     // Whoever does not ask reads what LibEMG does: the electrodes.
     let without = Recordings::open(&at, None).unwrap();
     assert_eq!((without.channels, without.imu.len(), without.items[0].samples[7].len()), (3, 0, 3));
@@ -308,8 +308,8 @@ fn an_inertial_measurement_unit_is_kept_beside_the_electrodes_and_read_only_wher
     let slow: String = (0..15).map(|k| format!("{},1\n", 0.01 * f64::from(k))).collect();
     write(&at, "R_0_C_0_IMU.csv", &slow);
     let held = Recordings::open_with_imu(&at, None).unwrap();
-    let close = held.find(Gesture::HandClose, 0).unwrap();
-    assert_eq!(close.numbered().collect::<Vec<_>>(), samples, "class 0 in alphabetical order");
+    let close = held.find(Command::HandClose, 0).unwrap();
+    assert_eq!(close.numbered_samples().collect::<Vec<_>>(), samples, "class 0 in alphabetical order");
     write(&at, "R_0_C_0_IMU.csv", "1,2,3\n");
     let error = Recordings::open_with_imu(&at, None).unwrap_err().to_string();
     assert!(error.contains("R_0_C_0_IMU.csv") && error.contains("row 1"), "{error}");
@@ -319,7 +319,7 @@ fn an_inertial_measurement_unit_is_kept_beside_the_electrodes_and_read_only_wher
     assert!(error.contains("it is for the inertial channels acceleration_x, acceleration_z"), "{error}");
     let (resumed, known) = resume(&imu).unwrap();
     assert_eq!(known.items.len(), 2);
-    resumed.discard(Gesture::HandClose.into(), 0).unwrap();
+    resumed.remove_recording(Command::HandClose.into(), 0).unwrap();
     assert!(!at.join("R_0_C_0_IMU.csv").exists());
     std::fs::remove_file(at.join("R_0_C_1_IMU.csv")).unwrap();
     assert!(Recordings::open_with_imu(&at, None).unwrap_err().to_string().contains("R_0_C_1_IMU.csv"));
@@ -355,7 +355,7 @@ fn a_participant_of_the_3dc_data_set_is_read_as_libemg_does() {
     let read = Recordings::open(dir.path(), None).unwrap();
     assert_eq!((read.rate_hz, read.channels, read.items.len()), (1000.0, 10, 44));
     assert_eq!((read.gestures().len(), read.rest.as_str(), read.missing().len()), (11, "Neutral", 0));
-    let grip: GestureName = "Power Grip".parse().unwrap();
+    let grip: Gesture = "Power Grip".parse().unwrap();
     let repetitions: Vec<u32> =
         read.items.iter().filter(|r| r.gesture == grip).map(|r| r.repetition).collect();
     assert_eq!(repetitions, [0, 1, 2, 3], "the test follows the training");
@@ -392,7 +392,7 @@ fn a_rate_is_found_under_its_usual_names_and_an_unknown_name_is_a_finding() {
         write(dir.path(), "metadata.json", &format!("{{\"{key}\": 1000}}"));
         let read = Recordings::open(dir.path(), None).unwrap();
         assert_eq!((read.rate_hz, read.notes.len()), (1000.0, 0), "{key}");
-        assert_eq!(read.judge(&[], FaultPolicy::Refuse).unwrap(), [], "{key}");
+        assert_eq!(read.check_faults(&[], FaultPolicy::Refuse).unwrap(), [], "{key}");
     }
     for (text, key) in [
         (r#"{"acquisition_freq": 1000}"#, "acquisition_freq"),
@@ -403,22 +403,26 @@ fn a_rate_is_found_under_its_usual_names_and_an_unknown_name_is_a_finding() {
         let read = Recordings::open(dir.path(), None).unwrap();
         // The finding uses the key.
         assert_eq!(read.notes, Vec::<String>::new());
-        let error = read.judge(&[], FaultPolicy::Refuse).unwrap_err().to_string();
+        let error = read.check_faults(&[], FaultPolicy::Refuse).unwrap_err().to_string();
         assert!(error.contains(key) && error.contains("200 Hz is assumed"), "{error}");
         assert!(
             error.lines().nth(1).is_some_and(|line| line.trim_start().starts_with("- the metadata")),
             "{error}"
         );
-        let found = read.judge(&[], FaultPolicy::Accept).unwrap();
-        assert!(matches!(found.as_slice(), [RecordedFault::RateKey { .. }]), "{found:?}");
+        let found = read.check_faults(&[], FaultPolicy::Accept).unwrap();
+        assert!(matches!(found.as_slice(), [RecordingFault::UnknownRateKey { .. }]), "{found:?}");
         // The rate is asked for, or the key is another's.
-        let asked = Recordings::open(dir.path(), Some(1000.0)).unwrap();
-        assert!(asked.notes.iter().any(|note| note.contains("is unknown and not used")), "{:?}", asked.notes);
-        assert_eq!(asked.judge(&[], FaultPolicy::Refuse).unwrap(), []);
+        let recordings = Recordings::open(dir.path(), Some(1000.0)).unwrap();
+        assert!(
+            recordings.notes.iter().any(|note| note.contains("is unknown and not used")),
+            "{:?}",
+            recordings.notes
+        );
+        assert_eq!(recordings.check_faults(&[], FaultPolicy::Refuse).unwrap(), []);
     }
     write(dir.path(), "metadata.json", r#"{"subject": "p7", "gain": 1000, "mains_hz": 50}"#);
     let read = Recordings::open(dir.path(), None).unwrap();
-    assert_eq!((read.notes.len(), read.judge(&[], FaultPolicy::Refuse).unwrap()), (3, vec![]));
+    assert_eq!((read.notes.len(), read.check_faults(&[], FaultPolicy::Refuse).unwrap()), (3, vec![]));
     write(dir.path(), "metadata.json", r#"{"fs": 200, "sampling_rate": 1000}"#);
     let error = Recordings::open(dir.path(), None).unwrap_err().to_string();
     assert!(error.contains("expected one rate"), "{error}");
@@ -436,7 +440,7 @@ fn real_recordings_of_six_people_have_no_finding() {
     let mut count = 0;
     for folder in folders.chain([shared.join("data/emg/libemg_tests_myo")]) {
         let read = Recordings::open(&folder, None).unwrap();
-        assert_eq!(read.judge(&[], FaultPolicy::Accept).unwrap(), [], "{}", folder.display());
+        assert_eq!(read.check_faults(&[], FaultPolicy::Accept).unwrap(), [], "{}", folder.display());
         count += 1;
     }
     assert_eq!(count, 16);

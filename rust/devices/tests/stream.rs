@@ -1,8 +1,10 @@
 //! Feed, pipeline and gaze together: what a trial sees.
 
-use proact_devices::{EmgOrigin, EmgSetup, FaultPolicy, GazeSource, Recordings, SyntheticModel, prepare};
+use proact_devices::{
+    EmgOrigin, EmgSetup, FaultPolicy, Recordings, SimulatedEyeTracker, SyntheticModel, prepare_emg,
+};
 use proact_emg::EmgPipeline;
-use proact_types::{EmgSample, Gesture, GestureName, Point, SimTime, Vector};
+use proact_types::{Command, EmgSample, Gesture, Point, SimTime, Vector};
 use std::path::PathBuf;
 
 /// The data folder beside the repository, or none with a message.
@@ -23,10 +25,10 @@ fn share_right(setup: &EmgSetup) -> f64 {
     let mut pipeline =
         EmgPipeline::new(&setup.config, setup.classifier.clone()).expect("settings and classifier fit");
     let (mut right, mut all, mut tick) = (0_u32, 0_u32, 0);
-    let mut in_force = GestureName::default();
+    let mut in_force = Gesture::default();
     for round in 0..10 {
-        for gesture in Gesture::ALL {
-            let intended = if round % 2 == 0 { gesture } else { Gesture::NoMotion };
+        for gesture in Command::ALL {
+            let intended = if round % 2 == 0 { gesture } else { Command::NoMotion };
             for since in 0..2000 {
                 let samples = feed.sample_at(SimTime(tick), intended);
                 if let Some(output) = pipeline.step(SimTime(tick), &samples) {
@@ -47,14 +49,14 @@ fn share_right(setup: &EmgSetup) -> f64 {
 
 fn samples(setup: &EmgSetup, ticks: u64) -> Vec<EmgSample> {
     let mut feed = setup.feed.clone();
-    let intended = |tick: u64| Gesture::ALL[(tick / 700 % 5) as usize];
+    let intended = |tick: u64| Command::ALL[(tick / 700 % 5) as usize];
     (0..ticks).flat_map(|t| feed.sample_at(SimTime(t), intended(t))).collect()
 }
 
 #[test]
 fn synthetic_emg_drives_every_gesture_without_any_recording() {
     for seed in 0..5 {
-        let setup = prepare(&EmgOrigin::Synthetic, seed).expect("no files are needed");
+        let setup = prepare_emg(&EmgOrigin::Synthetic, seed).expect("no files are needed");
         assert_eq!(
             (setup.label.as_str(), setup.config.rate_hz, setup.config.channels),
             ("synthetic", 1000.0, 8)
@@ -67,7 +69,7 @@ fn synthetic_emg_drives_every_gesture_without_any_recording() {
 
 #[test]
 fn the_same_seed_gives_the_same_samples_and_another_seed_others() {
-    let feed = |seed| samples(&prepare(&EmgOrigin::Synthetic, seed).expect("no files are needed"), 3000);
+    let feed = |seed| samples(&prepare_emg(&EmgOrigin::Synthetic, seed).expect("no files are needed"), 3000);
     assert_eq!(feed(3), feed(3));
     assert_ne!(feed(3), feed(4));
 }
@@ -77,7 +79,7 @@ fn recordings_drive_every_gesture_at_their_true_rate() {
     let Some(dir) = shared() else { return };
     for seed in 0..5 {
         let setup =
-            prepare(&EmgOrigin::recording(dir.join("libemg_tests_myo")), seed).expect("a good folder");
+            prepare_emg(&EmgOrigin::recording(dir.join("libemg_tests_myo")), seed).expect("a good folder");
         let fed = samples(&setup, 10_000);
         assert_eq!(fed.len(), 2000);
         assert!(fed.iter().zip(0..).all(|(s, k)| s.counter == k), "no gaps");
@@ -98,9 +100,9 @@ fn a_set_without_hand_open_works_when_filled() {
         fill,
         faults: FaultPolicy::Refuse,
     };
-    let message = prepare(&source(false), 1).expect_err("no hand_open").to_string();
+    let message = prepare_emg(&source(false), 1).expect_err("no hand_open").to_string();
     assert!(message.contains("no recording of hand_open;"), "{message}");
-    let setup = prepare(&source(true), 1).expect("filled");
+    let setup = prepare_emg(&source(true), 1).expect("filled");
     let share = share_right(&setup);
     println!("myo_readings 12345-1 filled: {share:.4} of the time right");
     assert!(setup.label == "recording+synthetic" && share > 0.8, "{share}");
@@ -121,10 +123,10 @@ fn the_shipped_figures_are_those_that_the_fit_gives() {
 fn a_feed_stays_inside_a_recording_until_its_end_and_then_wraps() {
     let Some(dir) = shared() else { return };
     let recordings = Recordings::read(&dir.join("libemg_tests_myo"), 200.0).expect("a good folder");
-    let repetition = &recordings.find(Gesture::HandClose, 2).expect("it is there").samples;
-    let setup = prepare(&EmgOrigin::recording(dir.join("libemg_tests_myo")), 1).expect("a good folder");
+    let repetition = &recordings.find(Command::HandClose, 2).expect("it is there").samples;
+    let setup = prepare_emg(&EmgOrigin::recording(dir.join("libemg_tests_myo")), 1).expect("a good folder");
     let mut feed = setup.feed;
-    let fed: Vec<_> = (0..8000).flat_map(|t| feed.sample_at(SimTime(t), Gesture::HandClose)).collect();
+    let fed: Vec<_> = (0..8000).flat_map(|t| feed.sample_at(SimTime(t), Command::HandClose)).collect();
     let start = (0..repetition.len())
         .find(|&k| fed.iter().zip(&repetition[k..]).take(20).all(|(s, r)| s.channels == *r))
         .expect("the feed begins somewhere in the recording");
@@ -136,17 +138,17 @@ fn a_feed_stays_inside_a_recording_until_its_end_and_then_wraps() {
 
 #[test]
 fn late_calls_lose_samples_and_show_it_in_the_counter() {
-    let mut feed = prepare(&EmgOrigin::Synthetic, 1).expect("no files are needed").feed;
-    assert_eq!(feed.sample_at(SimTime(0), Gesture::NoMotion).len(), 1);
+    let mut feed = prepare_emg(&EmgOrigin::Synthetic, 1).expect("no files are needed").feed;
+    assert_eq!(feed.sample_at(SimTime(0), Command::NoMotion).len(), 1);
     let counters: Vec<u64> =
-        feed.sample_at(SimTime(100), Gesture::NoMotion).iter().map(|s| s.counter).collect();
+        feed.sample_at(SimTime(100), Command::NoMotion).iter().map(|s| s.counter).collect();
     assert_eq!(counters, [93, 94, 95, 96, 97, 98, 99, 100]);
-    assert!(feed.sample_at(SimTime(100), Gesture::NoMotion).is_empty(), "nothing twice");
+    assert!(feed.sample_at(SimTime(100), Command::NoMotion).is_empty(), "nothing twice");
 }
 
 /// Angle of each valid sample of one session against the truth, degrees.
 fn gaze_errors(error_deg: f64, seed: u64) -> Vec<f64> {
-    let mut source = GazeSource::new(error_deg, seed).expect("a good error");
+    let mut source = SimulatedEyeTracker::new(error_deg, seed).expect("a good error");
     let truth = Vector::new(3.0, -0.4, -1.0);
     (0..5000)
         .filter_map(|t| source.sample_at(SimTime(t), &Point::origin(), &truth, true))
@@ -158,7 +160,7 @@ fn gaze_errors(error_deg: f64, seed: u64) -> Vec<f64> {
 fn gaze_errors_have_the_length_asked_for_over_sessions() {
     let sessions: Vec<f64> = (0..400)
         .map(|seed| {
-            let errors = gaze_errors(GazeSource::DEFAULT_ERROR_DEG, seed);
+            let errors = gaze_errors(SimulatedEyeTracker::DEFAULT_ERROR_DEG, seed);
             assert_eq!(errors.len(), 300, "60 samples a second");
             errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64
         })
@@ -172,7 +174,7 @@ fn gaze_errors_have_the_length_asked_for_over_sessions() {
 /// Caught trials with `participant.gaze_error_deg=0` in which the arm never moved: the dead man took the tracker for frozen.
 #[test]
 fn a_tracker_without_errors_does_not_repeat_a_ray_to_the_bit() {
-    let mut source = GazeSource::new(0.0, 1).expect("a good error");
+    let mut source = SimulatedEyeTracker::new(0.0, 1).expect("a good error");
     let rays = (0..200).filter_map(|t| source.sample_at(SimTime(t), &Point::origin(), &Vector::x(), true));
     let rays: Vec<Vector> = rays.map(|sample| sample.direction).collect();
     assert!(rays.len() > 10 && rays.windows(2).all(|pair| pair[0] != pair[1]));
@@ -180,7 +182,7 @@ fn a_tracker_without_errors_does_not_repeat_a_ray_to_the_bit() {
 
 #[test]
 fn closed_eyes_and_directions_that_point_nowhere_give_invalid_samples() {
-    let mut source = GazeSource::new(1.5, 1).expect("a good error");
+    let mut source = SimulatedEyeTracker::new(1.5, 1).expect("a good error");
     let mut at = |tick, direction: Vector, open| {
         source.sample_at(SimTime(tick), &Point::origin(), &direction, open).expect("a sample is due")
     };
@@ -197,6 +199,6 @@ fn closed_eyes_and_directions_that_point_nowhere_give_invalid_samples() {
     }
     assert!(at(400, Vector::z(), true).valid, "straight up is a direction");
     for error in [f64::NAN, -1.0, 90.0] {
-        assert!(GazeSource::new(error, 1).is_err(), "{error}");
+        assert!(SimulatedEyeTracker::new(error, 1).is_err(), "{error}");
     }
 }

@@ -8,8 +8,8 @@
 mod common;
 
 use common::{
-    HEIGHT, Holding, START, TABLE, bare_table, base_that_puts_tip_at, close_until_held, plant_at, positions,
-    standing,
+    HEIGHT, OpposedGrip, START, TABLE, bare_table, base_that_puts_tip_at, close_until_held, plant_at,
+    positions, standing,
 };
 use nalgebra::UnitQuaternion;
 use proact_testbed::ports::{Plant, PlantError};
@@ -22,7 +22,7 @@ fn main() -> Result<(), PlantError> {
     let grasp = |tilt_degrees: f64, shift: Vector| {
         let rotation =
             UnitQuaternion::from_euler_angles(f64::to_radians(tilt_degrees), f64::to_radians(-1.0), 0.0);
-        let tip = Pose::from_parts((block + shift - rotation * model.widest_grasp().centre).into(), rotation);
+        let tip = Pose::from_parts((block + shift - rotation * model.widest_grasp().center).into(), rotation);
         let base = base_that_puts_tip_at(&model, &open, &tip);
         let result = plant_at(&model, &bare_table(vec![standing(ObjectId(0), 0.0, 0.0)]), &open, &base);
         let mut plant = match result {
@@ -37,7 +37,7 @@ fn main() -> Result<(), PlantError> {
         let moved =
             format!("block moved {:.1} {:.1} {:.1} mm, tilted {tilt:.1} degrees", moved.x, moved.y, moved.z);
         Ok(match holding {
-            Some(Holding { tick, degrees, links, forces }) => format!(
+            Some(OpposedGrip { tick, degrees, links, forces }) => format!(
                 "held at {tick} ms by {} and {} ({degrees:.0} degrees, {:.1} and {:.1} N), {moved}",
                 links.0, links.1, forces.0, forces.1
             ),

@@ -7,9 +7,9 @@
 mod common;
 
 use common::{
-    START, bare_table, box_scene, grasp_base, move_hand, plant_with, positions, standing, stay, still,
+    START, bare_table, box_scene, grasp_base, hold_command, move_hand, plant_with, positions, standing, still,
 };
-use proact_dynamics::{DynamicsOptions, OdePlant, Solver, bench_ticks};
+use proact_dynamics::{DynamicsOptions, RigidBodyPlant, Solver, bench_ticks};
 use proact_testbed::ports::{Plant, PlantError};
 use proact_types::{ObjectId, PlantCommand};
 use std::time::Instant;
@@ -17,7 +17,7 @@ use std::time::Instant;
 fn main() -> Result<(), PlantError> {
     println!("{:32} {:>8} {:>8} {:>8} {:>8}  us", "phase", "mean", "median", "99 %", "worst");
     let direct = DynamicsOptions::default();
-    let free = DynamicsOptions { hold_still_hand: false, ..direct };
+    let free = DynamicsOptions { lock_idle_hand: false, ..direct };
     report_phases("direct, still hand rigid", direct)?;
     report_phases("direct, all joints free", free)?;
     for iterations in [20, 50] {
@@ -36,7 +36,7 @@ fn report_phases(name: &str, options: DynamicsOptions) -> Result<(), PlantError>
     let start = positions(&model, &START, "open");
     let mut plant = plant_with(&box_scene(), &still(), options);
     let swing = (0..4000).map(|tick| {
-        let mut command = stay(&start, still());
+        let mut command = hold_command(&start, still());
         let time = f64::from(tick) * 1e-3;
         for joint in 0..7 {
             command.position[joint] += 0.1 * (1.0 - time.cos());
@@ -48,7 +48,7 @@ fn report_phases(name: &str, options: DynamicsOptions) -> Result<(), PlantError>
     });
     report("  arm moving, hand still", &mut plant, swing)?;
     let worst = (0..7).map(|k| (plant.state().position[k] - start[k]).abs()).fold(0.0, f64::max);
-    println!("    complaints {}, largest way of a joint {worst:.3} rad", plant.solver_complaints());
+    println!("    complaints {}, largest way of a joint {worst:.3} rad", plant.solver_warnings());
 
     // The hand closes on a block and presses.
     let base = grasp_base(&model, &start);
@@ -59,7 +59,7 @@ fn report_phases(name: &str, options: DynamicsOptions) -> Result<(), PlantError>
     println!(
         "    contacts at the end {}, complaints {}",
         plant.state().contacts.len(),
-        plant.solver_complaints()
+        plant.solver_warnings()
     );
 
     // Carried: fingers hold where they are.
@@ -68,14 +68,14 @@ fn report_phases(name: &str, options: DynamicsOptions) -> Result<(), PlantError>
     let commands = (0..2000).map(|tick| {
         let mut lifted = base;
         lifted.translation.z += 0.1 * (f64::from(tick) / 2000.0);
-        stay(&held, lifted)
+        hold_command(&held, lifted)
     });
     report("  carrying", &mut plant, commands)
 }
 
 fn report(
     name: &str,
-    plant: &mut OdePlant,
+    plant: &mut RigidBodyPlant,
     commands: impl IntoIterator<Item = PlantCommand>,
 ) -> Result<(), PlantError> {
     let epoch = Instant::now();

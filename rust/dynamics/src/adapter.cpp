@@ -12,7 +12,7 @@ namespace {
 Vec3 to_vec(const double* v) { return {v[0], v[1], v[2]}; }
 
 void write(const Pose& pose, double* out) {
-  const std::array<double, 7> numbers = numbers_of(pose);
+  const std::array<double, 7> numbers = pose_to_array(pose);
   std::copy(numbers.begin(), numbers.end(), out);
 }
 
@@ -26,7 +26,7 @@ Shape to_shape(ShapeKind kind, In size) { return {kind, {size[0], size[1], size[
 
 }  // namespace
 
-std::unique_ptr<Model> new_model(const Settings& settings, In world_from_base) {
+std::unique_ptr<Model> new_model(const DynamicsSettings& settings, In world_from_base) {
   auto model = std::make_unique<Model>();
   Options& options = model->options;
   options.gravity = to_vec(settings.gravity.data());
@@ -35,12 +35,12 @@ std::unique_ptr<Model> new_model(const Settings& settings, In world_from_base) {
   options.iterations = static_cast<int>(settings.iterations);
   options.seed = settings.seed;
   options.position_gain = settings.position_gain;
-  options.hold_still_hand = settings.hold_still_hand;
+  options.lock_idle_hand = settings.hold_still_hand;
   options.sleep = settings.sleep;
-  options.merge_carried = settings.merge_carried;
-  options.base_speed = settings.base_speed;
-  options.base_turn_speed = settings.base_turn_speed;
-  model->world_from_base = pose_of(world_from_base);
+  options.merge_attached = settings.merge_carried;
+  options.max_base_speed_m_per_s = settings.base_speed;
+  options.max_base_turn_rate_rad_per_s = settings.base_turn_speed;
+  model->world_from_base = pose_from_array(world_from_base);
   return model;
 }
 
@@ -48,17 +48,17 @@ void add_link(Model& model, rust::Str name, double mass, In inertial, In inertia
   Link link;
   link.name = std::string(name);
   link.mass = mass;
-  link.inertial = pose_of(inertial);
+  link.inertial = pose_from_array(inertial);
   std::copy(inertia.begin(), inertia.end(), link.inertia.begin());
   model.links.push_back(link);
 }
 
 void add_collision(Model& model, ShapeKind kind, In size, In pose) {
-  model.links.back().collisions.push_back({pose_of(pose), to_shape(kind, size)});
+  model.links.back().collisions.push_back({pose_from_array(pose), to_shape(kind, size)});
 }
 
 void add_joint(Model& model, rust::Str name, JointKind kind, std::size_t parent, In origin, In axis, In numbers) {
-  model.joints.push_back({std::string(name), kind, parent, pose_of(origin), to_vec(axis.data()), numbers[0],
+  model.joints.push_back({std::string(name), kind, parent, pose_from_array(origin), to_vec(axis.data()), numbers[0],
                           numbers[1], numbers[2], numbers[3], numbers[4], numbers[5], numbers[6], numbers[7]});
 }
 
@@ -69,25 +69,25 @@ void set_moving(Model& model, rust::Slice<const std::size_t> joints, std::size_t
 }
 
 void add_fixed(Model& model, rust::Str name, ShapeKind kind, In size, In pose, double friction) {
-  model.fixed.push_back({std::string(name), to_shape(kind, size), pose_of(pose), friction});
+  model.fixed.push_back({std::string(name), to_shape(kind, size), pose_from_array(pose), friction});
 }
 
 void add_block(Model& model, rust::Str name, ShapeKind kind, In size, In pose, In numbers) {
   model.blocks.push_back(
-      {std::string(name), to_shape(kind, size), numbers[0], numbers[1], numbers[2], pose_of(pose)});
+      {std::string(name), to_shape(kind, size), numbers[0], numbers[1], numbers[2], pose_from_array(pose)});
 }
 
 std::unique_ptr<World> new_world(const Model& model) { return std::make_unique<World>(model); }
 
 void step_world(World& world, In position, In velocity, In world_from_base) {
-  world.step(position.data(), velocity.data(), pose_of(world_from_base));
+  world.step(position.data(), velocity.data(), pose_from_array(world_from_base));
 }
 
 void read_joints(const World& world, Out position, Out velocity, Out effort, Out borne) {
   std::copy(world.positions().begin(), world.positions().end(), position.begin());
   std::copy(world.velocities().begin(), world.velocities().end(), velocity.begin());
   std::copy(world.efforts().begin(), world.efforts().end(), effort.begin());
-  std::copy(world.borne().begin(), world.borne().end(), borne.begin());
+  std::copy(world.limit_effort().begin(), world.limit_effort().end(), borne.begin());
 }
 
 void read_block(const World& world, std::size_t block, Out out) {
@@ -132,13 +132,13 @@ void release_block(World& world) { world.release(); }
 
 void place_block(World& world, std::size_t block, In state) {
   const double* n = state.data();
-  world.place(block, {pose_of(state), {n[7], n[8], n[9]}, {n[10], n[11], n[12]}});
+  world.place(block, {pose_from_array(state), {n[7], n[8], n[9]}, {n[10], n[11], n[12]}});
 }
 
 std::size_t arm_body_count(const World& world) { return world.arm_body_count(); }
 
-std::uint64_t solver_complaints(const World& world) { return world.solver_complaints(); }
+std::uint64_t solver_warnings(const World& world) { return world.solver_warnings(); }
 
-rust::String last_complaint(const World& world) { return rust::String::lossy(world.last_complaint()); }
+rust::String last_solver_warning(const World& world) { return rust::String::lossy(world.last_solver_warning()); }
 
 }  // namespace proact::dynamics

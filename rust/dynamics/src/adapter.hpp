@@ -12,12 +12,12 @@
 namespace proact::dynamics {
 
 struct ContactRecord;
-struct Settings;
+struct DynamicsSettings;
 
 using In = rust::Slice<const double>;
 using Out = rust::Slice<double>;
 
-std::unique_ptr<Model> new_model(const Settings& settings, In world_from_base);
+std::unique_ptr<Model> new_model(const DynamicsSettings& settings, In world_from_base);
 void add_link(Model& model, rust::Str name, double mass, In inertial, In inertia);
 void add_collision(Model& model, ShapeKind kind, In size, In pose);
 void add_joint(Model& model, rust::Str name, JointKind kind, std::size_t parent, In origin, In axis, In numbers);
@@ -40,7 +40,7 @@ void attach_block(World& world, std::size_t block, std::size_t link);
 void release_block(World& world);
 void place_block(World& world, std::size_t block, In state);
 std::size_t arm_body_count(const World& world);
-std::uint64_t solver_complaints(const World& world);
-rust::String last_complaint(const World& world);
+std::uint64_t solver_warnings(const World& world);
+rust::String last_solver_warning(const World& world);
 
 }  // namespace proact::dynamics

@@ -1,6 +1,6 @@
 //! How long a tick takes. The clock belongs to the caller, so that this crate needs none.
 
-use crate::OdePlant;
+use crate::RigidBodyPlant;
 use proact_testbed::ports::{Plant, PlantError};
 use proact_types::PlantCommand;
 
@@ -25,7 +25,7 @@ pub struct TickTimes {
 /// # Errors
 /// Those of the step.
 pub fn bench_ticks(
-    plant: &mut OdePlant,
+    plant: &mut RigidBodyPlant,
     commands: impl IntoIterator<Item = PlantCommand>,
     mut seconds_now: impl FnMut() -> f64,
 ) -> Result<Option<TickTimes>, PlantError> {

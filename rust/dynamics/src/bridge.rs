@@ -14,7 +14,7 @@ pub(crate) mod ffi {
         force: f64,
     }
 
-    /// Who moves the arm: `Engine` of `model.hpp`.
+    /// Who moves the arm: `PhysicsEngine` of `model.hpp`.
     #[repr(u8)]
     enum Engine {
         #[cxx_name = "reduced"]
@@ -55,7 +55,7 @@ pub(crate) mod ffi {
     }
 
     /// The settings of `Options`.
-    struct Settings {
+    struct DynamicsSettings {
         gravity: [f64; 3],
         engine: Engine,
         solver: Solver,
@@ -82,7 +82,7 @@ pub(crate) mod ffi {
         type Model;
         type World;
 
-        fn new_model(settings: &Settings, world_from_base: &[f64]) -> UniquePtr<Model>;
+        fn new_model(settings: &DynamicsSettings, world_from_base: &[f64]) -> UniquePtr<Model>;
         fn add_link(model: Pin<&mut Model>, name: &str, mass: f64, inertial: &[f64], inertia: &[f64]);
         fn add_collision(model: Pin<&mut Model>, kind: ShapeKind, size: &[f64], pose: &[f64]);
         /// `numbers`: lower, upper, velocity, effort, damping, friction, proportional and derivative gain.
@@ -143,7 +143,7 @@ pub(crate) mod ffi {
         /// 13 numbers: pose, linear and angular velocity.
         fn place_block(world: Pin<&mut World>, block: usize, state: &[f64]) -> Result<()>;
         fn arm_body_count(world: &World) -> usize;
-        fn solver_complaints(world: &World) -> u64;
-        fn last_complaint(world: &World) -> String;
+        fn solver_warnings(world: &World) -> u64;
+        fn last_solver_warning(world: &World) -> String;
     }
 }

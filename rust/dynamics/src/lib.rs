@@ -1,6 +1,6 @@
 //! Rigid-body dynamics of arm, box and blocks at 1 kHz, computed by ODE.
 //!
-//! [`OdePlant`] is the [`Plant`](proact_testbed::ports::Plant) that the tick drives: joints under effort-limited
+//! [`RigidBodyPlant`] is the [`Plant`](proact_testbed::ports::Plant) that the tick drives: joints under effort-limited
 //! position control, a base that follows its commanded pose, blocks with contacts, and a block that can be
 //! attached to a link. It reads no clock, no file and starts no thread.
 //!
@@ -8,7 +8,7 @@
 //! process. A plant stays in the thread that made it (it is neither `Send` nor `Sync`), because ODE keeps data
 //! for each thread.
 //!
-//! How it is kept fast: the arm moves in joint angles ([`Engine::Reduced`]), hand joints whose command has stood still and
+//! How it is kept fast: the arm moves in joint angles ([`PhysicsEngine::Reduced`]), hand joints whose command has stood still and
 //! been reached become rigid, a carried block shares the body of the link that holds it, resting blocks sleep. On one
 //! core of two a tick took 2 us with a still hand, 10 us while the hand closes on a block, and 15 us with 27 free joints
 //! and a pinch (`cargo run --release -p proact-dynamics --example tick_times`).
@@ -19,11 +19,11 @@
 //!
 //! ```no_run
 //! # fn example(model: &proact_arm::ArmModel, scene: &proact_types::Scene, start: &[f64]) -> Result<(), proact_testbed::ports::PlantError> {
-//! use proact_dynamics::{DynamicsOptions, OdePlant};
+//! use proact_dynamics::{DynamicsOptions, RigidBodyPlant};
 //! use proact_testbed::ports::Plant;
 //! use proact_types::{PlantCommand, Pose, joints, zeros};
 //! let shoulder = Pose::translation(-0.39, 0.12, 1.5);
-//! let mut plant = OdePlant::new(model, scene, start, &shoulder, DynamicsOptions::default())?;
+//! let mut plant = RigidBodyPlant::new(model, scene, start, &shoulder, DynamicsOptions::default())?;
 //! plant.step(&PlantCommand { position: joints(start), velocity: zeros(start.len()), world_from_base: shoulder })?;
 //! println!("{:?}", plant.state().position);
 //! # Ok(())
@@ -34,10 +34,10 @@ mod bench;
 // cxx writes the unsafe code of the bridge; all that can throw is declared `Result`.
 #[allow(unsafe_code)]
 mod bridge;
-mod plant;
+mod rigid_body_plant;
 mod snapshot;
 
 pub use bench::{TickTimes, bench_ticks};
-pub use plant::{DynamicsOptions, OdePlant, Solver};
-pub use proact_testbed::{Engine, JointControl, MassSet};
+pub use proact_testbed::{JointControl, MassSet, PhysicsEngine};
+pub use rigid_body_plant::{DynamicsOptions, RigidBodyPlant, Solver};
 pub use snapshot::Snapshot;

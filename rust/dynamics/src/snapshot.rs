@@ -2,7 +2,7 @@ use proact_types::Pose;
 use serde::{Deserialize, Serialize};
 use std::fmt::{Debug, Write};
 
-/// State of an [`OdePlant`](crate::OdePlant) at a tick. A text format must keep every bit of a number, as JSON does
+/// State of an [`RigidBodyPlant`](crate::OdePlant) at a tick. A text format must keep every bit of a number, as JSON does
 /// with `serde_json`'s `float_roundtrip`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Snapshot {

@@ -9,13 +9,13 @@ mod common;
 use common::{
     HEIGHT, START, TABLE, bare_table, block, grasp_base, move_hand, plant_with, positions, standing,
 };
-use proact_dynamics::{DynamicsOptions, Engine, Solver};
+use proact_dynamics::{DynamicsOptions, PhysicsEngine, Solver};
 use proact_testbed::ports::Plant;
 use proact_types::{ObjectId, PlantState, Pose};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The hand closes on a block, takes it, lifts it and lets it go, beside a tumbling block.
-fn story(options: DynamicsOptions, ticks: usize) -> Vec<u64> {
+fn run_script(options: DynamicsOptions, ticks: usize) -> Vec<u64> {
     let model = proact_description::mpl_right_arm();
     let open = positions(&model, &START, "open");
     let closed = positions(&model, &START, "closed");
@@ -46,8 +46,8 @@ fn bits(state: &PlantState, out: &mut Vec<u64>) {
     for block in &state.objects {
         add(block.pose.translation.vector.as_slice());
         add(block.pose.rotation.coords.as_slice());
-        add(block.linear.as_slice());
-        add(block.angular.as_slice());
+        add(block.linear_velocity.as_slice());
+        add(block.angular_velocity.as_slice());
     }
     for contact in &state.contacts {
         add(contact.point.coords.as_slice());
@@ -58,21 +58,21 @@ fn bits(state: &PlantState, out: &mut Vec<u64>) {
 #[test]
 fn a_run_is_the_same_bit_for_bit_alone_and_beside_another_plant() {
     for (engine, solver) in [
-        (Engine::Reduced, Solver::Direct),
-        (Engine::Ode, Solver::Direct),
-        (Engine::Ode, Solver::Iterative { iterations: 30, seed: 7 }),
+        (PhysicsEngine::Reduced, Solver::Direct),
+        (PhysicsEngine::Ode, Solver::Direct),
+        (PhysicsEngine::Ode, Solver::Iterative { iterations: 30, seed: 7 }),
     ] {
         let options = DynamicsOptions { engine, solver, ..DynamicsOptions::default() };
-        let alone = story(options, 700);
-        assert!(alone == story(options, 700), "{engine:?}, {solver:?}: a second run differs");
+        let alone = run_script(options, 700);
+        assert!(alone == run_script(options, 700), "{engine:?}, {solver:?}: a second run differs");
         let stop = AtomicBool::new(false);
         std::thread::scope(|scope| {
             scope.spawn(|| {
                 while !stop.load(Ordering::Relaxed) {
-                    story(options, 100);
+                    run_script(options, 100);
                 }
             });
-            let beside: Vec<bool> = (0..3).map(|_| story(options, 700) == alone).collect();
+            let beside: Vec<bool> = (0..3).map(|_| run_script(options, 700) == alone).collect();
             stop.store(true, Ordering::Relaxed);
             assert_eq!(beside, [true; 3], "{engine:?}, {solver:?}: a run beside another plant differs");
         });
@@ -82,9 +82,9 @@ fn a_run_is_the_same_bit_for_bit_alone_and_beside_another_plant() {
 #[test]
 fn another_seed_of_the_iterative_solver_gives_another_run() {
     let with = |seed| DynamicsOptions {
-        engine: Engine::Ode,
+        engine: PhysicsEngine::Ode,
         solver: Solver::Iterative { iterations: 30, seed },
         ..DynamicsOptions::default()
     };
-    assert!(story(with(1), 300) != story(with(2), 300));
+    assert!(run_script(with(1), 300) != run_script(with(2), 300));
 }

@@ -6,20 +6,21 @@
 mod common;
 
 use common::{
-    RADIUS, START, bare_table, box_scene, grasp_base, move_hand, plant_with, positions, standing, stay, still,
+    RADIUS, START, bare_table, box_scene, grasp_base, hold_command, move_hand, plant_with, positions,
+    standing, still,
 };
-use proact_dynamics::{DynamicsOptions, Engine, OdePlant};
+use proact_dynamics::{DynamicsOptions, PhysicsEngine, RigidBodyPlant};
 use proact_testbed::ports::Plant;
 use proact_types::{ObjectId, PlantCommand, PlantState, Pose};
 
 /// A plant with its hand open, once in each engine.
-fn both(scene: &proact_types::Scene, base: &Pose) -> [OdePlant; 2] {
-    [Engine::Reduced, Engine::Ode]
+fn both_engines(scene: &proact_types::Scene, base: &Pose) -> [RigidBodyPlant; 2] {
+    [PhysicsEngine::Reduced, PhysicsEngine::Ode]
         .map(|engine| plant_with(scene, base, DynamicsOptions { engine, ..DynamicsOptions::default() }))
 }
 
 /// Steps both and gives their states.
-fn step<'a>(plants: &'a mut [OdePlant; 2], command: &PlantCommand) -> [&'a PlantState; 2] {
+fn step<'a>(plants: &'a mut [RigidBodyPlant; 2], command: &PlantCommand) -> [&'a PlantState; 2] {
     for plant in plants.iter_mut() {
         plant.step(command).unwrap();
     }
@@ -27,7 +28,7 @@ fn step<'a>(plants: &'a mut [OdePlant; 2], command: &PlantCommand) -> [&'a Plant
 }
 
 /// Largest difference of two rows of numbers.
-fn apart(a: &[f64], b: &[f64]) -> f64 {
+fn max_difference(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
@@ -41,21 +42,21 @@ fn an_arm_that_touches_nothing_moves_alike_in_both_engines() {
     let model = proact_description::mpl_right_arm();
     let open = positions(&model, &START, "open");
     let closed = positions(&model, &START, "closed");
-    let mut plants = both(&box_scene(), &still());
+    let mut plants = both_engines(&box_scene(), &still());
     let (mut angles, mut efforts, mut largest, mut tips) = (0.0_f64, 0.0_f64, 0.0_f64, 0.0_f64);
     for tick in 1..=3000 {
         let time = f64::from(tick) * 1e-3;
-        let mut command = stay(&open, still());
+        let mut command = hold_command(&open, still());
         for k in 0..open.len() {
-            let way = if k < 7 { if k == 4 { -0.2 } else { 0.2 } } else { 0.5 * (closed[k] - open[k]) };
-            command.position[k] += way * (1.0 - time.cos());
-            command.velocity[k] = way * time.sin();
+            let amplitude = if k < 7 { if k == 4 { -0.2 } else { 0.2 } } else { 0.5 * (closed[k] - open[k]) };
+            command.position[k] += amplitude * (1.0 - time.cos());
+            command.velocity[k] = amplitude * time.sin();
         }
         command.world_from_base.translation.y += 0.05 * (1.0 - (2.0 * time).cos());
         let [reduced, ode] = step(&mut plants, &command);
-        angles = angles.max(apart(&reduced.position, &ode.position));
-        efforts = efforts.max(apart(&reduced.effort[..7], &ode.effort[..7]));
-        largest = reduced.effort[..7].iter().fold(largest, |most, effort| most.max(effort.abs()));
+        angles = angles.max(max_difference(&reduced.position, &ode.position));
+        efforts = efforts.max(max_difference(&reduced.effort[..7], &ode.effort[..7]));
+        largest = reduced.effort[..7].iter().fold(largest, |max, effort| max.max(effort.abs()));
         let [a, b] = [0, 1].map(|k| plants[k].link_pose(model.tip).unwrap().translation.vector);
         tips = tips.max((a - b).norm());
     }
@@ -90,7 +91,7 @@ fn a_closing_hand_presses_and_moves_a_block_alike_in_both_engines() {
     let open = positions(&model, &START, "open");
     let closed = positions(&model, &START, "closed");
     let base = grasp_base(&model, &open);
-    let mut plants = both(&bare_table(vec![standing(ObjectId(0), 0.0, 0.0)]), &base);
+    let mut plants = both_engines(&bare_table(vec![standing(ObjectId(0), 0.0, 0.0)]), &base);
     let (mut pinches, mut count) = ([Pinch::default(), Pinch::default()], 0.0);
     for (tick, command) in move_hand(&open, &closed, base, 1200).iter().enumerate() {
         let states = step(&mut plants, command);
@@ -128,7 +129,7 @@ fn a_block_that_is_carried_and_put_down_ends_in_the_same_place_in_both_engines()
     let open = positions(&model, &START, "open");
     let closed = positions(&model, &START, "closed");
     let start = grasp_base(&model, &open);
-    let mut plants = both(&bare_table(vec![standing(ObjectId(0), 0.0, 0.0)]), &start);
+    let mut plants = both_engines(&bare_table(vec![standing(ObjectId(0), 0.0, 0.0)]), &start);
     for command in move_hand(&open, &closed, start, 400) {
         step(&mut plants, &command);
     }
@@ -139,14 +140,14 @@ fn a_block_that_is_carried_and_put_down_ends_in_the_same_place_in_both_engines()
     let held = plants[0].state().position.clone();
     let mut base = start;
     for tick in 0..6000 {
-        let way =
+        let amplitude =
             0.5 * std::f64::consts::PI * (f64::from(tick % 2000) * 1e-3 * 0.5 * std::f64::consts::PI).sin();
         match tick / 2000 {
-            0 => base.translation.z += 5e-5 * way,
-            1 => base.translation.y += 1e-4 * way,
-            _ => base.translation.z -= 4.9e-5 * way,
+            0 => base.translation.z += 5e-5 * amplitude,
+            1 => base.translation.y += 1e-4 * amplitude,
+            _ => base.translation.z -= 4.9e-5 * amplitude,
         }
-        step(&mut plants, &stay(&held, base));
+        step(&mut plants, &hold_command(&held, base));
     }
     for plant in &mut plants {
         plant.release();
@@ -160,7 +161,7 @@ fn a_block_that_is_carried_and_put_down_ends_in_the_same_place_in_both_engines()
     println!("put down at {:?} and {:?}", a.pose.translation.vector, b.pose.translation.vector);
     assert!(a.pose.translation.y > 0.15 && moved > 0.0, "the block was carried: {:?}", a.pose);
     assert!(between < 0.2 * RADIUS, "{between} m apart");
-    assert!(a.linear.norm() < 1e-3 && b.linear.norm() < 1e-3, "both lie still");
+    assert!(a.linear_velocity.norm() < 1e-3 && b.linear_velocity.norm() < 1e-3, "both lie still");
 }
 
 #[test]
@@ -168,22 +169,22 @@ fn a_block_that_is_pushed_slowly_moves_alike_in_both_engines_though_it_slept() {
     let model = proact_description::mpl_right_arm();
     let open = positions(&model, &START, "open");
     let mut base = grasp_base(&model, &open);
-    let mut plants = both(&bare_table(vec![standing(ObjectId(0), 0.0, 0.0)]), &base);
+    let mut plants = both_engines(&bare_table(vec![standing(ObjectId(0), 0.0, 0.0)]), &base);
     for _ in 0..600 {
-        step(&mut plants, &stay(&open, base));
+        step(&mut plants, &hold_command(&open, base));
     }
     for _ in 0..3000 {
         if plants.iter().all(|plant| !plant.state().contacts.is_empty()) {
             break;
         }
         base.translation.y += 2e-5;
-        step(&mut plants, &stay(&open, base));
+        step(&mut plants, &hold_command(&open, base));
     }
     let start = plants.each_ref().map(|plant| plant.state().objects[0].pose.translation.y);
     // Half a millimetre a second is below the speed at which a block that nothing touches falls asleep.
     for _ in 0..20_000 {
         base.translation.y += 5e-7;
-        step(&mut plants, &stay(&open, base));
+        step(&mut plants, &hold_command(&open, base));
     }
     let end = plants.each_ref().map(|plant| plant.state().objects[0].pose.translation.y);
     println!("{start:?} m to {end:?} m");

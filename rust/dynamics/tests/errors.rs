@@ -5,9 +5,9 @@
 
 mod common;
 
-use common::{START, bare_table, box_scene, plant, plant_at, positions, standing, stay, still};
+use common::{START, bare_table, box_scene, hold_command, plant, plant_at, positions, standing, still};
 use proact_arm::ArmModel;
-use proact_dynamics::{DynamicsOptions, MassSet, OdePlant, Solver};
+use proact_dynamics::{DynamicsOptions, MassSet, RigidBodyPlant, Solver};
 use proact_testbed::ports::{Plant, PlantError};
 use proact_types::{ObjectId, Scene};
 
@@ -75,7 +75,7 @@ fn a_block_inside_the_table_or_another_block_is_refused() {
 #[test]
 fn settings_are_checked() {
     let (model, start) = arm();
-    let refused = |options| match OdePlant::new(&model, &box_scene(), &start, &still(), options) {
+    let refused = |options| match RigidBodyPlant::new(&model, &box_scene(), &start, &still(), options) {
         Ok(_) => panic!("was accepted"),
         Err(error) => error.to_string(),
     };
@@ -94,7 +94,7 @@ fn settings_are_checked() {
 fn bad_commands_are_refused_and_leave_the_state_as_it_was() {
     let (_, start) = arm();
     let mut plant = plant(&box_scene(), &still());
-    let good = stay(&start, still());
+    let good = hold_command(&start, still());
     plant.step(&good).unwrap();
     let before = plant.state().clone();
 
@@ -128,6 +128,6 @@ fn attachments_are_checked() {
     assert_eq!(plant.state().attached.unwrap().0, 0);
     plant.release();
     plant.attach(1, model.tip).unwrap();
-    plant.step(&stay(&start, still())).unwrap();
+    plant.step(&hold_command(&start, still())).unwrap();
     assert_eq!(plant.state().attached.unwrap().0, 1);
 }

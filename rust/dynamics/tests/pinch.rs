@@ -5,11 +5,13 @@
 
 mod common;
 
-use common::{START, TABLE, bare_table, base_that_puts_tip_at, move_hand, plant_at, positions, run, stay};
+use common::{
+    START, TABLE, bare_table, base_that_puts_tip_at, hold_command, move_hand, plant_at, positions, run,
+};
 use nalgebra::{Rotation3, UnitQuaternion};
 use proact_arm::{ArmModel, Grasp, find_pinch, upright_axis};
 use proact_control::HandCommand;
-use proact_dynamics::OdePlant;
+use proact_dynamics::RigidBodyPlant;
 use proact_testbed::{GraspAction, GraspDetector, PhysicsConfig, ports::Plant};
 use proact_types::{HandState, Object, Pose, Shape, Vector};
 
@@ -17,21 +19,21 @@ const SIDE: f64 = 0.025;
 
 fn cube(name: &str, x: f64, y: f64, yaw: f64) -> Object {
     let pose = Pose::translation(x, y, TABLE + 0.5 * SIDE) * Pose::rotation(Vector::z() * yaw);
-    Object::plain(name, Shape::Box { size: [SIDE; 3] }, 0.01, pose)
+    Object::with_default_friction(name, Shape::Box { size: [SIDE; 3] }, 0.01, pose)
 }
 
 /// `world_from_tip` in which `grasp` is around an object at the origin of the table, its closing direction along x but for
 /// `yaw`, off by `shift`.
 fn tip_around(grasp: &Grasp, yaw: f64, shift: Vector) -> Pose {
-    let up = upright_axis(grasp.roll, 0.0);
-    let closing = grasp.closing.unwrap();
+    let up = upright_axis(grasp.roll_rad, 0.0);
+    let closing = grasp.closing_direction.unwrap();
     let ahead = (closing - up * up.dot(&closing)).normalize();
     // Rows are the world's axes in the tip's frame.
     let axes =
         nalgebra::Matrix3::from_rows(&[ahead.transpose(), up.cross(&ahead).transpose(), up.transpose()]);
     let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
     let turn = UnitQuaternion::from_axis_angle(&Vector::z_axis(), yaw) * turn;
-    let at = Vector::new(0.0, 0.0, TABLE + 0.5 * SIDE) + shift - turn * grasp.centre;
+    let at = Vector::new(0.0, 0.0, TABLE + 0.5 * SIDE) + shift - turn * grasp.center;
     Pose::from_parts(at.into(), turn)
 }
 
@@ -41,7 +43,7 @@ fn close(
     blocks: Vec<Object>,
     yaw: f64,
     shift: Vector,
-) -> (OdePlant, Pose, Option<(usize, usize)>) {
+) -> (RigidBodyPlant, Pose, Option<(usize, usize)>) {
     let grasp = model.grasp_for(SIDE);
     let open = positions(model, &START, &grasp.open_pose);
     let closed = positions(model, &START, &grasp.closed_pose);
@@ -62,13 +64,16 @@ fn close(
 fn the_stored_pinch_is_what_the_program_finds() {
     let model = proact_description::mpl_right_arm();
     let grasp = model.grasp_for(SIDE);
-    assert!(grasp.holds(SIDE), "{grasp:?}");
+    assert!(grasp.fits_width(SIDE), "{grasp:?}");
     let found = find_pinch(&model, SIDE, 0.8).unwrap();
     assert_eq!(found.grasp, *grasp);
     for pose in [&found.open, &found.closed] {
         assert_eq!(model.pose("hand", &pose.name).unwrap(), pose.angles);
     }
-    assert!(found.angle < found.cone && found.table_air > 0.002, "{found:?}");
+    assert!(
+        found.contact_angle_rad < found.cone_half_angle_rad && found.table_clearance_m > 0.002,
+        "{found:?}"
+    );
 }
 
 #[test]
@@ -112,7 +117,7 @@ fn a_cube_among_neighbours_is_lifted_and_they_stay() {
     let grip = plant.state().position.to_vec();
     for _ in 0..500 {
         base.translation.z += 2e-4;
-        plant.step(&stay(&grip, base)).unwrap();
+        plant.step(&hold_command(&grip, base)).unwrap();
     }
     let height = plant.state().objects[0].pose.translation.z - before[0].translation.z;
     assert!((height - 0.1).abs() < 0.005, "lifted by {height} m");
@@ -125,6 +130,6 @@ fn a_cube_among_neighbours_is_lifted_and_they_stay() {
     for command in move_hand(&grip, &open, base, 300) {
         plant.step(&command).unwrap();
     }
-    run(&mut plant, &stay(&open, base), 600);
+    run(&mut plant, &hold_command(&open, base), 600);
     assert!(plant.state().objects[0].pose.translation.z < TABLE + 0.02, "it falls when the hand opens");
 }

@@ -5,14 +5,14 @@
 
 mod common;
 
-use common::{START, box_scene, plant_with, positions, stay, still};
-use proact_dynamics::{DynamicsOptions, Engine};
+use common::{START, box_scene, hold_command, plant_with, positions, still};
+use proact_dynamics::{DynamicsOptions, PhysicsEngine};
 use proact_testbed::ports::Plant;
 
 /// Numbers in [0, 1) that look random (a linear congruential generator, so that the run is the same everywhere).
-struct Numbers(u64);
+struct RandomNumbers(u64);
 
-impl Numbers {
+impl RandomNumbers {
     fn next(&mut self) -> f64 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 11) as f64 / (1_u64 << 53) as f64
@@ -21,23 +21,23 @@ impl Numbers {
 
 #[test]
 fn a_minute_of_sweeping_through_box_and_blocks_stays_finite_and_slow() {
-    sweep(Engine::Reduced);
+    sweep(PhysicsEngine::Reduced);
 }
 
 #[test]
 fn a_minute_of_sweeping_in_the_engine_ode_stays_finite_and_slow() {
-    sweep(Engine::Ode);
+    sweep(PhysicsEngine::Ode);
 }
 
-fn sweep(engine: Engine) {
+fn sweep(engine: PhysicsEngine) {
     let model = proact_description::mpl_right_arm();
     let open = positions(&model, &START, "open");
     let closed = positions(&model, &START, "closed");
     let limits: Vec<_> = model.moving().map(|joint| model.joints[joint].limits).collect();
     let options = DynamicsOptions { engine, ..DynamicsOptions::default() };
     let mut plant = plant_with(&box_scene(), &still(), options);
-    let mut numbers = Numbers(1);
-    let mut command = stay(&open, still());
+    let mut numbers = RandomNumbers(1);
+    let mut command = hold_command(&open, still());
     let (mut target, mut fastest, mut touched, mut lowest) = (open.clone(), 0.0_f64, 0, f64::INFINITY);
     let mut base_target = still().translation.vector;
     for tick in 0..60_000 {
@@ -64,18 +64,18 @@ fn sweep(engine: Engine) {
             }
         }
         for k in 0..target.len() {
-            let way = (target[k] - command.position[k])
+            let increment = (target[k] - command.position[k])
                 .clamp(-1e-3 * limits[k].velocity, 1e-3 * limits[k].velocity);
-            command.position[k] += way;
-            command.velocity[k] = way * 1e3;
+            command.position[k] += increment;
+            command.velocity[k] = increment * 1e3;
         }
-        let way = base_target - command.world_from_base.translation.vector;
-        command.world_from_base.translation.vector += way * (4e-4 / way.norm().max(4e-4));
+        let offset = base_target - command.world_from_base.translation.vector;
+        command.world_from_base.translation.vector += offset * (4e-4 / offset.norm().max(4e-4));
         plant.step(&command).unwrap_or_else(|error| panic!("tick {tick}: {error}"));
         let state = plant.state();
         touched += usize::from(!state.contacts.is_empty());
         for block in &state.objects {
-            fastest = fastest.max(block.linear.norm());
+            fastest = fastest.max(block.linear_velocity.norm());
             lowest = lowest.min(block.pose.translation.z);
         }
         for (angle, limit) in state.position.iter().zip(&limits) {

@@ -23,10 +23,10 @@ struct Tracker {
 }
 
 impl Tracker {
-    fn new(metres: f64, degrees: f64) -> Self {
+    fn new(meters: f64, degrees: f64) -> Self {
         Self {
             rng: ChaCha8Rng::seed_from_u64(7),
-            place: Normal::new(0.0, metres).unwrap(),
+            place: Normal::new(0.0, meters).unwrap(),
             turn: Normal::new(0.0, degrees.to_radians()).unwrap(),
             next: 0.0,
             on_the_way: None,
@@ -38,9 +38,9 @@ impl Tracker {
         if now as f64 >= self.next {
             self.next += 1000.0 / 60.0;
             let mut three = |of: Normal<f64>| Vector::from_fn(|_, _| of.sample(&mut self.rng));
-            let place = Translation3::from(three(self.place));
+            let translation = Translation3::from(three(self.place));
             let turn = UnitQuaternion::from_scaled_axis(three(self.turn));
-            let pose = Pose::from_parts(place * truth.translation, turn * truth.rotation);
+            let pose = Pose::from_parts(translation * truth.translation, turn * truth.rotation);
             let (lost, late) = (self.rng.random_range(0..50) == 0, self.rng.random_range(0..=4));
             if !lost && now % 10_000 < 9_750 {
                 self.on_the_way = Some((now + late, pose));
@@ -86,27 +86,27 @@ fn an_arm_that_is_told_nothing_is_quiet_behind_a_noisy_tracker() {
     assert!(speed < 0.02, "{speed} rad/s");
 }
 
-/// Minimum jerk from 0 to `way` from 0.5 s on, with this highest speed.
-fn lean(way: f64, peak: f64, secs: f64) -> f64 {
-    let s = ((secs - 0.5) / (1.875 * way / peak)).clamp(0.0, 1.0);
-    way * s.powi(3) * (10.0 - 15.0 * s + 6.0 * s * s)
+/// Minimum jerk from 0 to `distance` from 0.5 s on, with this highest speed.
+fn lean(distance: f64, peak: f64, secs: f64) -> f64 {
+    let s = ((secs - 0.5) / (1.875 * distance / peak)).clamp(0.0, 1.0);
+    distance * s.powi(3) * (10.0 - 15.0 * s + 6.0 * s * s)
 }
 
 // Catches a filter that is quiet because it is slow.
 #[test]
 fn a_lean_is_followed_within_5_mm_after_a_lag_below_30_ms() {
-    for way in [0.2, 0.3, 0.5] {
+    for distance in [0.2, 0.3, 0.5] {
         let (mut testbed, home) = testbed();
         let mut tracker = Tracker::new(0.5e-3, 0.2);
         // The trunk turns about a hip that is half a metre below.
         let truth = |tick: u64| {
             let turn = UnitQuaternion::from_axis_angle(
                 &Vector::y_axis(),
-                lean(way, 0.5, tick as f64 * TICK_SECS) / 0.5,
+                lean(distance, 0.5, tick as f64 * TICK_SECS) / 0.5,
             );
             let hip = Vector::new(0.0, 0.0, -0.5);
-            let place = home.translation.vector + hip - turn * hip;
-            Pose::from_parts(place.into(), turn * home.rotation)
+            let position = home.translation.vector + hip - turn * hip;
+            Pose::from_parts(position.into(), turn * home.rotation)
         };
         let mut followed = Vec::new();
         for now in 0..4000 {
@@ -116,16 +116,16 @@ fn a_lean_is_followed_within_5_mm_after_a_lag_below_30_ms() {
         let furthest = |lag: u64| {
             let off = |now: u64| {
                 let (is, was) = (&followed[now as usize], truth(now - lag));
-                let way = (is.translation.vector - was.translation.vector).norm();
-                (way, is.rotation.angle_to(&was.rotation))
+                let distance = (is.translation.vector - was.translation.vector).norm();
+                (distance, is.rotation.angle_to(&was.rotation))
             };
-            (100..4000).map(off).fold((0.0_f64, 0.0_f64), |most, (a, b)| (most.0.max(a), most.1.max(b)))
+            (100..4000).map(off).fold((0.0_f64, 0.0_f64), |max, (a, b)| (max.0.max(a), max.1.max(b)))
         };
         let best = (0..60).min_by(|a, b| furthest(*a).0.total_cmp(&furthest(*b).0)).unwrap();
         let (off, turned) = furthest(best);
-        println!("{way} m: {:.2} mm, {turned:.4} rad at a lag of {best} ms", off * 1e3);
-        assert!(best < 30, "{way} m: {best} ms");
-        assert!(off < 5e-3, "{way} m: {off} m");
+        println!("{distance} m: {:.2} mm, {turned:.4} rad at a lag of {best} ms", off * 1e3);
+        assert!(best < 30, "{distance} m: {best} ms");
+        assert!(off < 5e-3, "{distance} m: {off} m");
     }
 }
 
@@ -133,17 +133,17 @@ fn a_lean_is_followed_within_5_mm_after_a_lag_below_30_ms() {
 #[test]
 fn the_base_has_no_steps_in_its_acceleration() {
     let (mut testbed, home) = testbed();
-    let mut places = Vec::new();
+    let mut positions = Vec::new();
     for now in 0..1000_u64 {
         // 3 mm at once, as a tracker's poses never are.
         let away = if now < 300 { 0.0 } else { 3e-3 };
         step(&mut testbed, now.is_multiple_of(17).then(|| Pose::translation(away, 0.0, 0.0) * home));
-        places.push(testbed.plant().state().world_from_base.translation.x);
+        positions.push(testbed.plant().state().world_from_base.translation.x);
     }
     let rate =
         |of: &[f64]| -> Vec<f64> { of.windows(2).map(|pair| (pair[1] - pair[0]) / TICK_SECS).collect() };
-    let acceleration = rate(&rate(&places));
-    let highest = acceleration.iter().fold(0.0_f64, |most, a| most.max(a.abs()));
+    let acceleration = rate(&rate(&positions));
+    let highest = acceleration.iter().fold(0.0_f64, |max, a| max.max(a.abs()));
     let step = acceleration.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
     println!("acceleration up to {highest:.2} m/s2, in a tick {step:.2} more");
     assert!(highest > 0.5, "it moves: {highest} m/s2");

@@ -9,7 +9,7 @@ mod common;
 use common::{START, bare_table, box_scene, grasp_base, move_hand, plant_at, positions, standing};
 use nalgebra::{Quaternion, UnitQuaternion};
 use proact_arm::{ArmModel, Inertial, Joint, JointKind, JointLimits, Link};
-use proact_dynamics::{DynamicsOptions, Engine, OdePlant};
+use proact_dynamics::{DynamicsOptions, PhysicsEngine, RigidBodyPlant};
 use proact_testbed::ports::Plant;
 use proact_types::{
     Object, ObjectId, PlantCommand, PlantState, Pose, Scene, SceneObject, Shape, Vector, zeros,
@@ -39,8 +39,8 @@ impl Digest {
         for block in &state.objects {
             self.add(block.pose.translation.vector.as_slice());
             self.add(block.pose.rotation.coords.as_slice());
-            self.add(block.linear.as_slice());
-            self.add(block.angular.as_slice());
+            self.add(block.linear_velocity.as_slice());
+            self.add(block.angular_velocity.as_slice());
         }
     }
 }
@@ -136,7 +136,7 @@ fn a_chain_and_a_falling_block_match_raw_ode_bit_for_bit() {
             pose: Pose::from_parts([0.0, 0.0, -0.0625].into(), slope),
             friction: 0.4,
         }],
-        objects: vec![Object::plain(
+        objects: vec![Object::with_default_friction(
             "red1",
             Shape::Box { size: [0.0625, 0.0625, 0.125] },
             0.125,
@@ -145,8 +145,8 @@ fn a_chain_and_a_falling_block_match_raw_ode_bit_for_bit() {
         ..bare_table(vec![])
     };
     let base = Pose::translation(0.0, 0.0, 2.0);
-    let options = DynamicsOptions { engine: Engine::Ode, sleep: false, ..DynamicsOptions::default() };
-    let mut plant = OdePlant::new(&chain(), &scene, &[0.0; 7], &base, options).unwrap();
+    let options = DynamicsOptions { engine: PhysicsEngine::Ode, sleep: false, ..DynamicsOptions::default() };
+    let mut plant = RigidBodyPlant::new(&chain(), &scene, &[0.0; 7], &base, options).unwrap();
     let command = PlantCommand { position: zeros(7), velocity: zeros(7), world_from_base: base };
     let mut digest = Digest::new();
     let mut lines = Vec::new();
@@ -242,7 +242,7 @@ impl Text {
         for block in &scene.objects {
             self.word(&block.name);
             self.shape(&block.shape);
-            self.numbers(&[block.mass, block.friction, block.friction_finger]);
+            self.numbers(&[block.mass, block.friction, block.finger_friction]);
             self.pose(&block.pose);
         }
     }

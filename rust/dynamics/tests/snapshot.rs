@@ -6,15 +6,15 @@
 mod common;
 
 use common::{
-    START, bare_table, box_scene, grasp_base, move_hand, plant, plant_at, plant_with, positions, standing,
-    stay, still,
+    START, bare_table, box_scene, grasp_base, hold_command, move_hand, plant, plant_at, plant_with,
+    positions, standing, still,
 };
-use proact_dynamics::{DynamicsOptions, Engine, JointControl, OdePlant, Snapshot, Solver};
+use proact_dynamics::{DynamicsOptions, JointControl, PhysicsEngine, RigidBodyPlant, Snapshot, Solver};
 use proact_testbed::ports::Plant;
 use proact_types::{ObjectId, PlantCommand, PlantState};
 
 /// Steps through `commands`; the states.
-fn states(plant: &mut OdePlant, commands: &[PlantCommand]) -> Vec<PlantState> {
+fn states(plant: &mut RigidBodyPlant, commands: &[PlantCommand]) -> Vec<PlantState> {
     commands
         .iter()
         .map(|command| {
@@ -26,7 +26,7 @@ fn states(plant: &mut OdePlant, commands: &[PlantCommand]) -> Vec<PlantState> {
 
 /// Saves `plant`, runs it, restores and runs again, and restores into a plant that has just been made; all three
 /// must agree to the last bit. The snapshot goes through JSON on the way.
-fn check(plant: &mut OdePlant, fresh: &mut OdePlant, commands: &[PlantCommand]) {
+fn check(plant: &mut RigidBodyPlant, fresh: &mut RigidBodyPlant, commands: &[PlantCommand]) {
     let saved = plant.snapshot().unwrap();
     let saved_state = plant.state().clone();
     let read: Snapshot = serde_json::from_str(&serde_json::to_string(&saved).unwrap()).unwrap();
@@ -48,11 +48,11 @@ fn swing(from: &[f64], ticks: std::ops::Range<u32>, hand: bool) -> Vec<PlantComm
     ticks
         .map(|tick| {
             let time = f64::from(tick) * 1e-3;
-            let mut command = stay(from, still());
+            let mut command = hold_command(from, still());
             for k in 0..if hand { from.len() } else { 7 } {
-                let way = if k == 4 { -0.2 } else { 0.2 };
-                command.position[k] += way * (1.0 - time.cos());
-                command.velocity[k] = way * time.sin();
+                let amplitude = if k == 4 { -0.2 } else { 0.2 };
+                command.position[k] += amplitude * (1.0 - time.cos());
+                command.velocity[k] = amplitude * time.sin();
             }
             command.world_from_base.translation.y += 0.02 * time.sin();
             command
@@ -64,9 +64,12 @@ fn swing(from: &[f64], ticks: std::ops::Range<u32>, hand: bool) -> Vec<PlantComm
 fn a_restored_run_without_contact_agrees_for_a_thousand_ticks_bit_for_bit() {
     let model = proact_description::mpl_right_arm();
     let start = positions(&model, &START, "open");
-    for (engine, hand) in
-        [(Engine::Reduced, false), (Engine::Reduced, true), (Engine::Ode, false), (Engine::Ode, true)]
-    {
+    for (engine, hand) in [
+        (PhysicsEngine::Reduced, false),
+        (PhysicsEngine::Reduced, true),
+        (PhysicsEngine::Ode, false),
+        (PhysicsEngine::Ode, true),
+    ] {
         for control in [JointControl::FeedForward, JointControl::OriginalGains] {
             let options = DynamicsOptions { engine, control, ..DynamicsOptions::default() };
             let [mut plant, mut fresh] = [0; 2].map(|_| plant_with(&box_scene(), &still(), options));
@@ -84,9 +87,9 @@ fn a_restored_pinch_and_carry_agrees_for_hundreds_of_ticks_bit_for_bit() {
     let base = grasp_base(&model, &open);
     let scene = bare_table(vec![standing(ObjectId(0), 0.0, 0.0), standing(ObjectId(1), 0.3, 0.2)]);
     for (engine, solver) in [
-        (Engine::Reduced, Solver::Direct),
-        (Engine::Ode, Solver::Direct),
-        (Engine::Ode, Solver::Iterative { iterations: 30, seed: 3 }),
+        (PhysicsEngine::Reduced, Solver::Direct),
+        (PhysicsEngine::Ode, Solver::Direct),
+        (PhysicsEngine::Ode, Solver::Iterative { iterations: 30, seed: 3 }),
     ] {
         let options = DynamicsOptions { engine, solver, ..DynamicsOptions::default() };
         let mut plant = plant_with(&scene, &base, options);

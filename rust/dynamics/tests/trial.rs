@@ -7,19 +7,19 @@ mod common;
 
 use common::testbed;
 use proact_testbed::{MassSet, PhysicsConfig, Setup, Testbed, TrialConfig};
-use proact_types::{Event, EventKind, Gesture, Pose, TickInput, Vector};
+use proact_types::{Command, Event, EventKind, Pose, TickInput, Vector};
 
 fn config() -> TrialConfig {
     TrialConfig::new("A", 1, Setup::named("still").unwrap())
 }
 
 /// Ticks with a shoulder that is tracked at 100 Hz, and a key that is pressed at the start.
-fn run(testbed: &mut Testbed, ticks: u64, shoulder: Pose, mut gesture: Option<Gesture>) -> Vec<Event> {
+fn run(testbed: &mut Testbed, ticks: u64, shoulder: Pose, mut command: Option<Command>) -> Vec<Event> {
     let mut events = Vec::new();
     for _ in 0..ticks {
         let tracked = testbed.now().0.is_multiple_of(10);
         let input = TickInput {
-            gesture: gesture.take(),
+            command: command.take(),
             shoulder: tracked.then_some(shoulder),
             ..TickInput::default()
         };
@@ -41,7 +41,7 @@ fn a_shoulder_that_jumps_pauses_the_arm_until_it_is_back() {
     let mut testbed = testbed(config(), None);
     let shoulder = testbed.plant().state().world_from_base;
     let before = testbed.plant().state().position[0];
-    assert!(kinds(&run(&mut testbed, 500, shoulder, Some(Gesture::WristExtension))).is_empty());
+    assert!(kinds(&run(&mut testbed, 500, shoulder, Some(Command::WristExtension))).is_empty());
     let moving = testbed.plant().state().clone();
     assert!((moving.position[0] - before).abs() > 0.05, "the joint is driven");
     assert!(moving.velocity[0].abs() > 0.1);
@@ -81,7 +81,7 @@ fn a_shoulder_that_stays_where_it_jumped_is_followed_slowly_after_a_second() {
     assert!(matches!(kinds(&events)[..], [EventKind::BaseHeld { .. }, EventKind::BaseFollows]), "{events:?}");
     let state = testbed.plant().state();
     assert!((state.world_from_base.translation.vector - jumped.translation.vector).norm() < 1e-9);
-    let fastest = state.velocity.iter().fold(0.0_f64, |most, speed| most.max(speed.abs()));
+    let fastest = state.velocity.iter().fold(0.0_f64, |max, speed| max.max(speed.abs()));
     assert!(fastest < 1e-3, "the arm was not kicked: {fastest} rad/s");
 }
 
@@ -97,7 +97,7 @@ fn a_grasp_names_block_fingers_and_place_and_ends_within_100_ms_of_opening() {
     let mut testbed = testbed(config, Some(base));
     run(&mut testbed, 100, base, None);
     assert!(!testbed.plant().state().base_held, "tracking has arrived");
-    let events = run(&mut testbed, 2500, base, Some(Gesture::HandClose));
+    let events = run(&mut testbed, 2500, base, Some(Command::HandClose));
     let made = events.iter().find_map(|event| match &event.kind {
         EventKind::GraspMade { object, links, place } => Some((*object, links.clone(), *place, event.time)),
         _ => None,
@@ -108,15 +108,15 @@ fn a_grasp_names_block_fingers_and_place_and_ends_within_100_ms_of_opening() {
     assert!((place.coords - block).norm() < 0.01, "{place} beside {block}");
     println!("{} ms: {id:?} by {links:?}", at.0);
 
-    run(&mut testbed, 500, base, Some(Gesture::NoMotion));
-    let asked = testbed.now();
-    let events = run(&mut testbed, 1000, base, Some(Gesture::HandClose));
+    run(&mut testbed, 500, base, Some(Command::NoMotion));
+    let opening_at = testbed.now();
+    let events = run(&mut testbed, 1000, base, Some(Command::HandClose));
     let ended = events.iter().find(|event| matches!(event.kind, EventKind::GraspEnded { .. }));
     let ended = ended.unwrap_or_else(|| panic!("the hand lets the block go: {events:?}"));
     let EventKind::GraspEnded { links: after, .. } = &ended.kind else { unreachable!("was just found") };
     assert_eq!(*after, links);
-    println!("let go {} ms after opening was asked for", ended.time.0 - asked.0);
-    assert!(ended.time.0 - asked.0 <= 100, "let go after {} ms", ended.time.0 - asked.0);
+    println!("let go {} ms after opening was asked for", ended.time.0 - opening_at.0);
+    assert!(ended.time.0 - opening_at.0 <= 100, "let go after {} ms", ended.time.0 - opening_at.0);
 }
 
 #[test]

@@ -1,6 +1,6 @@
-use crate::moments::Moments;
+use crate::moments::ClassMoments;
 use crate::{Classifier, EmgError, EmgModel};
-use proact_types::GestureName;
+use proact_types::Gesture;
 use serde::{Deserialize, Serialize};
 
 /// How a classifier follows its user.
@@ -9,14 +9,16 @@ use serde::{Deserialize, Serialize};
 pub struct AdaptationConfig {
     /// Windows a class for which its past counts at most: fewer follow faster. Default 200, ten seconds at 20 windows
     /// a second.
-    pub memory: u32,
+    #[serde(rename = "memory")]
+    pub memory_windows: u32,
     /// A confirmed window is used only if the classifier gives its gesture more than this probability. Default 0.9.
-    pub confidence: f64,
+    #[serde(rename = "confidence")]
+    pub min_confidence: f64,
 }
 
 impl Default for AdaptationConfig {
     fn default() -> Self {
-        AdaptationConfig { memory: 200, confidence: 0.9 }
+        AdaptationConfig { memory_windows: 200, min_confidence: 0.9 }
     }
 }
 
@@ -30,7 +32,7 @@ impl Default for AdaptationConfig {
 pub struct Adaptation {
     config: AdaptationConfig,
     calibrated: EmgModel,
-    moments: Moments,
+    moments: ClassMoments,
     classifier: Classifier,
     frozen: bool,
     used: u64,
@@ -42,10 +44,10 @@ impl Adaptation {
     /// # Errors
     /// A confidence outside 0 to 1, or a classifier other than LDA.
     pub fn new(config: AdaptationConfig, model: &EmgModel) -> Result<Adaptation, EmgError> {
-        if !(0.0..1.0).contains(&config.confidence) {
-            return Err(EmgError::Threshold {
+        if !(0.0..1.0).contains(&config.min_confidence) {
+            return Err(EmgError::OutOfRange {
                 name: "adaptation confidence",
-                value: config.confidence,
+                value: config.min_confidence,
                 expected: "at least 0 and less than 1",
             });
         }
@@ -67,19 +69,19 @@ impl Adaptation {
     ///
     /// # Errors
     /// Wrong number of features, values that are not finite, or a gesture that was not trained; nothing changes then.
-    pub fn confirm(&mut self, gesture: impl Into<GestureName>, features: &[f64]) -> Result<bool, EmgError> {
+    pub fn confirm(&mut self, gesture: impl Into<Gesture>, features: &[f64]) -> Result<bool, EmgError> {
         let prediction = self.classifier.predict(features)?;
-        let class = self.classifier.place(gesture.into())?;
-        let doubted = prediction.posterior[class] <= self.config.confidence;
-        if self.frozen || prediction.place != class || doubted {
+        let class = self.classifier.class_index(gesture.into())?;
+        let doubted = prediction.posterior[class] <= self.config.min_confidence;
+        if self.frozen || prediction.class_index != class || doubted {
             return Ok(false);
         }
         let mut moments = self.moments.clone();
-        moments.add(class, features, f64::from(self.config.memory));
+        moments.add(class, features, f64::from(self.config.memory_windows));
         // Priors stay those of the calibration: the gestures that a task asks for more often are not more probable.
         let settings = &self.calibrated.config;
-        let lda = Moments { counts: self.calibrated.moments.counts.clone(), ..moments.clone() }
-            .lda(settings.normalisation, settings.priors)?;
+        let lda = ClassMoments { counts: self.calibrated.moments.counts.clone(), ..moments.clone() }
+            .lda(settings.covariance_normalization, settings.priors)?;
         self.classifier = self.classifier.with_lda(lda);
         self.moments = moments;
         self.used += 1;

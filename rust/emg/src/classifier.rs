@@ -1,9 +1,9 @@
-use crate::discriminant::{Discriminant, Outside, Regressor, Sites, TrainingSet};
-use crate::two_site::{SiteCommand, SiteSwitch};
-use crate::{ClassifierKind, EmgConfig, EmgError, FeatureLayout, FeatureSet, Lda, Site};
+use crate::discriminant::{Discriminant, ExternalDiscriminant, MuscleSites, Regressor, TrainingSet};
+use crate::two_site::{CocontractionDetector, SiteDecision};
+use crate::{ClassifierKind, EmgConfig, EmgError, FeatureLayout, FeatureSet, Lda, MuscleSite};
 use arrayvec::ArrayVec;
 use nalgebra::DMatrix;
-use proact_types::{DegreeOfFreedom, Drives, GestureName, MAX_EMG_CHANNELS, MAX_GESTURES, SimTime};
+use proact_types::{DegreeOfFreedom, Drives, Gesture, MAX_EMG_CHANNELS, MAX_GESTURES, SimTime};
 use serde::{Deserialize, Serialize};
 
 /// Probability of each gesture of a classifier, in the order of [`Classifier::gestures`].
@@ -22,9 +22,9 @@ pub struct EffortScale {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prediction {
     /// The most probable gesture, the first of equals.
-    pub class: GestureName,
+    pub class: Gesture,
     /// Its place in [`Classifier::gestures`].
-    pub place: usize,
+    pub class_index: usize,
     /// Probability of each gesture, in the order of [`Classifier::gestures`]. Of a regressor the shares of the drives: they
     /// say how these compare, not how probable a gesture is.
     pub posterior: ClassPosterior,
@@ -35,7 +35,7 @@ pub struct Prediction {
 impl Prediction {
     /// Probability of the most probable gesture.
     pub fn confidence(&self) -> f64 {
-        self.posterior[self.place]
+        self.posterior[self.class_index]
     }
 }
 
@@ -53,7 +53,7 @@ pub struct Classifier {
     #[serde(flatten)]
     discriminant: Discriminant,
     /// The gesture of each class of the discriminant, in alphabetical order, as LibEMG's.
-    gestures: Vec<GestureName>,
+    gestures: Vec<Gesture>,
     /// Per class of the discriminant; empty if amplitudes were not known.
     efforts: Vec<EffortScale>,
 }
@@ -65,7 +65,7 @@ impl Classifier {
     /// # Errors
     /// Lengths that do not fit the settings, values that are not finite, fewer than two gestures or more than
     /// [`MAX_GESTURES`].
-    pub fn train<F: AsRef<[f64]>, G: Copy + Into<GestureName>>(
+    pub fn train<F: AsRef<[f64]>, G: Copy + Into<Gesture>>(
         config: &EmgConfig,
         windows: &[F],
         labels: &[G],
@@ -82,7 +82,7 @@ impl Classifier {
     ///
     /// # Errors
     /// As [`Classifier::train`], and if there are not as many amplitudes as windows.
-    pub fn train_with_amplitudes<F: AsRef<[f64]>, G: Copy + Into<GestureName>>(
+    pub fn train_with_amplitudes<F: AsRef<[f64]>, G: Copy + Into<Gesture>>(
         config: &EmgConfig,
         windows: &[F],
         labels: &[G],
@@ -94,7 +94,7 @@ impl Classifier {
         Self::fit(config, windows, labels, Some(amplitudes))
     }
 
-    fn fit<F: AsRef<[f64]>, G: Copy + Into<GestureName>>(
+    fn fit<F: AsRef<[f64]>, G: Copy + Into<Gesture>>(
         config: &EmgConfig,
         windows: &[F],
         labels: &[G],
@@ -108,13 +108,13 @@ impl Classifier {
         if let Some(window) = windows.iter().find(|w| w.as_ref().len() != expected) {
             return Err(EmgError::FeatureCount { got: window.as_ref().len(), expected });
         }
-        let labels: Vec<GestureName> = labels.iter().map(|label| (*label).into()).collect();
-        let kept: Vec<usize> = (0..labels.len()).filter(|k| config.learns(labels[*k])).collect();
-        let labels: Vec<GestureName> = kept.iter().map(|k| labels[*k]).collect();
+        let labels: Vec<Gesture> = labels.iter().map(|label| (*label).into()).collect();
+        let kept: Vec<usize> = (0..labels.len()).filter(|k| config.trains_on(labels[*k])).collect();
+        let labels: Vec<Gesture> = kept.iter().map(|k| labels[*k]).collect();
         let windows: Vec<&F> = kept.iter().map(|k| &windows[*k]).collect();
         // A co-contraction is not recorded, and the thresholds of two sites say themselves what effort is.
         let two_site = config.classifier == ClassifierKind::TwoSite;
-        let switch = two_site.then_some(config.two_site.switch);
+        let switch = two_site.then_some(config.two_site.switch_gesture);
         let amplitudes = amplitudes.filter(|_| !two_site);
         let gestures = distinct(labels.iter().copied().chain(switch));
         if gestures.len() > MAX_GESTURES {
@@ -137,8 +137,8 @@ impl Classifier {
                 let of_class = amplitudes.iter().zip(&classes).filter(move |(_, c)| **c == class);
                 of_class.map(|(amplitude, _)| *amplitude)
             };
-            let (least, most) = (sums().fold(f64::INFINITY, f64::min), sums().fold(0.0, f64::max));
-            EffortScale { low: least + 0.1 * (most - least), high: least + 0.7 * (most - least) }
+            let (min, max) = (sums().fold(f64::INFINITY, f64::min), sums().fold(0.0, f64::max));
+            EffortScale { low: min + 0.1 * (max - min), high: min + 0.7 * (max - min) }
         };
         Ok(Classifier {
             features: config.features,
@@ -199,13 +199,16 @@ impl Classifier {
             && self.gestures.windows(2).all(|pair| pair[0] < pair[1])
             && (self.efforts.is_empty() || self.efforts.len() == classes)
             && finite
-            && self.discriminant.regressor().is_none_or(|regressor| regressor.names(&self.gestures))
-            && self.discriminant.sites().is_none_or(|sites| sites.names(&self.gestures))
-            && self.discriminant.outside().is_none_or(|outside| outside.names(&self.gestures))
+            && self
+                .discriminant
+                .regressor()
+                .is_none_or(|regressor| regressor.matches_gestures(&self.gestures))
+            && self.discriminant.sites().is_none_or(|sites| sites.matches_gestures(&self.gestures))
+            && self.discriminant.external().is_none_or(|outside| outside.matches_gestures(&self.gestures))
     }
 
     /// The gestures that it tells apart, in alphabetical order.
-    pub fn gestures(&self) -> &[GestureName] {
+    pub fn gestures(&self) -> &[Gesture] {
         &self.gestures
     }
 
@@ -216,28 +219,30 @@ impl Classifier {
 
     /// The degrees of freedom that a regressor drives, in the order of [`Prediction::drives`]; none of a classifier.
     pub fn degrees_of_freedom(&self) -> &[DegreeOfFreedom] {
-        let outside = self.discriminant.outside().map_or(&[][..], Outside::drives);
+        let outside = self.discriminant.external().map_or(&[][..], ExternalDiscriminant::drives);
         self.discriminant.regressor().map_or(outside, Regressor::drives)
     }
 
     /// The two muscle sites of direct control; none of another kind.
-    pub fn sites(&self) -> Option<&[Site; 2]> {
-        self.discriminant.sites().map(Sites::sites)
+    pub fn sites(&self) -> Option<&[MuscleSite; 2]> {
+        self.discriminant.sites().map(MuscleSites::sites)
     }
 
     /// What two sites ask for in a window that ended at `now`: the class, and how hard, 0 to 1. None of another kind.
-    pub(crate) fn direct(
+    pub(crate) fn two_site_command(
         &self,
-        switch: &mut SiteSwitch,
+        switch: &mut CocontractionDetector,
         now: SimTime,
         features: &[f64],
-    ) -> Option<(GestureName, f64)> {
+    ) -> Option<(Gesture, f64)> {
         let sites = self.discriminant.sites()?;
         let levels = sites.levels(features);
         Some(match switch.step(now, levels) {
-            SiteCommand::Rest => (self.gestures[sites.rest()], 0.0),
-            SiteCommand::Switch => (self.gestures[sites.switch()], 0.0),
-            SiteCommand::Site(site) => (self.gestures[sites.place_of(site)], levels[site].clamp(0.0, 1.0)),
+            SiteDecision::Rest => (self.gestures[sites.rest()], 0.0),
+            SiteDecision::Switch => (self.gestures[sites.switch()], 0.0),
+            SiteDecision::Site(site) => {
+                (self.gestures[sites.class_index_of(site)], levels[site].clamp(0.0, 1.0))
+            }
         })
     }
 
@@ -271,8 +276,8 @@ impl Classifier {
         if features.len() != expected {
             return Err(EmgError::FeatureCount { got: features.len(), expected });
         }
-        if self.discriminant.outside().is_some() {
-            return Err(EmgError::AsksProcess { what: "classify" });
+        if self.discriminant.external().is_some() {
+            return Err(EmgError::NeedsProcess { what: "classify" });
         }
         let mut values: ClassPosterior = self.gestures.iter().map(|_| 0.0).collect();
         self.discriminant.scores(features, &mut values);
@@ -283,7 +288,7 @@ impl Classifier {
         let best = (1..values.len()).fold(0, |best, k| if values[k] > values[best] { k } else { best });
         self.discriminant.posterior(&mut values);
         let drives = self.discriminant.drives(features);
-        Ok(Prediction { class: self.gestures[best], place: best, posterior: values, drives })
+        Ok(Prediction { class: self.gestures[best], class_index: best, posterior: values, drives })
     }
 
     /// The same classifier whose windows the process of `config` decodes; `state` is what it learnt, JSON text.
@@ -293,17 +298,16 @@ impl Classifier {
     pub fn decoded_by_process(&self, config: &EmgConfig, state: &str) -> Result<Classifier, EmgError> {
         config.check()?;
         let known = config.process.as_ref().filter(|_| config.classifier.is_process());
-        let known = known.ok_or(EmgError::AsksProcess { what: "train" })?;
-        let asked = distinct(known.gestures.iter().copied());
-        if !asked.is_empty() && asked != self.gestures {
-            let names =
-                |of: &[GestureName]| of.iter().map(GestureName::as_str).collect::<Vec<_>>().join(", ");
-            let (asked, own) = (names(&asked), names(&self.gestures));
+        let known = known.ok_or(EmgError::NeedsProcess { what: "train" })?;
+        let trained = distinct(known.gestures.iter().copied());
+        if !trained.is_empty() && trained != self.gestures {
+            let names = |of: &[Gesture]| of.iter().map(Gesture::as_str).collect::<Vec<_>>().join(", ");
+            let (trained, own) = (names(&trained), names(&self.gestures));
             let reason =
-                format!("it knows {asked}, and the recordings are of {own}: expected the same gestures");
+                format!("it knows {trained}, and the recordings are of {own}: expected the same gestures");
             return Err(EmgError::Process { reason });
         }
-        let outside = Outside::new(config, &self.gestures, self.feature_count(), state)?;
+        let outside = ExternalDiscriminant::new(config, &self.gestures, self.feature_count(), state)?;
         Ok(Classifier { discriminant: Discriminant::Process(outside), ..self.clone() })
     }
 
@@ -311,20 +315,26 @@ impl Classifier {
     ///
     /// # Errors
     /// Settings that cannot work.
-    pub fn begin_line(&self, config: &EmgConfig) -> Option<Result<String, EmgError>> {
-        let outside = self.discriminant.outside()?;
-        Some(crate::process::begin_line(config, &self.gestures, outside.drives(), outside.state()))
+    pub fn start_request(&self, config: &EmgConfig) -> Option<Result<String, EmgError>> {
+        let outside = self.discriminant.external()?;
+        Some(crate::decoder_process::start_request(config, &self.gestures, outside.drives(), outside.state()))
     }
 
     /// What the process says in `line` of window number `window`.
     ///
     /// # Errors
     /// What is wrong with the line, for a person.
-    pub fn read_answer(&self, window: u64, line: &str) -> Result<Prediction, String> {
-        let outside = self.discriminant.outside().ok_or("no process decodes")?;
-        let (scores, drives) = outside.read(window, line)?;
-        let place = (1..scores.len()).fold(0, |best, k| if scores[k] > scores[best] { k } else { best });
-        Ok(Prediction { class: self.gestures[place], place, posterior: scores.into_iter().collect(), drives })
+    pub fn parse_response(&self, window: u64, line: &str) -> Result<Prediction, String> {
+        let outside = self.discriminant.external().ok_or("no process decodes")?;
+        let (scores, drives) = outside.parse_response(window, line)?;
+        let class_index =
+            (1..scores.len()).fold(0, |best, k| if scores[k] > scores[best] { k } else { best });
+        Ok(Prediction {
+            class: self.gestures[class_index],
+            class_index,
+            posterior: scores.into_iter().collect(),
+            drives,
+        })
     }
 
     /// How hard `gesture` is performed, 0 to 1: the summed MAV of the window between the gesture's limits, which
@@ -333,7 +343,7 @@ impl Classifier {
     ///
     /// # Errors
     /// If the gesture was not trained, the feature vector has another length, or there is no MAV in it.
-    pub fn effort(&self, gesture: impl Into<GestureName>, features: &[f64]) -> Result<f64, EmgError> {
+    pub fn effort(&self, gesture: impl Into<Gesture>, features: &[f64]) -> Result<f64, EmgError> {
         let expected = self.discriminant.features();
         if features.len() != expected {
             return Err(EmgError::FeatureCount { got: features.len(), expected });
@@ -346,8 +356,8 @@ impl Classifier {
     ///
     /// # Errors
     /// If the gesture was not trained, or amplitudes were not known at training.
-    pub fn effort_of(&self, gesture: GestureName, amplitude: f64) -> Result<f64, EmgError> {
-        let class = self.place(gesture)?;
+    pub fn effort_of(&self, gesture: Gesture, amplitude: f64) -> Result<f64, EmgError> {
+        let class = self.class_index(gesture)?;
         let EffortScale { low, high } = *self.efforts.get(class).ok_or_else(|| self.no_scale())?;
         // All training windows alike: any contraction that strong is full effort.
         let effort =
@@ -359,7 +369,7 @@ impl Classifier {
     ///
     /// # Errors
     /// [`EmgError::NotTrained`].
-    pub fn place(&self, gesture: GestureName) -> Result<usize, EmgError> {
+    pub fn class_index(&self, gesture: Gesture) -> Result<usize, EmgError> {
         self.gestures.binary_search(&gesture).map_err(|_| EmgError::NotTrained(gesture))
     }
 
@@ -377,28 +387,28 @@ fn default_rate_hz() -> f64 {
 }
 
 /// Each of `gestures` once, in alphabetical order.
-pub(crate) fn distinct(gestures: impl Iterator<Item = GestureName>) -> Vec<GestureName> {
+pub(crate) fn distinct(gestures: impl Iterator<Item = Gesture>) -> Vec<Gesture> {
     gestures.collect::<std::collections::BTreeSet<_>>().into_iter().collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proact_types::Gesture;
+    use proact_types::Command;
 
     fn config() -> EmgConfig {
         EmgConfig { channels: 1, ..EmgConfig::default() }
     }
 
     /// Two gestures that differ in the first feature.
-    fn data() -> (Vec<[f64; 4]>, Vec<Gesture>) {
+    fn data() -> (Vec<[f64; 4]>, Vec<Command>) {
         let window = |k: usize, base: f64| {
             let wave = (k as f64 * 2.3).sin();
             [base + wave, 5.0 + (k % 3) as f64, 7.0 + (k % 4) as f64, 4.0 * base + (k as f64 * 0.9).cos()]
         };
         let windows = (0..40).map(|k| window(k, if k < 20 { 30.0 } else { 3.0 })).collect();
         let labels =
-            (0..40).map(|k| if k < 20 { Gesture::WristFlexion } else { Gesture::NoMotion }).collect();
+            (0..40).map(|k| if k < 20 { Command::WristFlexion } else { Command::NoMotion }).collect();
         (windows, labels)
     }
 
@@ -406,20 +416,20 @@ mod tests {
     fn the_posterior_is_over_the_gestures_that_were_trained() {
         let (windows, labels) = data();
         let classifier = Classifier::train(&config(), &windows, &labels).expect("good data");
-        assert_eq!(classifier.gestures(), [Gesture::NoMotion, Gesture::WristFlexion]);
+        assert_eq!(classifier.gestures(), [Command::NoMotion, Command::WristFlexion]);
         let prediction = classifier.predict(&windows[0]).expect("good window");
-        assert_eq!(prediction.class, Gesture::WristFlexion);
+        assert_eq!(prediction.class, Command::WristFlexion);
         assert_eq!(prediction.posterior.len(), 2);
         assert!(prediction.posterior[1] > prediction.posterior[0]);
         assert!((prediction.posterior.iter().sum::<f64>() - 1.0).abs() < 1e-15);
-        let effort = |k: usize| classifier.effort(Gesture::WristFlexion, &windows[k]).expect("trained");
+        let effort = |k: usize| classifier.effort(Command::WristFlexion, &windows[k]).expect("trained");
         assert!((0..20).any(|k| effort(k) == 0.0) && (0..20).any(|k| effort(k) == 1.0));
     }
 
     #[test]
     fn bad_training_data_and_bad_windows_are_refused_with_both_numbers() {
         let (mut windows, labels) = data();
-        let error = |w: &[[f64; 4]], l: &[Gesture]| {
+        let error = |w: &[[f64; 4]], l: &[Command]| {
             Classifier::train(&config(), w, l).expect_err("must be refused").to_string()
         };
         assert_eq!(error(&windows, &labels[1..]), "got 39 labels for 40 windows, expected one each");
@@ -435,7 +445,7 @@ mod tests {
         assert_eq!(classifier.predict(&[1.0]), Err(EmgError::FeatureCount { got: 1, expected: 4 }));
         assert!(classifier.predict(&[f64::NAN, 0.0, 0.0, 0.0]).is_err());
         assert!(classifier.predict(&[f64::MAX, -f64::MAX, f64::MAX, f64::MAX]).is_err());
-        assert!(classifier.effort(Gesture::HandOpen, &windows[0]).is_err());
+        assert!(classifier.effort(Command::HandOpen, &windows[0]).is_err());
         windows[7][2] = f64::INFINITY;
         assert_eq!(error(&windows, &labels), "feature 2 of window 7 is inf, expected a finite number");
     }

@@ -1,9 +1,9 @@
 use crate::filter::FilterBank;
 use crate::{
-    ClassifierKind, EmgError, EmgFilter, FeatureLayout, FeatureSet, ImuConfig, LivenessConfig, ProcessConfig,
-    RegressionConfig, TwoSiteConfig,
+    ClassifierKind, DecoderProcessConfig, EmgError, EmgFilter, FeatureLayout, FeatureSet, ImuConfig,
+    LivenessConfig, RegressionConfig, TwoSiteConfig,
 };
-use proact_types::{EmgSample, GestureName, MAX_EMG_CHANNELS};
+use proact_types::{EmgSample, Gesture, MAX_EMG_CHANNELS};
 use serde::{Deserialize, Serialize};
 use std::{num::NonZeroU32, ops::RangeInclusive};
 
@@ -24,12 +24,12 @@ impl WindowLength {
     /// [`EmgError::Length`] if it is less than one sample, not finite, or longer than ten minutes at 1 kHz.
     pub fn samples(self, rate_hz: f64) -> Result<usize, EmgError> {
         // Beyond any use; the bound keeps buffers small enough to allocate.
-        const LONGEST: f64 = 600_000.0;
+        const MAX_SAMPLES: f64 = 600_000.0;
         let samples = match self {
             WindowLength::Millis(millis) => (millis * rate_hz / 1000.0).round(),
             WindowLength::Samples(samples) => f64::from(samples),
         };
-        if (1.0..=LONGEST).contains(&samples) {
+        if (1.0..=MAX_SAMPLES).contains(&samples) {
             Ok(samples as usize)
         } else {
             Err(EmgError::Length { length: self, rate_hz, samples })
@@ -41,7 +41,7 @@ impl WindowLength {
 /// depends on it, probabilities move by about 0.001.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum LdaNormalisation {
+pub enum CovarianceNormalization {
     /// Divided by the number of windows, as scikit-learn 1.9 and later.
     #[default]
     Windows,
@@ -63,7 +63,7 @@ pub enum Priors {
 /// When a decision goes out as a message. The gesture in force is the same either way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum RuleKind {
+pub enum PublishRule {
     /// With every decision, carrying the gesture in force: what the original program does.
     #[default]
     Hold,
@@ -93,7 +93,7 @@ pub struct EmgConfig {
     #[serde(skip_serializing_if = "ClassifierKind::is_lda")]
     pub classifier: ClassifierKind,
     /// Normalisation of the covariance. Default: scikit-learn 1.9.
-    pub normalisation: LdaNormalisation,
+    pub covariance_normalization: CovarianceNormalization,
     /// Priors of the classes. Default: by their windows, as LibEMG.
     pub priors: Priors,
     /// Products of slopes from which on a slope sign change counts, in squared units of the stream. Default 0
@@ -103,30 +103,30 @@ pub struct EmgConfig {
     /// of the device every change counts.
     pub wamp_threshold: f64,
     /// Windows whose confidence is not above this are rejected: they have no class. Default off; LibEMG's value is
-    /// [`DEFAULT_REJECTION`].
-    pub rejection: Option<f64>,
+    /// [`DEFAULT_REJECTION_THRESHOLD`].
+    pub rejection_threshold: Option<f64>,
     /// The most frequent of so many newest classes, fewer at the start, goes to the rule; rejected windows vote too,
     /// and of equals the first by name wins, rejected before all. Default off; LibEMG's
-    /// value is [`DEFAULT_MAJORITY`], the largest possible [`LARGEST_MAJORITY`].
-    pub majority: Option<NonZeroU32>,
+    /// value is [`DEFAULT_MAJORITY_VOTE_WINDOWS`], the largest possible [`MAX_MAJORITY_VOTE_WINDOWS`].
+    pub majority_vote_windows: Option<NonZeroU32>,
     /// When messages go out. Default: hold, as the original program.
-    pub rule: RuleKind,
+    pub publish_rule: PublishRule,
     /// Equal classes in a row that change the gesture in force. Default 3 (same source).
-    pub required: NonZeroU32,
-    /// The original program's start: while fewer than `required` classes have been seen, it is enough that
+    pub consecutive_decisions: NonZeroU32,
+    /// The original program's start: while fewer than `consecutive_decisions` classes have been seen, it is enough that
     /// those seen are equal, so the very first window acts. Default false: a start needs a full run too.
-    pub first_output_acts: bool,
+    pub act_on_first_window: bool,
     /// Silence after which the stream counts as stale and the arm stops, milliseconds. Default 200: four
     /// increments (no source has a number).
-    pub max_age_millis: u64,
+    pub stale_timeout_ms: u64,
     /// What else makes the stream stale: samples that no living arm gives.
     pub liveness: LivenessConfig,
     /// Gaps that are bridged.
-    pub bridge: BridgeConfig,
+    pub gap_interpolation: GapInterpolationConfig,
     /// The gesture of a relaxed hand: it stops the arm, and after a silence only it lets gestures through again. Default
     /// `no_motion`.
     #[serde(skip_serializing_if = "is_no_motion")]
-    pub rest: GestureName,
+    pub rest: Gesture,
     /// Degrees of freedom of a regressor.
     #[serde(skip_serializing_if = "RegressionConfig::is_default")]
     pub regression: RegressionConfig,
@@ -135,7 +135,7 @@ pub struct EmgConfig {
     pub two_site: TwoSiteConfig,
     /// The program that decodes, with the classifiers `process` and `process_regressor`.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub process: Option<ProcessConfig>,
+    pub process: Option<DecoderProcessConfig>,
     /// Channels of an inertial measurement unit beside those of the electrodes.
     #[serde(skip_serializing_if = "ImuConfig::is_default")]
     pub imu: ImuConfig,
@@ -145,22 +145,22 @@ pub struct EmgConfig {
 /// known as such. A window with such samples never begins a motion; it confirms one that is in force, or stops it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct BridgeConfig {
+pub struct GapInterpolationConfig {
     /// Longest gap that is bridged, ms; 0 bridges none. Default 40: two packets of 16 ms, as the armband sends them.
-    pub longest_ms: u64,
+    pub max_gap_ms: u64,
     /// Share of the samples of a window that may be bridged, at most; the window is spoilt if it is more. Default 0.35:
     /// two packets in 100 ms.
-    pub most_share: f64,
+    pub max_interpolated_share: f64,
 }
 
-impl Default for BridgeConfig {
+impl Default for GapInterpolationConfig {
     fn default() -> Self {
-        BridgeConfig { longest_ms: 40, most_share: 0.35 }
+        GapInterpolationConfig { max_gap_ms: 40, max_interpolated_share: 0.35 }
     }
 }
 
-fn is_no_motion(rest: &GestureName) -> bool {
-    *rest == GestureName::default()
+fn is_no_motion(rest: &Gesture) -> bool {
+    *rest == Gesture::default()
 }
 
 impl Default for EmgConfig {
@@ -173,19 +173,19 @@ impl Default for EmgConfig {
             increment: WindowLength::Millis(50.0),
             features: FeatureSet::HTD,
             classifier: ClassifierKind::Lda,
-            normalisation: LdaNormalisation::Windows,
+            covariance_normalization: CovarianceNormalization::Windows,
             priors: Priors::Counts,
             ssc_threshold: 0.0,
             wamp_threshold: 0.002,
-            rejection: None,
-            majority: None,
-            rule: RuleKind::Hold,
-            required: NonZeroU32::MIN.saturating_add(2),
-            first_output_acts: false,
-            max_age_millis: 200,
+            rejection_threshold: None,
+            majority_vote_windows: None,
+            publish_rule: PublishRule::Hold,
+            consecutive_decisions: NonZeroU32::MIN.saturating_add(2),
+            act_on_first_window: false,
+            stale_timeout_ms: 200,
             liveness: LivenessConfig::default(),
-            bridge: BridgeConfig::default(),
-            rest: GestureName::default(),
+            gap_interpolation: GapInterpolationConfig::default(),
+            rest: Gesture::default(),
             regression: RegressionConfig::default(),
             two_site: TwoSiteConfig::default(),
             process: None,
@@ -198,11 +198,11 @@ impl Default for EmgConfig {
 pub const RATES_HZ: RangeInclusive<f64> = 1.0..=1e6;
 
 /// LibEMG's threshold of rejection.
-pub const DEFAULT_REJECTION: f64 = 0.9;
+pub const DEFAULT_REJECTION_THRESHOLD: f64 = 0.9;
 /// LibEMG's number of votes.
-pub const DEFAULT_MAJORITY: u32 = 5;
+pub const DEFAULT_MAJORITY_VOTE_WINDOWS: u32 = 5;
 /// Most votes that are remembered.
-pub const LARGEST_MAJORITY: u32 = 64;
+pub const MAX_MAJORITY_VOTE_WINDOWS: u32 = 64;
 
 impl EmgConfig {
     /// Samples in a window.
@@ -211,7 +211,7 @@ impl EmgConfig {
     /// [`EmgError`] if the window has no usable length.
     pub fn window_samples(&self) -> Result<usize, EmgError> {
         match self.window.samples(self.rate_hz)? {
-            short if short < self.features.shortest_window() => {
+            short if short < self.features.min_window_samples() => {
                 Err(EmgError::Length { length: self.window, rate_hz: self.rate_hz, samples: short as f64 })
             }
             samples => Ok(samples),
@@ -227,7 +227,7 @@ impl EmgConfig {
     }
 
     /// Whether recordings of `gesture` are trained on: two sites take those of their pair and of rest alone.
-    pub fn learns(&self, gesture: GestureName) -> bool {
+    pub fn trains_on(&self, gesture: Gesture) -> bool {
         self.classifier != ClassifierKind::TwoSite
             || gesture == self.rest
             || self.two_site.gestures().contains(&gesture)
@@ -252,7 +252,7 @@ impl EmgConfig {
 
     /// The sample without what follows the electrodes. One that is of another length than the stream's stays as it is, for whoever
     /// takes it to refuse.
-    pub fn electrodes(&self, sample: &EmgSample) -> EmgSample {
+    pub fn electrode_sample(&self, sample: &EmgSample) -> EmgSample {
         let mut sample = sample.clone();
         if sample.channels.len() == self.sample_channels() {
             sample.channels.truncate(self.channels);
@@ -274,7 +274,7 @@ impl EmgConfig {
             )),
             Some(process) => process.check(),
             None if self.classifier.is_process() => refused(format!(
-                "emg.classifier is {}, expected the program's command (--process FILE, docs/emg.md)",
+                "emg.classifier is {}, expected the program's command (--decoder-process FILE, docs/emg.md)",
                 self.classifier
             )),
             None => Ok(()),
@@ -295,7 +295,7 @@ impl EmgConfig {
         self.imu.check(self.channels)?;
         FilterBank::new(&self.filters, self.rate_hz, self.channels)?;
         self.window_samples()?;
-        if let Some(feature) = self.layout().empty() {
+        if let Some(feature) = self.layout().first_empty_feature() {
             let needs = if feature.depends_on_rate() {
                 "its lowest band ends at 92 Hz, so it needs a rate above 184 Hz"
             } else {
@@ -304,29 +304,33 @@ impl EmgConfig {
             let (channels, rate_hz) = (self.channels, self.rate_hz);
             return Err(EmgError::EmptyFeature { feature: feature.name(), channels, rate_hz, needs });
         }
-        let refused = |name, value, expected| Err(EmgError::Threshold { name, value, expected });
+        let refused = |name, value, expected| Err(EmgError::OutOfRange { name, value, expected });
         if !self.ssc_threshold.is_finite() {
             return refused("ssc_threshold", self.ssc_threshold, "a finite number");
         }
         if !self.wamp_threshold.is_finite() {
             return refused("wamp_threshold", self.wamp_threshold, "a finite number");
         }
-        if let Some(rejection) = self.rejection.filter(|r| !(0.0..1.0).contains(r)) {
-            return refused("rejection", rejection, "at least 0 and less than 1");
+        if let Some(rejection) = self.rejection_threshold.filter(|r| !(0.0..1.0).contains(r)) {
+            return refused("rejection_threshold", rejection, "at least 0 and less than 1");
         }
-        if let Some(majority) = self.majority.filter(|m| m.get() > LARGEST_MAJORITY) {
-            return refused("majority", f64::from(majority.get()), "1 to 64 votes");
+        if let Some(majority) = self.majority_vote_windows.filter(|m| m.get() > MAX_MAJORITY_VOTE_WINDOWS) {
+            return refused("majority_vote_windows", f64::from(majority.get()), "1 to 64 votes");
         }
-        if self.bridge.longest_ms > 1000 {
+        if self.gap_interpolation.max_gap_ms > 1000 {
             return refused(
-                "bridge.longest_ms",
-                self.bridge.longest_ms as f64,
+                "gap_interpolation.max_gap_ms",
+                self.gap_interpolation.max_gap_ms as f64,
                 "at most 1000, or 0 for none",
             );
         }
         // With more than half of a window made up it says nothing.
-        if !(0.0..=0.5).contains(&self.bridge.most_share) {
-            return refused("bridge.most_share", self.bridge.most_share, "0 to 0.5");
+        if !(0.0..=0.5).contains(&self.gap_interpolation.max_interpolated_share) {
+            return refused(
+                "gap_interpolation.max_interpolated_share",
+                self.gap_interpolation.max_interpolated_share,
+                "0 to 0.5",
+            );
         }
         self.liveness.check(self.channels)?;
         if self.classifier.is_regression() {
@@ -336,13 +340,13 @@ impl EmgConfig {
             self.two_site.check(self)?;
         }
         self.check_process()?;
-        if self.rejection.is_some() && !self.classifier.has_posterior() {
-            return Err(EmgError::NothingToReject { kind: self.classifier });
+        if self.rejection_threshold.is_some() && !self.classifier.has_posterior() {
+            return Err(EmgError::RejectionWithoutPosterior { kind: self.classifier });
         }
         let increment_millis = self.increment_millis()?;
         // With a shorter age than the time between two windows the stream would always be stale.
-        if (self.max_age_millis as f64) < increment_millis {
-            return Err(EmgError::Age { max_age_millis: self.max_age_millis, increment_millis });
+        if (self.stale_timeout_ms as f64) < increment_millis {
+            return Err(EmgError::StaleTimeout { stale_timeout_ms: self.stale_timeout_ms, increment_millis });
         }
         Ok(())
     }
@@ -375,9 +379,12 @@ mod tests {
         assert!(refused(|c| c.window = WindowLength::Millis(f64::NAN)).contains("NaN"));
         assert!(refused(|c| c.window = WindowLength::Samples(2)).contains("at least 3"));
         assert!(refused(|c| c.increment = WindowLength::Samples(0)).contains("at least 1"));
-        assert!(refused(|c| c.rejection = Some(1.0)).contains("rejection is 1, expected at least 0"));
-        assert!(refused(|c| c.rejection = Some(f64::NAN)).contains("NaN"));
-        assert!(refused(|c| c.majority = NonZeroU32::new(65)).contains("65"));
+        assert!(
+            refused(|c| c.rejection_threshold = Some(1.0))
+                .contains("rejection_threshold is 1, expected at least 0")
+        );
+        assert!(refused(|c| c.rejection_threshold = Some(f64::NAN)).contains("NaN"));
+        assert!(refused(|c| c.majority_vote_windows = NonZeroU32::new(65)).contains("65"));
         assert!(refused(|c| c.wamp_threshold = f64::NAN).contains("wamp_threshold"));
         assert!(
             refused(|c| {
@@ -387,24 +394,30 @@ mod tests {
             .contains("6 with AR4")
         );
         assert!(
-            refused(|c| c.bridge.longest_ms = 1001).contains("bridge.longest_ms is 1001, expected at most")
+            refused(|c| c.gap_interpolation.max_gap_ms = 1001)
+                .contains("gap_interpolation.max_gap_ms is 1001, expected at most")
         );
         assert!(
-            refused(|c| c.bridge.most_share = 0.6).contains("bridge.most_share is 0.6, expected 0 to 0.5")
+            refused(|c| c.gap_interpolation.max_interpolated_share = 0.6)
+                .contains("gap_interpolation.max_interpolated_share is 0.6, expected 0 to 0.5")
         );
-        assert!(refused(|c| c.max_age_millis = 49).contains("every 50 ms"));
+        assert!(refused(|c| c.stale_timeout_ms = 49).contains("every 50 ms"));
     }
 
     #[test]
     fn toml_gives_the_defaults_and_refuses_unknown_keys() {
         assert_eq!(toml::from_str::<EmgConfig>(""), Ok(EmgConfig::default()));
         let config: EmgConfig =
-            toml::from_str("window = { samples = 20 }\nrule = \"strict\"\nfeatures = \"HTD\"")
+            toml::from_str("window = { samples = 20 }\npublish_rule = \"strict\"\nfeatures = \"HTD\"")
                 .expect("valid settings");
-        assert_eq!((config.window, config.rule), (WindowLength::Samples(20), RuleKind::Strict));
+        assert_eq!((config.window, config.publish_rule), (WindowLength::Samples(20), PublishRule::Strict));
         let config: EmgConfig =
-            toml::from_str("features = \"MAV,AR\"\nrejection = 0.9\nmajority = 5").expect("valid settings");
-        assert_eq!((config.features.to_string().as_str(), config.rejection), ("MAV,AR4", Some(0.9)));
+            toml::from_str("features = \"MAV,AR\"\nrejection_threshold = 0.9\nmajority_vote_windows = 5")
+                .expect("valid settings");
+        assert_eq!(
+            (config.features.to_string().as_str(), config.rejection_threshold),
+            ("MAV,AR4", Some(0.9))
+        );
         let error = toml::from_str::<EmgConfig>("features = \"MAVS\"").expect_err("misspelt").to_string();
         assert!(error.contains("\"MAVS\" is no EMG feature"), "{error}");
         let error = toml::from_str::<EmgConfig>("windw = 3").expect_err("misspelt").to_string();

@@ -1,6 +1,6 @@
-use crate::{EmgConfig, LARGEST_MAJORITY, RuleKind};
+use crate::{EmgConfig, MAX_MAJORITY_VOTE_WINDOWS, PublishRule};
 use arrayvec::ArrayVec;
-use proact_types::{GestureName, SimTime};
+use proact_types::{Gesture, SimTime};
 use std::num::NonZeroU32;
 
 /// The most frequent of the newest classes, LibEMG's majority vote: fewer votes at the start; rejected windows (none)
@@ -8,17 +8,17 @@ use std::num::NonZeroU32;
 #[derive(Clone, Debug)]
 pub struct MajorityVote {
     votes: usize,
-    newest: ArrayVec<Option<GestureName>, { LARGEST_MAJORITY as usize }>,
+    newest: ArrayVec<Option<Gesture>, { MAX_MAJORITY_VOTE_WINDOWS as usize }>,
 }
 
 impl MajorityVote {
-    /// A vote over the newest `votes` classes, at most [`LARGEST_MAJORITY`].
+    /// A vote over the newest `votes` classes, at most [`MAX_MAJORITY_VOTE_WINDOWS`].
     pub fn new(votes: NonZeroU32) -> Self {
-        MajorityVote { votes: votes.get().min(LARGEST_MAJORITY) as usize, newest: ArrayVec::new() }
+        MajorityVote { votes: votes.get().min(MAX_MAJORITY_VOTE_WINDOWS) as usize, newest: ArrayVec::new() }
     }
 
     /// Takes the class of a window, or none if it was rejected; returns the winner.
-    pub fn push(&mut self, class: Option<GestureName>) -> Option<GestureName> {
+    pub fn push(&mut self, class: Option<Gesture>) -> Option<Gesture> {
         if self.newest.len() == self.votes {
             self.newest.remove(0);
         }
@@ -45,9 +45,9 @@ impl MajorityVote {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Decision {
     /// The gesture in force.
-    pub gesture: GestureName,
-    /// A message goes out: always under [`RuleKind::Hold`], on a full run of equal classes under
-    /// [`RuleKind::Strict`], always when the stream became stale.
+    pub gesture: Gesture,
+    /// A message goes out: always under [`PublishRule::Hold`], on a full run of equal classes under
+    /// [`PublishRule::Strict`], always when the stream became stale.
     pub published: bool,
     /// No output came for longer than the allowed age, so the arm must stop.
     pub stale: bool,
@@ -61,17 +61,17 @@ pub struct Decision {
 /// Known weakness: it filters isolated errors only; a burst of wrong windows as long as the run passes.
 #[derive(Clone, Debug)]
 pub struct DecisionRule {
-    kind: RuleKind,
-    required: u32,
-    first_output_acts: bool,
-    max_age_millis: u64,
-    rest: GestureName,
-    held: GestureName,
+    publish_rule: PublishRule,
+    consecutive_decisions: u32,
+    act_on_first_window: bool,
+    stale_timeout_ms: u64,
+    rest: Gesture,
+    current_gesture: Gesture,
     /// Class of the present run; none while windows are rejected.
-    candidate: Option<GestureName>,
+    candidate: Option<Gesture>,
     streak: u32,
     /// Windows in a row that contradict the motion in force.
-    doubts: u32,
+    contradicting_windows: u32,
     outputs: u32,
     /// Time of the last output, or of the first step before there was one.
     last_output_at: Option<SimTime>,
@@ -82,18 +82,18 @@ pub struct DecisionRule {
 }
 
 impl DecisionRule {
-    /// A rule that starts at [`EmgConfig::rest`]; age counts from the first step.
+    /// A rule that starts at [`EmgConfig::reset`]; age counts from the first step.
     pub fn new(config: &EmgConfig) -> Self {
         DecisionRule {
-            kind: config.rule,
-            required: config.required.get(),
-            first_output_acts: config.first_output_acts,
-            max_age_millis: config.max_age_millis,
+            publish_rule: config.publish_rule,
+            consecutive_decisions: config.consecutive_decisions.get(),
+            act_on_first_window: config.act_on_first_window,
+            stale_timeout_ms: config.stale_timeout_ms,
             rest: config.rest,
-            held: config.rest,
+            current_gesture: config.rest,
             candidate: Some(config.rest),
             streak: 0,
-            doubts: 0,
+            contradicting_windows: 0,
             outputs: 0,
             last_output_at: None,
             armed: true,
@@ -103,7 +103,7 @@ impl DecisionRule {
 
     /// Advances to `now` with the classifier's output at that time, if there was one. None while nothing is due;
     /// a silence is reported once, when it exceeds the allowed age.
-    pub fn step(&mut self, now: SimTime, output: Option<GestureName>) -> Option<Decision> {
+    pub fn step(&mut self, now: SimTime, output: Option<Gesture>) -> Option<Decision> {
         match output {
             Some(output) => Some(self.decide(now, Some(output))),
             None => self.check_age(now),
@@ -120,36 +120,40 @@ impl DecisionRule {
     /// confirms the motion in force, or counts towards a stop; it never begins a motion, nor lets gestures through again
     /// after a silence. As many windows in a row as change the gesture, of which one or more were bridged and none is of
     /// the motion in force, stop it.
-    pub fn bridged(&mut self, now: SimTime, class: Option<GestureName>) -> Decision {
-        let confirms = class == Some(self.held) && self.held != self.rest;
+    pub fn step_interpolated(&mut self, now: SimTime, class: Option<Gesture>) -> Decision {
+        let confirms = class == Some(self.current_gesture) && self.current_gesture != self.rest;
         if confirms || (self.armed && (class.is_none() || class == Some(self.rest))) {
             return self.decide(now, class);
         }
-        self.hear(now);
+        self.record_output(now);
         // What runs on is neither broken by a window of the same class nor completed by it.
         if class != self.candidate {
             (self.candidate, self.streak) = (class, 0);
         }
-        self.doubt();
-        Decision { gesture: self.held, published: self.kind == RuleKind::Hold, stale: false }
+        self.count_contradiction();
+        Decision {
+            gesture: self.current_gesture,
+            published: self.publish_rule == PublishRule::Hold,
+            stale: false,
+        }
     }
 
     /// A window contradicts the motion in force.
-    fn doubt(&mut self) {
-        self.doubts = self.doubts.saturating_add(1);
-        if self.doubts >= self.required {
-            self.held = self.rest;
+    fn count_contradiction(&mut self) {
+        self.contradicting_windows = self.contradicting_windows.saturating_add(1);
+        if self.contradicting_windows >= self.consecutive_decisions {
+            self.current_gesture = self.rest;
         }
     }
 
     /// The stream is not that of a living arm: the arm must stop. Some if that is news, until the next output.
-    pub fn fail(&mut self) -> Option<Decision> {
-        let news = !self.stale;
-        self.held = self.rest;
+    pub fn mark_stale(&mut self) -> Option<Decision> {
+        let becomes_stale = !self.stale;
+        self.current_gesture = self.rest;
         self.streak = 0;
         self.armed = false;
         self.stale = true;
-        news.then_some(Decision { gesture: self.rest, published: true, stale: true })
+        becomes_stale.then_some(Decision { gesture: self.rest, published: true, stale: true })
     }
 
     /// True from the moment in which the stream became stale to the next output.
@@ -162,27 +166,35 @@ impl DecisionRule {
         !self.armed
     }
 
-    fn decide(&mut self, now: SimTime, output: Option<GestureName>) -> Decision {
-        self.hear(now);
+    fn decide(&mut self, now: SimTime, output: Option<Gesture>) -> Decision {
+        self.record_output(now);
         self.outputs = self.outputs.saturating_add(1);
         self.streak = if output == self.candidate { self.streak.saturating_add(1) } else { 1 };
         self.candidate = output;
 
-        let needed = if self.first_output_acts { self.required.min(self.outputs) } else { self.required };
+        let needed = if self.act_on_first_window {
+            self.consecutive_decisions.min(self.outputs)
+        } else {
+            self.consecutive_decisions
+        };
         let unanimous = self.streak >= needed;
         if unanimous {
             self.armed |= output == Some(self.rest);
-            self.held = output.filter(|_| self.armed).unwrap_or(self.rest);
+            self.current_gesture = output.filter(|_| self.armed).unwrap_or(self.rest);
         }
         // A window of the motion in force clears all doubt. Whole windows change it by their own run, so that without a
         // bridged one between them a doubt has no effect.
-        self.doubts = if output == Some(self.held) { 0 } else { (self.doubts + 1).min(self.required - 1) };
-        let published = self.kind == RuleKind::Hold || unanimous;
-        Decision { gesture: self.held, published, stale: false }
+        self.contradicting_windows = if output == Some(self.current_gesture) {
+            0
+        } else {
+            (self.contradicting_windows + 1).min(self.consecutive_decisions - 1)
+        };
+        let published = self.publish_rule == PublishRule::Hold || unanimous;
+        Decision { gesture: self.current_gesture, published, stale: false }
     }
 
     /// An output came at `now`.
-    fn hear(&mut self, now: SimTime) {
+    fn record_output(&mut self, now: SimTime) {
         // The silence may have ended in the very tick in which it became too long.
         self.check_age(now);
         self.last_output_at = Some(now);
@@ -191,17 +203,17 @@ impl DecisionRule {
 
     fn check_age(&mut self, now: SimTime) -> Option<Decision> {
         let since = *self.last_output_at.get_or_insert(now);
-        if self.stale || now.millis_since(since) <= self.max_age_millis {
+        if self.stale || now.millis_since(since) <= self.stale_timeout_ms {
             return None;
         }
-        self.fail()
+        self.mark_stale()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proact_types::Gesture::{self, NoMotion, WristExtension, WristFlexion};
+    use proact_types::Command::{self, NoMotion, WristExtension, WristFlexion};
 
     const INCREMENT_MILLIS: u64 = 50;
 
@@ -209,7 +221,7 @@ mod tests {
         DecisionRule::new(&EmgConfig::default())
     }
 
-    fn feed(rule: &mut DecisionRule, from: u64, outputs: &[Gesture]) -> Vec<GestureName> {
+    fn feed(rule: &mut DecisionRule, from: u64, outputs: &[Command]) -> Vec<Gesture> {
         outputs
             .iter()
             .enumerate()
@@ -234,7 +246,7 @@ mod tests {
 
     #[test]
     fn the_original_start_lets_the_first_output_act_and_a_mixed_start_not() {
-        let original = || DecisionRule::new(&EmgConfig { first_output_acts: true, ..EmgConfig::default() });
+        let original = || DecisionRule::new(&EmgConfig { act_on_first_window: true, ..EmgConfig::default() });
         assert_eq!(feed(&mut original(), 0, &[WristExtension]), [WristExtension]);
         assert_eq!(
             feed(&mut original(), 0, &[WristExtension, WristFlexion, WristFlexion, WristFlexion]),
@@ -248,8 +260,7 @@ mod tests {
         feed(&mut rule, 0, &[WristExtension; 2]);
         assert_eq!(rule.reject(SimTime(100)).gesture, NoMotion);
         assert_eq!(feed(&mut rule, 150, &[WristExtension; 3]), [NoMotion, NoMotion, WristExtension]);
-        let held: Vec<GestureName> =
-            (0..3).map(|k: u64| rule.reject(SimTime(300 + k * 50)).gesture).collect();
+        let held: Vec<Gesture> = (0..3).map(|k: u64| rule.reject(SimTime(300 + k * 50)).gesture).collect();
         assert_eq!(held, [WristExtension, WristExtension, NoMotion]);
         assert_eq!(rule.step(SimTime(500), None), None, "rejected windows are no silence");
     }
@@ -257,11 +268,11 @@ mod tests {
     #[test]
     fn a_bridged_window_confirms_or_stops_and_never_begins_a_motion() {
         let at = |k: u64| SimTime(k * INCREMENT_MILLIS);
-        let (held, other) = (GestureName::from(WristExtension), GestureName::from(WristFlexion));
-        let begin = |bridged: &[bool], class: GestureName| {
+        let (held, other) = (Gesture::from(WristExtension), Gesture::from(WristFlexion));
+        let begin = |bridged: &[bool], class: Gesture| {
             let mut rule = rule();
             let gesture = |(k, bridged): (u64, &bool)| match bridged {
-                true => rule.bridged(at(k), Some(class)).gesture,
+                true => rule.step_interpolated(at(k), Some(class)).gesture,
                 false => rule.decide(at(k), Some(class)).gesture,
             };
             (0..).zip(bridged).map(gesture).collect::<Vec<_>>()
@@ -276,8 +287,8 @@ mod tests {
             feed(&mut rule, 0, &[WristExtension; 3]);
             rule
         };
-        let bridged = |rule: &mut DecisionRule, classes: &[GestureName]| -> Vec<GestureName> {
-            (3..).zip(classes).map(|(k, class)| rule.bridged(at(k), Some(*class)).gesture).collect()
+        let bridged = |rule: &mut DecisionRule, classes: &[Gesture]| -> Vec<Gesture> {
+            (3..).zip(classes).map(|(k, class)| rule.step_interpolated(at(k), Some(*class)).gesture).collect()
         };
         assert_eq!(bridged(&mut moving(), &[held; 9]), [WristExtension; 9], "held through losses");
         let stopped = [WristExtension, WristExtension, NoMotion, NoMotion];
@@ -299,7 +310,10 @@ mod tests {
         let mut rule = moving();
         assert!(rule.step(SimTime(1000), None).is_some_and(|d| d.stale));
         for k in 0..9 {
-            assert_eq!(rule.bridged(SimTime(1000 + 50 * k), Some(NoMotion.into())).gesture, NoMotion);
+            assert_eq!(
+                rule.step_interpolated(SimTime(1000 + 50 * k), Some(NoMotion.into())).gesture,
+                NoMotion
+            );
         }
         assert!(rule.is_disarmed());
         feed(&mut rule, 1450, &[NoMotion; 3]);
@@ -310,7 +324,7 @@ mod tests {
     fn the_most_frequent_of_the_newest_classes_wins_and_ties_go_to_the_first() {
         let mut votes = MajorityVote::new(NonZeroU32::new(3).expect("three"));
         let mut vote =
-            |class: Option<Gesture>| votes.push(class.map(Into::into)).and_then(GestureName::namesake);
+            |class: Option<Command>| votes.push(class.map(Into::into)).and_then(Gesture::same_named_command);
         assert_eq!(vote(Some(WristFlexion)), Some(WristFlexion));
         assert_eq!(vote(Some(WristExtension)), Some(WristExtension), "one each: the first in order");
         assert_eq!(vote(None), None, "one each: rejected before all");
@@ -321,7 +335,8 @@ mod tests {
 
     #[test]
     fn the_strict_rule_sends_only_full_runs() {
-        let mut rule = DecisionRule::new(&EmgConfig { rule: RuleKind::Strict, ..EmgConfig::default() });
+        let mut rule =
+            DecisionRule::new(&EmgConfig { publish_rule: PublishRule::Strict, ..EmgConfig::default() });
         let outputs = [WristExtension, WristExtension, WristExtension, WristFlexion, WristExtension];
         let sent: Vec<bool> = outputs
             .iter()

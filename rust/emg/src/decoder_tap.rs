@@ -1,4 +1,4 @@
-use crate::process::{DecoderProcess, ProcessConfig, WindowLine};
+use crate::decoder_process::{DecodeRequest, DecoderProcess, DecoderProcessConfig};
 use crate::{Classifier, EmgConfig, Prediction, WindowView};
 use proact_types::{SimTime, WindowAnswer};
 use std::{
@@ -11,15 +11,15 @@ use std::{
 /// instead of asking, which is how a replay runs.
 #[derive(Clone, Default)]
 pub(crate) struct DecoderTap {
-    config: Option<ProcessConfig>,
+    config: Option<DecoderProcessConfig>,
     /// None in a replay.
     process: Option<Arc<Mutex<Box<dyn DecoderProcess>>>>,
     /// Windows so far.
-    asked: u64,
+    request_count: u64,
     /// What the log has for this step.
-    logged: VecDeque<WindowAnswer>,
+    logged_answers: VecDeque<WindowAnswer>,
     /// What was answered in this step.
-    given: Vec<WindowAnswer>,
+    answers: Vec<WindowAnswer>,
     /// Windows of this step without a decision.
     undecided: usize,
     /// Why the newest window has no decision.
@@ -28,13 +28,16 @@ pub(crate) struct DecoderTap {
 
 impl fmt::Debug for DecoderTap {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("DecoderTap").field("config", &self.config).field("asked", &self.asked).finish()
+        f.debug_struct("DecoderTap")
+            .field("config", &self.config)
+            .field("asked", &self.request_count)
+            .finish()
     }
 }
 
 /// Why a window has no decision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Undecided {
+pub(crate) enum DecodeFailure {
     /// The answer has not come in time: as good as a window that was lost.
     Late,
     /// There is no process any more, or what it says cannot be used.
@@ -52,15 +55,15 @@ impl DecoderTap {
 
     /// A step begins, for which the log has `answers`.
     pub(crate) fn begin(&mut self, answers: &[WindowAnswer]) {
-        self.logged.clear();
-        self.logged.extend(answers.iter().cloned());
-        self.given.clear();
+        self.logged_answers.clear();
+        self.logged_answers.extend(answers.iter().cloned());
+        self.answers.clear();
         self.undecided = 0;
     }
 
     /// What was answered in this step.
-    pub(crate) fn given(&self) -> &[WindowAnswer] {
-        &self.given
+    pub(crate) fn answers(&self) -> &[WindowAnswer] {
+        &self.answers
     }
 
     /// Whether a window of this step has no decision.
@@ -80,20 +83,20 @@ impl DecoderTap {
         window: &WindowView<'_>,
         features: &[f64],
         classifier: &Classifier,
-    ) -> Result<Prediction, Undecided> {
-        self.asked += 1;
+    ) -> Result<Prediction, DecodeFailure> {
+        self.request_count += 1;
         let answer = self.answer(now, window, features);
         let decoded = match &answer {
-            WindowAnswer::Line(line) => {
-                classifier.read_answer(self.asked, line).map_err(|reason| (Undecided::Failed, reason))
-            }
-            WindowAnswer::Late { deadline_ms } => {
+            WindowAnswer::Line(line) => classifier
+                .parse_response(self.request_count, line)
+                .map_err(|reason| (DecodeFailure::Failed, reason)),
+            WindowAnswer::TimedOut { deadline_ms } => {
                 let reason = format!("it has not answered within {deadline_ms} ms");
-                Err((Undecided::Late, reason))
+                Err((DecodeFailure::Late, reason))
             }
-            WindowAnswer::Failed(reason) => Err((Undecided::Failed, reason.clone())),
+            WindowAnswer::Failed(reason) => Err((DecodeFailure::Failed, reason.clone())),
         };
-        self.given.push(answer);
+        self.answers.push(answer);
         match decoded {
             Ok(prediction) => {
                 self.fault = None;
@@ -108,13 +111,13 @@ impl DecoderTap {
     }
 
     fn answer(&mut self, now: SimTime, window: &WindowView<'_>, features: &[f64]) -> WindowAnswer {
-        if let Some(logged) = self.logged.pop_front() {
+        if let Some(logged) = self.logged_answers.pop_front() {
             return logged;
         }
         let (Some(config), Some(process)) = (&self.config, &self.process) else {
             return WindowAnswer::Failed("nobody was asked".to_owned());
         };
-        let line = WindowLine::new(config.input, self.asked, now, window, features).text();
-        process.lock().unwrap_or_else(PoisonError::into_inner).ask(self.asked, &line)
+        let line = DecodeRequest::new(config.input, self.request_count, now, window, features).text();
+        process.lock().unwrap_or_else(PoisonError::into_inner).decode(self.request_count, &line)
     }
 }

@@ -1,31 +1,31 @@
 //! What tells the classes of feature vectors apart: one type for each [`ClassifierKind`], behind [`Discriminant`].
 
-mod forest;
+mod external;
+mod k_nearest_neighbors;
+mod muscle_sites;
 mod naive_bayes;
-mod neighbours;
-mod outside;
-mod quadratic;
+mod quadratic_discriminant;
+mod random_forest;
 mod regressor;
 mod sigmoid;
-mod sites;
-mod support_vectors;
+mod support_vector_machine;
 
 use crate::lda::softmax;
 use crate::{EmgConfig, EmgError, Lda};
 use nalgebra::DMatrix;
-use proact_types::{Drives, GestureName};
+use proact_types::{Drives, Gesture};
 use serde::{Deserialize, Serialize};
 use std::{fmt, str::FromStr};
 
-pub(crate) use forest::Forest;
+pub(crate) use external::ExternalDiscriminant;
+pub(crate) use k_nearest_neighbors::KNearestNeighbors;
+pub use muscle_sites::MuscleSite;
+pub(crate) use muscle_sites::MuscleSites;
 pub(crate) use naive_bayes::NaiveBayes;
-pub(crate) use neighbours::Neighbours;
-pub(crate) use outside::Outside;
-pub(crate) use quadratic::Quadratic;
+pub(crate) use quadratic_discriminant::QuadraticDiscriminant;
+pub(crate) use random_forest::RandomForest;
 pub(crate) use regressor::Regressor;
-pub use sites::Site;
-pub(crate) use sites::Sites;
-pub(crate) use support_vectors::SupportVectors;
+pub(crate) use support_vector_machine::SupportVectorMachine;
 
 /// How windows are told apart. The names are LibEMG's, in small letters; the definitions are scikit-learn's with its
 /// default options, with one exception: features are standardised for `svm` and `knn`, which depend on their scale.
@@ -56,7 +56,7 @@ pub enum ClassifierKind {
     /// Direct control: the mean absolute value of one channel for each of two gestures, and switching by co-contraction
     /// ([`crate::TwoSiteConfig`]).
     TwoSite,
-    /// A process of any language that tells gestures apart ([`crate::ProcessConfig`]).
+    /// A process of any language that tells gestures apart ([`crate::DecoderProcessConfig`]).
     Process,
     /// A process of any language that drives degrees of freedom.
     ProcessRegressor,
@@ -122,15 +122,15 @@ impl FromStr for ClassifierKind {
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Discriminant {
     Lda(Lda),
-    Qda(Quadratic),
+    Qda(QuadraticDiscriminant),
     Nb(NaiveBayes),
-    Knn(Neighbours),
-    Svm(SupportVectors),
-    Rf(Forest),
+    Knn(KNearestNeighbors),
+    Svm(SupportVectorMachine),
+    Rf(RandomForest),
     Linear(Regressor),
     Ridge(Regressor),
-    TwoSite(Sites),
-    Process(Outside),
+    TwoSite(MuscleSites),
+    Process(ExternalDiscriminant),
 }
 
 /// What a discriminant learns from: `[windows][features]` and the class of each window.
@@ -139,17 +139,17 @@ pub(crate) struct TrainingSet<'a> {
     pub(crate) labels: &'a [usize],
     pub(crate) classes: usize,
     /// The gesture of each class.
-    pub(crate) gestures: &'a [GestureName],
+    pub(crate) gestures: &'a [Gesture],
 }
 
 impl TrainingSet<'_> {
     /// Places of the windows of a class.
     fn of_class(&self, class: usize) -> impl Iterator<Item = usize> {
-        self.labels.iter().enumerate().filter(move |(_, label)| **label == class).map(|(place, _)| place)
+        self.labels.iter().enumerate().filter(move |(_, label)| **label == class).map(|(index, _)| index)
     }
 
     /// Mean of each feature and its population standard deviation; one where a feature is constant.
-    fn scale(&self) -> (Vec<f64>, Vec<f64>) {
+    fn mean_and_sd(&self) -> (Vec<f64>, Vec<f64>) {
         let count = self.samples.nrows() as f64;
         let column = |c: nalgebra::DVectorView<'_, f64>| {
             let mean = c.sum() / count;
@@ -160,7 +160,7 @@ impl TrainingSet<'_> {
     }
 
     /// The windows with mean 0 and deviation 1 of each feature, one after the other.
-    fn standardised(&self, mean: &[f64], spread: &[f64]) -> Vec<f64> {
+    fn standardized(&self, mean: &[f64], spread: &[f64]) -> Vec<f64> {
         let row = |row: usize| {
             (0..self.samples.ncols()).map(move |j| (self.samples[(row, j)] - mean[j]) / spread[j])
         };
@@ -177,26 +177,28 @@ impl Discriminant {
             ClassifierKind::TwoSite => Vec::new(),
             _ => crate::lda::check(set.samples, set.labels, set.classes)?,
         };
-        let priors = config.priors.of(&counts);
+        let priors = config.priors.class_priors(&counts);
         let regress = |alpha| Regressor::fit(set, &config.regression, config.rest, alpha);
         Ok(match config.classifier {
             ClassifierKind::Lda => Discriminant::Lda(Lda::fit_with_priors(
                 set.samples,
                 set.labels,
                 set.classes,
-                config.normalisation,
+                config.covariance_normalization,
                 config.priors,
             )?),
-            ClassifierKind::Qda => Discriminant::Qda(Quadratic::fit(set, &priors, config.normalisation)?),
+            ClassifierKind::Qda => {
+                Discriminant::Qda(QuadraticDiscriminant::fit(set, &priors, config.covariance_normalization)?)
+            }
             ClassifierKind::Nb => Discriminant::Nb(NaiveBayes::fit(set, &priors)?),
-            ClassifierKind::Knn => Discriminant::Knn(Neighbours::fit(set)),
-            ClassifierKind::Svm => Discriminant::Svm(SupportVectors::fit(set)?),
-            ClassifierKind::Rf => Discriminant::Rf(Forest::fit(set)),
+            ClassifierKind::Knn => Discriminant::Knn(KNearestNeighbors::fit(set)),
+            ClassifierKind::Svm => Discriminant::Svm(SupportVectorMachine::fit(set)?),
+            ClassifierKind::Rf => Discriminant::Rf(RandomForest::fit(set)),
             ClassifierKind::Linear => Discriminant::Linear(regress(0.0)?),
-            ClassifierKind::Ridge => Discriminant::Ridge(regress(config.regression.alpha)?),
-            ClassifierKind::TwoSite => Discriminant::TwoSite(Sites::fit(set, config)?),
+            ClassifierKind::Ridge => Discriminant::Ridge(regress(config.regression.ridge_alpha)?),
+            ClassifierKind::TwoSite => Discriminant::TwoSite(MuscleSites::fit(set, config)?),
             ClassifierKind::Process | ClassifierKind::ProcessRegressor => {
-                return Err(EmgError::AsksProcess { what: "train" });
+                return Err(EmgError::NeedsProcess { what: "train" });
             }
         })
     }
@@ -273,7 +275,7 @@ impl Discriminant {
             Discriminant::Ridge(d) => Discriminant::Ridge(d.map_features(order)),
             Discriminant::TwoSite(d) => Discriminant::TwoSite(d.map_features(order)),
             // It may know the channels by their places.
-            Discriminant::Process(_) => return Err(EmgError::AsksProcess { what: "turn" }),
+            Discriminant::Process(_) => return Err(EmgError::NeedsProcess { what: "turn" }),
         })
     }
 
@@ -306,12 +308,12 @@ impl Discriminant {
     }
 
     /// The sites of direct control; none of another kind.
-    pub(crate) fn sites(&self) -> Option<&Sites> {
+    pub(crate) fn sites(&self) -> Option<&MuscleSites> {
         if let Discriminant::TwoSite(d) = self { Some(d) } else { None }
     }
 
     /// What is known of a decoder in another process; none of another kind.
-    pub(crate) fn outside(&self) -> Option<&Outside> {
+    pub(crate) fn external(&self) -> Option<&ExternalDiscriminant> {
         if let Discriminant::Process(d) = self { Some(d) } else { None }
     }
 

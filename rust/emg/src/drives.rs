@@ -6,7 +6,7 @@ use proact_types::Drives;
 #[derive(Clone, Debug)]
 pub(crate) struct DriveFilter {
     /// Of the way that smoothed drives take with each window.
-    share: f64,
+    smoothing_factor: f64,
     dead_band: f64,
     smoothed: Drives,
 }
@@ -18,7 +18,7 @@ impl DriveFilter {
     /// An increment that cannot be.
     pub(crate) fn new(config: &EmgConfig, count: usize) -> Result<Self, EmgError> {
         Ok(DriveFilter {
-            share: config.regression.smoothing_share(config.increment_millis()?),
+            smoothing_factor: config.regression.smoothing_factor(config.increment_millis()?),
             dead_band: config.regression.dead_band,
             smoothed: (0..count).map(|_| 0.0).collect(),
         })
@@ -27,14 +27,14 @@ impl DriveFilter {
     /// Takes the drives of a window.
     pub(crate) fn step(&mut self, window: &Drives) -> Drives {
         for (smoothed, drive) in self.smoothed.iter_mut().zip(window) {
-            *smoothed = self.share * drive + (1.0 - self.share) * *smoothed;
+            *smoothed = self.smoothing_factor * drive + (1.0 - self.smoothing_factor) * *smoothed;
         }
         let beyond = |drive: &f64| if drive.abs() > self.dead_band { *drive } else { 0.0 };
         self.smoothed.iter().map(beyond).collect()
     }
 
     /// All zero, at once: what was smoothed before is forgotten.
-    pub(crate) fn rest(&mut self) -> Drives {
+    pub(crate) fn reset(&mut self) -> Drives {
         self.smoothed.iter_mut().for_each(|drive| *drive = 0.0);
         self.smoothed.clone()
     }

@@ -1,13 +1,13 @@
 use crate::WindowLength;
 use crate::feature::known_names;
-use proact_types::{DegreeOfFreedom, GestureName, MAX_EMG_CHANNELS, MAX_GESTURES, number_text};
+use proact_types::{DegreeOfFreedom, Gesture, MAX_EMG_CHANNELS, MAX_GESTURES, format_number};
 
 /// What can be wrong with settings, training data or features.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum EmgError {
     /// No usable sample rate.
-    #[error("EMG rate is {} Hz, expected 1 to 1000000", number_text(*rate_hz))]
+    #[error("EMG rate is {} Hz, expected 1 to 1000000", format_number(*rate_hz))]
     Rate {
         /// As given.
         rate_hz: f64,
@@ -36,7 +36,7 @@ pub enum EmgError {
     #[error(
         "{length:?} is {} samples at {rate_hz} Hz, expected at least 3 for a window, 5 with SAMPEN or FUZZYEN, 6 with AR4 or CC, \
          at least 1 for an increment, and at most 600000 for either",
-        number_text(*samples)
+        format_number(*samples)
     )]
     Length {
         /// As given.
@@ -48,12 +48,12 @@ pub enum EmgError {
     },
     /// Windows come too rarely for the allowed age.
     #[error(
-        "the stream would count as stale after {max_age_millis} ms, but windows come only every \
-         {increment_millis} ms, expected no more than max_age_millis: raise it or shorten the increment"
+        "the stream would count as stale after {stale_timeout_ms} ms, but windows come only every \
+         {increment_millis} ms, expected no more than stale_timeout_ms: raise it or shorten the increment"
     )]
-    Age {
+    StaleTimeout {
         /// As given.
-        max_age_millis: u64,
+        stale_timeout_ms: u64,
         /// Time between two windows.
         increment_millis: f64,
     },
@@ -122,9 +122,9 @@ pub enum EmgError {
          for each, none of them the rest gesture",
         if *rests { "the rest gesture" } else { "another's already" }
     )]
-    DrivenTwice {
+    DuplicateDriveGesture {
         /// The gesture.
-        gesture: GestureName,
+        gesture: Gesture,
         /// The degree of freedom that has it too.
         drive: String,
         /// It is that of the relaxed hand.
@@ -142,7 +142,7 @@ pub enum EmgError {
         /// The degree of freedom that it drives.
         drive: String,
         /// Gestures of the training data.
-        known: Vec<GestureName>,
+        known: Vec<Gesture>,
     },
     /// Recordings of a gesture that drives nothing.
     #[error(
@@ -152,7 +152,7 @@ pub enum EmgError {
     )]
     UnpairedGesture {
         /// The gesture.
-        gesture: GestureName,
+        gesture: Gesture,
         /// The degrees of freedom.
         drives: Vec<DegreeOfFreedom>,
     },
@@ -164,19 +164,19 @@ pub enum EmgError {
     },
     /// Windows cannot be rejected by a probability that there is not.
     #[error(
-        "emg.rejection is set, but {kind} gives no probability of a gesture to reject windows by: leave it out"
+        "emg.rejection_threshold is set, but {kind} gives no probability of a gesture to reject windows by: leave it out"
     )]
-    NothingToReject {
+    RejectionWithoutPosterior {
         /// What decodes.
         kind: crate::ClassifierKind,
     },
     /// Settings of a classifier with a regressor, or the other way round.
     #[error(
-        "emg.classifier is {asked}, but the model is {trained}: leave the setting to the model, or train anew"
+        "emg.classifier is {requested}, but the model is {trained}: leave the setting to the model, or train anew"
     )]
-    OtherDecoder {
+    ClassifierMismatch {
         /// In the settings.
-        asked: crate::ClassifierKind,
+        requested: crate::ClassifierKind,
         /// Of the model.
         trained: crate::ClassifierKind,
     },
@@ -189,9 +189,9 @@ pub enum EmgError {
     /// A classifier that is another process cannot be had by itself.
     #[error(
         "a process decodes the windows, which this cannot {what} by itself: make a model with proact emg train --classifier \
-         process --process FILE, and give that with --emg-model or --model"
+         process --decoder-process FILE, and give that with --emg-model or --model"
     )]
-    AsksProcess {
+    NeedsProcess {
         /// Such as `train`.
         what: &'static str,
     },
@@ -240,9 +240,9 @@ pub enum EmgError {
     )]
     NoRest {
         /// The rest gesture of the settings.
-        rest: GestureName,
+        rest: Gesture,
         /// The gestures of the classifier.
-        known: Vec<GestureName>,
+        known: Vec<Gesture>,
     },
     /// The covariance within the classes cannot be estimated.
     #[error("training data has {windows} windows of {classes} gestures, at least {} are needed", classes + 1)]
@@ -288,7 +288,7 @@ pub enum EmgError {
     },
     /// A gesture that the classifier was not trained on.
     #[error("the classifier was not trained on {0}")]
-    NotTrained(GestureName),
+    NotTrained(Gesture),
     /// A feature or group that does not exist.
     #[error("{name:?} is no EMG feature or group; known are {}", known_names())]
     UnknownFeature {
@@ -299,8 +299,8 @@ pub enum EmgError {
     #[error("the list of EMG features is empty, expected at least one")]
     NoFeatures,
     /// A threshold outside its range.
-    #[error("{name} is {}, expected {expected}", number_text(*value))]
-    Threshold {
+    #[error("{name} is {}, expected {expected}", format_number(*value))]
+    OutOfRange {
         /// Which one.
         name: &'static str,
         /// As given.
@@ -316,7 +316,7 @@ pub enum EmgError {
     },
     /// Zero levels that do not fit the stream.
     #[error("got {got} zero levels, expected {expected} finite numbers, one a channel, or none")]
-    Centring {
+    DcOffsetCount {
         /// Levels handed in.
         got: usize,
         /// Channels of the stream.
@@ -324,17 +324,19 @@ pub enum EmgError {
     },
     /// A model that was trained on another stream.
     #[error("the model does not fit the stream: {reasons}; calibrate again or choose another model")]
-    DoesNotFit {
+    StreamMismatch {
         /// All of them.
         reasons: String,
     },
     /// Settings that a trained model cannot take.
-    #[error("{key} is {asked}, the model was trained with {trained}; train another one (proact emg train)")]
-    TrainedOtherwise {
+    #[error(
+        "{key} is {requested}, the model was trained with {trained}; train another one (proact emg train)"
+    )]
+    TrainingMismatch {
         /// The setting, as in the configuration of a trial.
         key: &'static str,
         /// What was asked for.
-        asked: String,
+        requested: String,
         /// What the training had.
         trained: String,
     },
@@ -348,7 +350,7 @@ pub enum EmgError {
     #[error("{gesture} has {got} repetitions, at least 2 are needed to test each on the others")]
     TooFewRepetitions {
         /// Which gesture.
-        gesture: GestureName,
+        gesture: Gesture,
         /// Its repetitions.
         got: usize,
     },
@@ -356,7 +358,7 @@ pub enum EmgError {
     #[error("{gesture} is asked for twice in a round, expected each gesture once")]
     RepeatedGesture {
         /// Which gesture.
-        gesture: GestureName,
+        gesture: Gesture,
     },
     /// A repetition with too long a gap, too many, or a counter that falls.
     #[error("the repetition has sample {next} after {after}, expected rising counters and short, rare gaps")]
@@ -370,7 +372,7 @@ pub enum EmgError {
     #[error("the repetition of {gesture} has {got} samples, expected at least {expected}, one window")]
     ShortRepetition {
         /// Which gesture.
-        gesture: GestureName,
+        gesture: Gesture,
         /// Its samples.
         got: usize,
         /// Samples of a window.
@@ -378,12 +380,12 @@ pub enum EmgError {
     },
     /// The position of the band cannot be told.
     #[error("got {got} gesture besides no motion for the band check, expected at least 2 different ones")]
-    BandEvidence {
+    TooFewBandGestures {
         /// Different gestures other than no motion.
         got: usize,
     },
 }
 
-fn names(gestures: &[GestureName]) -> String {
-    gestures.iter().map(GestureName::as_str).collect::<Vec<_>>().join(", ")
+fn names(gestures: &[Gesture]) -> String {
+    gestures.iter().map(Gesture::as_str).collect::<Vec<_>>().join(", ")
 }

@@ -1,6 +1,7 @@
 use crate::filter::FilterBank;
 use crate::{
-    BridgeConfig, EmgConfig, EmgError, FeatureExtractor, FeatureVector, SlidingWindow, WindowLine, WindowView,
+    DecodeRequest, EmgConfig, EmgError, FeatureExtractor, FeatureVector, GapInterpolationConfig,
+    SlidingWindow, WindowView,
 };
 use fearless_simd::{Level, dispatch};
 use proact_types::{EmgSample, SimTime};
@@ -10,17 +11,17 @@ use proact_types::{EmgSample, SimTime};
 ///
 /// # Errors
 /// Settings that cannot work, or a sample with another number of channels or a value that is not finite.
-pub fn extract(config: &EmgConfig, samples: &[EmgSample]) -> Result<Vec<FeatureVector>, EmgError> {
+pub fn extract_features(config: &EmgConfig, samples: &[EmgSample]) -> Result<Vec<FeatureVector>, EmgError> {
     let mut features = Vec::new();
     each_window(config, samples, &mut |_, vector| features.push(vector))?;
     Ok(features)
 }
 
-/// [`extract`], with [`WindowView::amplitude`] of each window beside its features.
+/// [`extract_features`], with [`WindowView::amplitude`] of each window beside its features.
 ///
 /// # Errors
-/// As [`extract`].
-pub fn extract_with_amplitudes(
+/// As [`extract_features`].
+pub fn extract_features_with_amplitudes(
     config: &EmgConfig,
     samples: &[EmgSample],
 ) -> Result<(Vec<FeatureVector>, Vec<f64>), EmgError> {
@@ -34,26 +35,29 @@ pub fn extract_with_amplitudes(
 
 /// What a decoder is told of one window of a recording.
 #[derive(Clone, Debug, PartialEq)]
-pub struct WindowInput {
+pub struct DecoderInput {
     /// Its features.
     pub features: FeatureVector,
     /// The line to a process; none where the settings name no process. Its number is 0 and its time that of the recording.
-    pub line: Option<WindowLine>,
+    pub request: Option<DecodeRequest>,
 }
 
-/// What a decoder is told of every window of a recording; as [`extract`], for a decoder in another process too.
+/// What a decoder is told of every window of a recording; as [`extract_features`], for a decoder in another process too.
 ///
 /// # Errors
-/// As [`extract`].
-pub fn extract_inputs(config: &EmgConfig, samples: &[EmgSample]) -> Result<Vec<WindowInput>, EmgError> {
+/// As [`extract_features`].
+pub fn extract_decoder_inputs(
+    config: &EmgConfig,
+    samples: &[EmgSample],
+) -> Result<Vec<DecoderInput>, EmgError> {
     let input = config.process.as_ref().map(|process| process.input);
     let (mut windows, mut time) = (Vec::new(), config.window.samples(config.rate_hz)? as f64);
     let step = config.increment_samples()? as f64;
     each_window(config, samples, &mut |view, features| {
         let end = SimTime((1000.0 * time / config.rate_hz) as u64);
         time += step;
-        let line = input.map(|input| WindowLine::new(input, 0, end, view, &features));
-        windows.push(WindowInput { features, line });
+        let line = input.map(|input| DecodeRequest::new(input, 0, end, view, &features));
+        windows.push(DecoderInput { features, request: line });
     })?;
     Ok(windows)
 }
@@ -75,8 +79,8 @@ fn read(
     take: &mut dyn FnMut(&WindowView<'_>, FeatureVector),
 ) -> Result<(), EmgError> {
     // Nothing is trained on, or tested with, samples that nobody measured.
-    let whole = BridgeConfig { longest_ms: 0, ..config.bridge };
-    let mut window = SlidingWindow::new(&EmgConfig { bridge: whole, ..config.clone() })?;
+    let whole = GapInterpolationConfig { max_gap_ms: 0, ..config.gap_interpolation };
+    let mut window = SlidingWindow::new(&EmgConfig { gap_interpolation: whole, ..config.clone() })?;
     let mut extractor = FeatureExtractor::new(config)?;
     let mut filters = FilterBank::new(&config.filters, config.rate_hz, config.channels)?;
     for sample in samples {

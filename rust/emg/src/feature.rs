@@ -209,13 +209,13 @@ impl Feature {
     }
 
     /// How many values it has, and in which order.
-    pub(crate) fn shape(self, rate_hz: f64) -> Shape {
+    pub(crate) fn shape(self, rate_hz: f64) -> FeatureShape {
         match self {
-            Ar4 | Cc => Shape::Channels { values: AR_ORDER },
-            Dftr => Shape::Bands { bands: fourier_bands(rate_hz).count() },
-            Weng | Wv | Wwl | Went => Shape::Bands { bands: wavelet_bands(rate_hz) },
-            Rmsphasor | Wlphasor => Shape::Pairs,
-            _ => Shape::Channels { values: 1 },
+            Ar4 | Cc => FeatureShape::Channels { values: AR_ORDER },
+            Dftr => FeatureShape::Bands { bands: fourier_bands(rate_hz).count() },
+            Weng | Wv | Wwl | Went => FeatureShape::Bands { bands: wavelet_bands(rate_hz) },
+            Rmsphasor | Wlphasor => FeatureShape::Pairs,
+            _ => FeatureShape::Channels { values: 1 },
         }
     }
 
@@ -227,7 +227,7 @@ impl Feature {
 
 /// Order of the values of a feature of a window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Shape {
+pub(crate) enum FeatureShape {
     /// So many values of channel 0, then of channel 1.
     Channels { values: usize },
     /// Band 0 of all channels, then band 1.
@@ -236,12 +236,12 @@ pub(crate) enum Shape {
     Pairs,
 }
 
-impl Shape {
+impl FeatureShape {
     pub(crate) fn count(self, channels: usize) -> usize {
         match self {
-            Shape::Channels { values } => channels * values,
-            Shape::Bands { bands } => channels * bands,
-            Shape::Pairs => channels * (channels - 1),
+            FeatureShape::Channels { values } => channels * values,
+            FeatureShape::Bands { bands } => channels * bands,
+            FeatureShape::Pairs => channels * (channels - 1),
         }
     }
 }

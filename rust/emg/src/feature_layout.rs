@@ -1,4 +1,4 @@
-use crate::feature::Shape;
+use crate::feature::FeatureShape;
 use crate::{Feature, FeatureSet};
 use std::ops::Range;
 
@@ -29,11 +29,11 @@ impl FeatureLayout {
 
     /// Number of values of the EMG alone, which come first.
     pub(crate) fn emg_count(&self) -> usize {
-        self.parts().last().map_or(0, |(_, _, range)| range.end)
+        self.feature_ranges().last().map_or(0, |(_, _, range)| range.end)
     }
 
     /// The features and where the values of each stand.
-    pub(crate) fn parts(&self) -> impl Iterator<Item = (Feature, Shape, Range<usize>)> {
+    pub(crate) fn feature_ranges(&self) -> impl Iterator<Item = (Feature, FeatureShape, Range<usize>)> {
         let mut start = 0;
         self.set.features().iter().map(move |feature| {
             let shape = feature.shape(self.rate_hz);
@@ -54,8 +54,8 @@ impl FeatureLayout {
     }
 
     /// The first feature without a value: bands above half the rate, or pairs of a single channel.
-    pub(crate) fn empty(&self) -> Option<Feature> {
-        self.parts().find(|(_, _, range)| range.is_empty()).map(|(feature, _, _)| feature)
+    pub(crate) fn first_empty_feature(&self) -> Option<Feature> {
+        self.feature_ranges().find(|(_, _, range)| range.is_empty()).map(|(feature, _, _)| feature)
     }
 
     /// `MAV_ch0` and so on, in the order of the vector; `AR4_1_ch0` .. `AR4_4_ch0` for coefficients, `DFTR_1_ch0` for bands,
@@ -63,17 +63,19 @@ impl FeatureLayout {
     pub fn column_names(&self) -> Vec<String> {
         let mut names = Vec::with_capacity(self.count());
         let channels = self.channels;
-        for (feature, shape, _) in self.parts() {
+        for (feature, shape, _) in self.feature_ranges() {
             let name = feature.name();
             match shape {
-                Shape::Channels { values: 1 } => names.extend((0..channels).map(|c| format!("{name}_ch{c}"))),
-                Shape::Channels { values } => names.extend(
+                FeatureShape::Channels { values: 1 } => {
+                    names.extend((0..channels).map(|c| format!("{name}_ch{c}")))
+                }
+                FeatureShape::Channels { values } => names.extend(
                     (0..channels).flat_map(|c| (1..=values).map(move |k| format!("{name}_{k}_ch{c}"))),
                 ),
-                Shape::Bands { bands } => names.extend(
+                FeatureShape::Bands { bands } => names.extend(
                     (1..=bands).flat_map(|k| (0..channels).map(move |c| format!("{name}_{k}_ch{c}"))),
                 ),
-                Shape::Pairs => names.extend(
+                FeatureShape::Pairs => names.extend(
                     (1..=2)
                         .flat_map(|k| pairs(channels).map(move |(a, b)| format!("{name}_{k}_ch{a}_ch{b}"))),
                 ),
@@ -87,24 +89,26 @@ impl FeatureLayout {
     /// result is channel `(c + shift) mod channels` of `vector`. Means of an inertial measurement unit stay.
     ///
     /// # Panics
-    /// If a length differs from [`FeatureLayout::count`]; the caller owns both.
+    /// If a length differs from [`FeatureLayout::adc_step`]; the caller owns both.
     pub fn roll(&self, vector: &[f64], shift: usize, out: &mut [f64]) {
         let (count, channels) = (self.count(), self.channels);
         assert_eq!((vector.len(), out.len()), (count, count), "lengths of the feature vectors");
         let shift = shift % channels;
         let imu = count - self.imu..;
         out[imu.clone()].copy_from_slice(&vector[imu]);
-        for (_, shape, range) in self.parts() {
+        for (_, shape, range) in self.feature_ranges() {
             let (from, to) = (&vector[range.clone()], &mut out[range]);
             to.copy_from_slice(from);
             match shape {
-                Shape::Channels { values } => to.rotate_left(shift * values),
-                Shape::Bands { .. } => to.chunks_exact_mut(channels).for_each(|band| band.rotate_left(shift)),
-                Shape::Pairs => {
+                FeatureShape::Channels { values } => to.rotate_left(shift * values),
+                FeatureShape::Bands { .. } => {
+                    to.chunks_exact_mut(channels).for_each(|band| band.rotate_left(shift))
+                }
+                FeatureShape::Pairs => {
                     let half = from.len() / 2;
                     for (k, (a, b)) in pairs(channels).enumerate() {
-                        let place = pair_place(channels, (a + shift) % channels, (b + shift) % channels);
-                        (to[k], to[half + k]) = (from[place], from[half + place]);
+                        let index = pair_index(channels, (a + shift) % channels, (b + shift) % channels);
+                        (to[k], to[half + k]) = (from[index], from[half + index]);
                     }
                 }
             }
@@ -113,7 +117,7 @@ impl FeatureLayout {
 
     /// Where the values of a feature stand; none if the set does not have it.
     pub(crate) fn range_of(&self, feature: Feature) -> Option<Range<usize>> {
-        self.parts().find(|(of, _, _)| *of == feature).map(|(_, _, range)| range)
+        self.feature_ranges().find(|(of, _, _)| *of == feature).map(|(_, _, range)| range)
     }
 
     /// Sum of MAV over channels in a feature vector, if the set has MAV.
@@ -128,7 +132,7 @@ pub(crate) fn pairs(channels: usize) -> impl Iterator<Item = (usize, usize)> {
 }
 
 /// Place of a pair in [`pairs`].
-fn pair_place(channels: usize, one: usize, other: usize) -> usize {
+fn pair_index(channels: usize, one: usize, other: usize) -> usize {
     let (a, b) = (one.min(other), one.max(other));
     a * channels - a * (a + 1) / 2 + b - a - 1
 }
@@ -184,8 +188,8 @@ mod tests {
         let set: FeatureSet = "DFTR,WENG".parse().expect("known");
         let counts = [200.0, 1000.0, 4000.0].map(|rate| set.layout(3, rate).count());
         assert_eq!(counts, [3 * (1 + 6), 3 * (6 + 8), 3 * (6 + 10)]);
-        assert_eq!(set.layout(3, 150.0).empty(), Some(Feature::Dftr));
-        assert_eq!(layout("MAV,WLPHASOR", 1).empty(), Some(Feature::Wlphasor));
-        assert_eq!(layout("MAV,WLPHASOR", 2).empty(), None);
+        assert_eq!(set.layout(3, 150.0).first_empty_feature(), Some(Feature::Dftr));
+        assert_eq!(layout("MAV,WLPHASOR", 1).first_empty_feature(), Some(Feature::Wlphasor));
+        assert_eq!(layout("MAV,WLPHASOR", 2).first_empty_feature(), None);
     }
 }

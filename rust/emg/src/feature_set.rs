@@ -68,7 +68,7 @@ impl FeatureSet {
     }
 
     /// Samples that a window needs: slope sign changes look at three samples, the entropies at five, Burg's method at six.
-    pub fn shortest_window(&self) -> usize {
+    pub fn min_window_samples(&self) -> usize {
         let needed = |feature: &Feature| match feature {
             Feature::Ar4 | Feature::Cc => AR_ORDER + 2,
             Feature::Sampen | Feature::Fuzzyen => 5,

@@ -9,7 +9,7 @@ mod wavelets;
 
 use crate::{EmgConfig, EmgError, FeatureLayout, WindowView};
 use fearless_simd::{Level, dispatch};
-use kernels::{Kernels, Vectors};
+use kernels::{Kernels, SimdKernels};
 
 /// Features of one window in the order of its [`FeatureLayout`].
 pub type FeatureVector = Vec<f64>;
@@ -50,7 +50,7 @@ impl FeatureExtractor {
         config.check()?;
         let (layout, length) = (config.layout(), config.window_samples()?);
         let kernels = dispatch!(level, simd => {
-            let kernels: Box<dyn Kernels> = Box::new(Vectors::new(simd, config, length));
+            let kernels: Box<dyn Kernels> = Box::new(SimdKernels::new(simd, config, length));
             kernels
         });
         let vector = vec![0.0; layout.count()];

@@ -1,6 +1,6 @@
 use crate::EmgError;
 use nalgebra::Complex;
-use proact_types::{EmgSample, number_text};
+use proact_types::{EmgSample, format_number};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 use std::{f64::consts::PI, fmt, str::FromStr};
 
@@ -52,13 +52,13 @@ pub enum EmgFilter {
 /// LibEMG's order of its common band pass.
 const DEFAULT_ORDER: usize = 4;
 /// Beyond this the poles of narrow bands lie too close together for doubles.
-const LARGEST_ORDER: usize = 8;
+const MAX_ORDER: usize = 8;
 /// Lowest frequency of a filter, Hz; slower than any recording is long.
-const LEAST_HZ: f64 = 0.001;
+const MIN_FREQUENCY_HZ: f64 = 0.001;
 /// LibEMG's width of its common notch.
 const DEFAULT_WIDTH_HZ: f64 = 3.0;
 /// Most filters of a stream.
-const MOST_FILTERS: usize = 8;
+const MAX_FILTERS: usize = 8;
 
 impl EmgFilter {
     /// The frequencies, and what must be above zero besides.
@@ -73,10 +73,10 @@ impl EmgFilter {
     fn check(&self, rate_hz: f64) -> Result<(), EmgError> {
         let refused = |reason: String| Err(EmgError::Filter { filter: self.to_string(), reason });
         let half = rate_hz / 2.0;
-        if let Some(bad) = self.numbers().into_iter().find(|hz| !(LEAST_HZ..half).contains(hz)) {
-            let bad = number_text(bad);
+        if let Some(bad) = self.numbers().into_iter().find(|hz| !(MIN_FREQUENCY_HZ..half).contains(hz)) {
+            let bad = format_number(bad);
             return refused(format!(
-                "{bad} Hz does not lie between {LEAST_HZ} Hz and half the rate, {half} Hz"
+                "{bad} Hz does not lie between {MIN_FREQUENCY_HZ} Hz and half the rate, {half} Hz"
             ));
         }
         match *self {
@@ -89,16 +89,16 @@ impl EmgFilter {
             | EmgFilter::Highpass { order, .. }
             | EmgFilter::Bandpass { order, .. }
             | EmgFilter::Bandstop { order, .. }
-                if !(1..=LARGEST_ORDER).contains(&order) =>
+                if !(1..=MAX_ORDER).contains(&order) =>
             {
-                refused(format!("order {order}, expected 1 to {LARGEST_ORDER}"))
+                refused(format!("order {order}, expected 1 to {MAX_ORDER}"))
             }
             _ => Ok(()),
         }
     }
 
     /// The filter at a rate, as sections of second order.
-    fn sections(&self, rate_hz: f64) -> Vec<Section> {
+    fn sections(&self, rate_hz: f64) -> Vec<SecondOrderSection> {
         let warp = |hz: f64| 4.0 * (PI * hz / rate_hz).tan();
         let real = |value: f64| Complex::new(value, 0.0);
         // Poles of the analogue prototype, in the left half plane.
@@ -107,8 +107,8 @@ impl EmgFilter {
                 .map(move |k| Complex::from_polar(1.0, PI * (2 * k + order + 1) as f64 / (2 * order) as f64))
         };
         let band = |[low, high]: [f64; 2]| (warp(high) - warp(low), (warp(low) * warp(high)).sqrt());
-        let split = |middle: Complex<f64>, centre: f64| {
-            let root = (middle * middle - real(centre * centre)).sqrt();
+        let split = |middle: Complex<f64>, center: f64| {
+            let root = (middle * middle - real(center * center)).sqrt();
             [middle + root, middle - root]
         };
         match *self {
@@ -121,22 +121,22 @@ impl EmgFilter {
                 butterworth(&poles, [1.0, -2.0, 1.0], [1.0, -1.0], PI)
             }
             EmgFilter::Bandpass { hz, order } => {
-                let (width, centre) = band(hz);
-                let poles: Vec<_> = prototype(order).flat_map(|p| split(p * (width / 2.0), centre)).collect();
-                butterworth(&poles, [1.0, 0.0, -1.0], [1.0, 0.0], 2.0 * (centre / 4.0).atan())
+                let (width, center) = band(hz);
+                let poles: Vec<_> = prototype(order).flat_map(|p| split(p * (width / 2.0), center)).collect();
+                butterworth(&poles, [1.0, 0.0, -1.0], [1.0, 0.0], 2.0 * (center / 4.0).atan())
             }
             EmgFilter::Bandstop { hz, order } => {
-                let (width, centre) = band(hz);
+                let (width, center) = band(hz);
                 let poles: Vec<_> =
-                    prototype(order).flat_map(|p| split(real(width / 2.0) / p, centre)).collect();
-                let stopped = 2.0 * (centre / 4.0).atan();
+                    prototype(order).flat_map(|p| split(real(width / 2.0) / p, center)).collect();
+                let stopped = 2.0 * (center / 4.0).atan();
                 butterworth(&poles, [1.0, -2.0 * stopped.cos(), 1.0], [1.0, 0.0], 0.0)
             }
             EmgFilter::Notch { hz, width_hz } => {
                 let gain = 1.0 / (1.0 + (PI * width_hz / rate_hz).tan());
                 let cosine = (2.0 * PI * hz / rate_hz).cos();
                 let numerator = [gain, -2.0 * gain * cosine, gain];
-                vec![Section { numerator, denominator: [-2.0 * gain * cosine, 2.0 * gain - 1.0] }]
+                vec![SecondOrderSection { numerator, denominator: [-2.0 * gain * cosine, 2.0 * gain - 1.0] }]
             }
         }
     }
@@ -144,33 +144,38 @@ impl EmgFilter {
 
 /// `(b0 + b1 / z + b2 / z^2) / (1 + a1 / z + a2 / z^2)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Section {
+struct SecondOrderSection {
     numerator: [f64; 3],
     denominator: [f64; 2],
 }
 
 /// Digital sections of analogue poles by the bilinear transform. Each section has the zeros of `numerator`, one of a single
 /// pole those of `single`; the whole has gain one at `unity`, radians a sample.
-fn butterworth(analogue: &[Complex<f64>], numerator: [f64; 3], single: [f64; 2], unity: f64) -> Vec<Section> {
+fn butterworth(
+    analog: &[Complex<f64>],
+    numerator: [f64; 3],
+    single: [f64; 2],
+    unity: f64,
+) -> Vec<SecondOrderSection> {
     let four = Complex::new(4.0, 0.0);
-    let poles = analogue.iter().map(|p| (four + p) / (four - p));
+    let poles = analog.iter().map(|p| (four + p) / (four - p));
     let (mut sections, mut singles) = (Vec::new(), Vec::new());
     for pole in poles {
         if pole.im.abs() < 1e-12 {
             singles.push(pole.re);
         } else if pole.im > 0.0 {
-            sections.push(Section { numerator, denominator: [-2.0 * pole.re, pole.norm_sqr()] });
+            sections.push(SecondOrderSection { numerator, denominator: [-2.0 * pole.re, pole.norm_sqr()] });
         }
     }
     singles.sort_by(f64::total_cmp);
     for pair in singles.chunks(2) {
         sections.push(match *pair {
-            [a, b] => Section { numerator, denominator: [-a - b, a * b] },
-            _ => Section { numerator: [single[0], single[1], 0.0], denominator: [-pair[0], 0.0] },
+            [a, b] => SecondOrderSection { numerator, denominator: [-a - b, a * b] },
+            _ => SecondOrderSection { numerator: [single[0], single[1], 0.0], denominator: [-pair[0], 0.0] },
         });
     }
     let at = Complex::from_polar(1.0, -unity);
-    let gain = |s: &Section| {
+    let gain = |s: &SecondOrderSection| {
         let [b0, b1, b2] = s.numerator;
         let [a1, a2] = s.denominator;
         ((at * b2 + b1) * at + b0).norm() / ((at * a2 + a1) * at + 1.0).norm()
@@ -185,7 +190,7 @@ fn butterworth(analogue: &[Complex<f64>], numerator: [f64; 3], single: [f64; 2],
 /// The filters of a stream at work. Begins as if the first sample had stood for ever, so that there is no step at the start.
 #[derive(Clone, Debug)]
 pub(crate) struct FilterBank {
-    sections: Vec<Section>,
+    sections: Vec<SecondOrderSection>,
     /// Two numbers a section and channel, channel by channel.
     states: Vec<[f64; 2]>,
     newest: Option<u64>,
@@ -193,12 +198,13 @@ pub(crate) struct FilterBank {
 
 impl FilterBank {
     pub(crate) fn new(filters: &[EmgFilter], rate_hz: f64, channels: usize) -> Result<FilterBank, EmgError> {
-        if filters.len() > MOST_FILTERS {
-            let reason = format!("{} filters, expected at most {MOST_FILTERS}", filters.len());
+        if filters.len() > MAX_FILTERS {
+            let reason = format!("{} filters, expected at most {MAX_FILTERS}", filters.len());
             return Err(EmgError::Filter { filter: "emg.filters".to_owned(), reason });
         }
         filters.iter().try_for_each(|filter| filter.check(rate_hz))?;
-        let sections: Vec<Section> = filters.iter().flat_map(|filter| filter.sections(rate_hz)).collect();
+        let sections: Vec<SecondOrderSection> =
+            filters.iter().flat_map(|filter| filter.sections(rate_hz)).collect();
         let states = vec![[0.0; 2]; sections.len() * channels];
         Ok(FilterBank { sections, states, newest: None })
     }
@@ -228,7 +234,7 @@ impl FilterBank {
         {
             for (section, state) in self.sections.iter().zip(states) {
                 if begins {
-                    *state = section.settled(*value);
+                    *state = section.steady_state(*value);
                 }
                 *value = section.step(*value, state);
             }
@@ -236,7 +242,7 @@ impl FilterBank {
     }
 }
 
-impl Section {
+impl SecondOrderSection {
     /// Direct form II, transposed.
     fn step(&self, x: f64, state: &mut [f64; 2]) -> f64 {
         let ([b0, b1, b2], [a1, a2]) = (self.numerator, self.denominator);
@@ -246,7 +252,7 @@ impl Section {
     }
 
     /// The state after an endless `x`.
-    fn settled(&self, x: f64) -> [f64; 2] {
+    fn steady_state(&self, x: f64) -> [f64; 2] {
         let ([b0, b1, b2], [a1, a2]) = (self.numerator, self.denominator);
         let y = x * (b0 + b1 + b2) / (1.0 + a1 + a2);
         let second = b2 * x - a2 * y;
@@ -349,7 +355,7 @@ mod tests {
             serde_json::from_str(include_str!("../tests/filter_vectors.json")).expect("the vectors are JSON");
         for case in cases {
             let mut bank = FilterBank::new(&[case.filter], case.rate_hz, 1).expect("it can be");
-            let scale = case.input.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+            let scale = case.input.iter().fold(0.0_f64, |max, v| max.max(v.abs()));
             let got = run(&mut bank, case.input.iter().copied());
             let worst = got.iter().zip(&case.output).map(|(a, b)| (a - b).abs() / scale).fold(0.0, f64::max);
             assert!(worst < 1e-9, "{}: {worst:e}", case.filter);
@@ -362,7 +368,7 @@ mod tests {
         let filters = ["bandpass:20-450".parse(), "notch:50".parse()].map(|f| f.expect("written right"));
         let mut bank = FilterBank::new(&filters, 1000.0, 1).expect("they can be");
         let wave = |hz: f64| (0..4000).map(move |k| (2.0 * PI * hz * f64::from(k) / 1000.0).sin() + 120.0);
-        let strength = |values: &[f64]| values[2000..].iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+        let strength = |values: &[f64]| values[2000..].iter().fold(0.0_f64, |max, v| max.max(v.abs()));
         assert!(strength(&run(&mut bank.clone(), wave(50.0))) < 1e-3);
         assert!((strength(&run(&mut bank.clone(), wave(120.0))) - 1.0).abs() < 0.02);
         // An endless level makes no step at the start.

@@ -1,6 +1,6 @@
 use crate::EmgError;
-use crate::usability_test::positive;
-use proact_types::{Gesture, GestureName, SimTime, TargetDwell};
+use crate::usability::check_positive;
+use proact_types::{Command, Gesture, SimTime, TargetDwell};
 use serde::{Deserialize, Serialize};
 
 /// How the cursor test is done. Lengths are in half heights of the field, whose corners are at -1 and 1.
@@ -16,28 +16,30 @@ pub struct CursorConfig {
     /// Time after which a movement is given up, seconds. Default 15.
     pub limit_secs: f64,
     /// Speed at full effort, per second. Default 0.5.
-    pub full_speed: f64,
+    #[serde(rename = "full_speed")]
+    pub max_speed_per_s: f64,
     /// Least share of the full speed of a gesture that is in force. Default 0.2.
-    pub least_effort: f64,
+    #[serde(rename = "least_effort")]
+    pub min_speed_share: f64,
     /// Speed goes with the effort; otherwise it is always the full one. Default true.
     pub proportional: bool,
     /// The gestures that move the cursor right, left, up and down. Default: wrist extension, wrist flexion, hand open, hand
     /// close.
-    pub steering: [GestureName; 4],
+    pub steering: [Gesture; 4],
 }
 
 impl Default for CursorConfig {
     fn default() -> Self {
-        use Gesture::{HandClose, HandOpen, WristExtension, WristFlexion};
+        use Command::{HandClose, HandOpen, WristExtension, WristFlexion};
         CursorConfig {
             targets: 9,
             rings: vec![[0.8, 0.5], [1.2, 0.3], [1.5, 0.2]],
             dwell_secs: 1.0,
             limit_secs: 15.0,
-            full_speed: 0.5,
-            least_effort: 0.2,
+            max_speed_per_s: 0.5,
+            min_speed_share: 0.2,
             proportional: true,
-            steering: [WristExtension, WristFlexion, HandOpen, HandClose].map(GestureName::from),
+            steering: [WristExtension, WristFlexion, HandOpen, HandClose].map(Gesture::from),
         }
     }
 }
@@ -45,7 +47,7 @@ impl Default for CursorConfig {
 /// One movement to a target.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
-pub struct Movement {
+pub struct CursorMovement {
     /// The cursor stayed in the target for the dwell time.
     pub completed: bool,
     /// Distance from the start to the target's centre.
@@ -68,7 +70,7 @@ pub struct Movement {
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct CursorReport {
     /// Movements that are over.
-    pub movements: Vec<Movement>,
+    pub movements: Vec<CursorMovement>,
     /// Share of them that were completed.
     pub completion_rate: f64,
     /// Mean of difficulty over movement time, completed movements, dwell not counted, bits per second.
@@ -80,16 +82,17 @@ pub struct CursorReport {
     /// Mean over all movements.
     pub overshoots: f64,
     /// Movements asked for.
-    pub asked: usize,
+    #[serde(rename = "asked")]
+    pub target_count: usize,
 }
 
 /// What happened in a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CursorEvent {
     /// A new target is shown.
-    Target,
+    TargetShown,
     /// A movement was completed or given up.
-    Moved(Movement),
+    MovementEnded(CursorMovement),
 }
 
 /// The multi-directional pointing test of ISO 9241-411: targets on a ring, one after the other across it, steered by
@@ -102,14 +105,14 @@ pub struct CursorTest {
     config: CursorConfig,
     cursor: [f64; 2],
     /// Ring and number of the target in the order of prompts.
-    at: (usize, usize),
-    shown: Option<Shown>,
+    target_index: (usize, usize),
+    target_progress: Option<TargetProgress>,
     now: Option<SimTime>,
     report: CursorReport,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Shown {
+struct TargetProgress {
     since: SimTime,
     start: [f64; 2],
     path: f64,
@@ -117,7 +120,7 @@ struct Shown {
 }
 
 /// Difference of two steps beyond which the cursor does not move further, seconds: a silent stream is not made up for.
-const LONGEST_STEP_SECS: f64 = 0.1;
+const MAX_STEP_SECS: f64 = 0.1;
 
 impl CursorTest {
     /// A test before its first target, the cursor in the middle.
@@ -125,7 +128,7 @@ impl CursorTest {
     /// # Errors
     /// Settings that cannot work.
     pub fn new(config: CursorConfig) -> Result<CursorTest, EmgError> {
-        let wrong = |name, value, expected| Err(EmgError::Threshold { name, value, expected });
+        let wrong = |name, value, expected| Err(EmgError::OutOfRange { name, value, expected });
         if config.targets < 3 || config.targets.is_multiple_of(2) || config.targets > 99 {
             return wrong("targets", config.targets as f64, "an odd number from 3 to 99");
         }
@@ -133,58 +136,60 @@ impl CursorTest {
             return wrong("rings", 0.0, "at least 1");
         }
         for [ring, target] in &config.rings {
-            positive("ring", *ring)?;
-            positive("target", *target)?;
+            check_positive("ring", *ring)?;
+            check_positive("target", *target)?;
             if ring + target > 2.0 {
                 return wrong("ring and target", ring + target, "together at most 2, the field");
             }
         }
-        positive("dwell_secs", config.dwell_secs)?;
-        positive("limit_secs", config.limit_secs)?;
-        positive("full_speed", config.full_speed)?;
-        if !(0.0..=1.0).contains(&config.least_effort) {
-            return wrong("least_effort", config.least_effort, "0 to 1");
+        check_positive("dwell_secs", config.dwell_secs)?;
+        check_positive("limit_secs", config.limit_secs)?;
+        check_positive("full_speed", config.max_speed_per_s)?;
+        if !(0.0..=1.0).contains(&config.min_speed_share) {
+            return wrong("least_effort", config.min_speed_share, "0 to 1");
         }
-        let asked = config.targets * config.rings.len();
-        let report = CursorReport { asked, ..CursorReport::default() };
-        Ok(CursorTest { config, cursor: [0.0; 2], at: (0, 0), shown: None, now: None, report })
+        let target_count = config.targets * config.rings.len();
+        let report = CursorReport { target_count, ..CursorReport::default() };
+        Ok(CursorTest {
+            config,
+            cursor: [0.0; 2],
+            target_index: (0, 0),
+            target_progress: None,
+            now: None,
+            report,
+        })
     }
 
     /// Advances to `now` with the gesture that has been in force since the last step, and its effort, 0 to 1. An
     /// effort that is no number counts as none.
-    pub fn step(
-        &mut self,
-        now: SimTime,
-        gesture: impl Into<GestureName>,
-        effort: f64,
-    ) -> Option<CursorEvent> {
+    pub fn step(&mut self, now: SimTime, gesture: impl Into<Gesture>, effort: f64) -> Option<CursorEvent> {
         let gesture = gesture.into();
         if self.is_finished() {
             return None;
         }
         let millis = self.now.map_or(0, |before| now.millis_since(before));
         self.now = Some(now);
-        let Some(mut shown) = self.shown else {
+        let Some(mut shown) = self.target_progress else {
             self.show(now);
-            return Some(CursorEvent::Target);
+            return Some(CursorEvent::TargetShown);
         };
         let before = self.cursor;
-        self.steer(gesture, effort, (millis as f64 / 1000.0).min(LONGEST_STEP_SECS));
+        self.steer(gesture, effort, (millis as f64 / 1000.0).min(MAX_STEP_SECS));
         shown.path += distance(before, self.cursor);
         let (target, width) = self.target();
         let inside = distance(self.cursor, target) <= width / 2.0;
-        let entered = shown.dwell.step(now, inside, millis_of(self.config.dwell_secs));
-        self.shown = Some(shown);
+        let entered = shown.dwell.step(now, inside, millis_rounded_up(self.config.dwell_secs));
+        self.target_progress = Some(shown);
         let secs = |since: SimTime| now.millis_since(since) as f64 / 1000.0;
         if entered.is_none() && secs(shown.since) < self.config.limit_secs {
             return None;
         }
-        let way = distance(shown.start, target);
-        let movement = Movement {
+        let distance_to_target = distance(shown.start, target);
+        let movement = CursorMovement {
             completed: entered.is_some(),
-            distance: way,
+            distance: distance_to_target,
             width,
-            difficulty_bits: (way / width + 1.0).log2(),
+            difficulty_bits: (distance_to_target / width + 1.0).log2(),
             movement_secs: entered
                 .map_or(secs(shown.since), |at| at.millis_since(shown.since) as f64 / 1000.0),
             path_efficiency: match entered {
@@ -198,21 +203,21 @@ impl CursorTest {
         if !self.is_finished() {
             self.show(now);
         }
-        Some(CursorEvent::Moved(movement))
+        Some(CursorEvent::MovementEnded(movement))
     }
 
-    fn steer(&mut self, gesture: GestureName, effort: f64, secs: f64) {
+    fn steer(&mut self, gesture: Gesture, effort: f64, secs: f64) {
         let Some(direction) = self.config.steering.iter().position(|steers| *steers == gesture) else {
             return;
         };
         let (axis, sign) = [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)][direction];
         let share = if self.config.proportional {
             // The larger of NaN and a number is the number.
-            effort.max(self.config.least_effort).min(1.0)
+            effort.max(self.config.min_speed_share).min(1.0)
         } else {
             1.0
         };
-        let moved = self.cursor[axis] + sign * share * self.config.full_speed * secs;
+        let moved = self.cursor[axis] + sign * share * self.config.max_speed_per_s * secs;
         self.cursor[axis] = moved.clamp(-1.0, 1.0);
     }
 
@@ -221,18 +226,22 @@ impl CursorTest {
             let (target, width) = self.target();
             distance(self.cursor, target) <= width / 2.0
         };
-        self.shown =
-            Some(Shown { since: now, start: self.cursor, path: 0.0, dwell: TargetDwell::begin(now, inside) });
+        self.target_progress = Some(TargetProgress {
+            since: now,
+            start: self.cursor,
+            path: 0.0,
+            dwell: TargetDwell::begin(now, inside),
+        });
     }
 
-    fn finish(&mut self, movement: Movement) {
-        let (ring, number) = self.at;
-        self.at = if number + 1 < self.config.targets { (ring, number + 1) } else { (ring + 1, 0) };
+    fn finish(&mut self, movement: CursorMovement) {
+        let (ring, number) = self.target_index;
+        self.target_index = if number + 1 < self.config.targets { (ring, number + 1) } else { (ring + 1, 0) };
         let report = &mut self.report;
         report.movements.push(movement);
         let all = report.movements.len() as f64;
-        let completed: Vec<&Movement> = report.movements.iter().filter(|m| m.completed).collect();
-        let mean = |value: &dyn Fn(&Movement) -> f64| {
+        let completed: Vec<&CursorMovement> = report.movements.iter().filter(|m| m.completed).collect();
+        let mean = |value: &dyn Fn(&CursorMovement) -> f64| {
             completed.iter().map(|m| value(m)).sum::<f64>() / completed.len().max(1) as f64
         };
         let dwell = self.config.dwell_secs;
@@ -251,18 +260,21 @@ impl CursorTest {
 
     /// Centre and diameter of the target; the last one after the end.
     pub fn target(&self) -> ([f64; 2], f64) {
-        let (ring, number) =
-            if self.is_finished() { (self.config.rings.len() - 1, self.config.targets - 1) } else { self.at };
+        let (ring, number) = if self.is_finished() {
+            (self.config.rings.len() - 1, self.config.targets - 1)
+        } else {
+            self.target_index
+        };
         let [diameter, width] = self.config.rings[ring];
         // Each next one lies across the ring.
-        let place = number * (self.config.targets / 2) % self.config.targets;
-        let angle = std::f64::consts::TAU * place as f64 / self.config.targets as f64;
+        let index = number * (self.config.targets / 2) % self.config.targets;
+        let angle = std::f64::consts::TAU * index as f64 / self.config.targets as f64;
         ([0.5 * diameter * angle.cos(), 0.5 * diameter * angle.sin()], width)
     }
 
     /// Share of the dwell time that the cursor has been in the target, 0 to 1.
-    pub fn dwelt(&self) -> f64 {
-        let since = self.shown.and_then(|s| s.dwell.entered());
+    pub fn dwell_progress(&self) -> f64 {
+        let since = self.target_progress.and_then(|s| s.dwell.entered_at());
         match (since, self.now) {
             (Some(since), Some(now)) if !self.is_finished() => {
                 (now.millis_since(since) as f64 / 1000.0 / self.config.dwell_secs).min(1.0)
@@ -273,7 +285,7 @@ impl CursorTest {
 
     /// All movements are over.
     pub fn is_finished(&self) -> bool {
-        self.report.movements.len() == self.report.asked
+        self.report.movements.len() == self.report.target_count
     }
 
     /// How it goes.
@@ -288,7 +300,7 @@ impl CursorTest {
 }
 
 /// Whole milliseconds that are not less; what a product adds to a whole number is rounding.
-pub(crate) fn millis_of(secs: f64) -> u64 {
+pub(crate) fn millis_rounded_up(secs: f64) -> u64 {
     (1000.0 * secs - 1e-6).ceil() as u64
 }
 
@@ -299,7 +311,7 @@ fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use Gesture::{HandClose, HandOpen, NoMotion, WristExtension, WristFlexion};
+    use Command::{HandClose, HandOpen, NoMotion, WristExtension, WristFlexion};
 
     fn one_ring(ring: f64, width: f64) -> CursorConfig {
         CursorConfig {
@@ -311,7 +323,7 @@ mod tests {
     }
 
     /// What a perfect person does: first along x, then along y.
-    fn towards(test: &CursorTest) -> Gesture {
+    fn towards(test: &CursorTest) -> Command {
         let ([x, y], [tx, ty]) = (test.cursor(), test.target().0);
         match (tx - x, ty - y) {
             (dx, _) if dx > 0.01 => WristExtension,
@@ -322,7 +334,7 @@ mod tests {
         }
     }
 
-    fn run(test: &mut CursorTest, act: impl Fn(&CursorTest, u64) -> Gesture) {
+    fn run(test: &mut CursorTest, act: impl Fn(&CursorTest, u64) -> Command) {
         for k in 0..100_000_u64 {
             if test.is_finished() {
                 return;
@@ -359,7 +371,7 @@ mod tests {
         let mut test = CursorTest::new(one_ring(1.6, 0.2)).expect("good");
         // Straight through the first target, and back from the rim of the field.
         run(&mut test, |test, _| match test.report().movements.len() {
-            0 if test.shown.is_some_and(|s| s.dwell.overshoots() == 0) => WristExtension,
+            0 if test.target_progress.is_some_and(|s| s.dwell.overshoots() == 0) => WristExtension,
             _ => towards(test),
         });
         let first = test.report().movements[0];

@@ -3,9 +3,9 @@ use proact_types::MAX_EMG_CHANNELS;
 use serde::{Deserialize, Serialize};
 
 /// Most bytes of the name or the unit of a channel.
-const MOST_NAME_BYTES: usize = 64;
+const MAX_NAME_BYTES: usize = 64;
 /// Values that are no numbers for so long: the sensor is silent, ms. Samples without them are unusable, so it is told before the
-/// share of lost samples ([`crate::LivenessConfig::lost_share`]) stops the stream by a reason that says less.
+/// share of lost samples ([`crate::LivenessConfig::max_lost_share`]) stops the stream by a reason that says less.
 const SILENT_MS: f64 = 50.0;
 
 /// One channel of an inertial measurement unit that is worn with the electrodes, such as an axis of its accelerometer.
@@ -26,7 +26,7 @@ impl ImuChannel {
 
     /// `orientation_w` .. `_z` (unit quaternion), `acceleration_x` .. `_z` (g) and `angular_velocity_x` .. `_z` (deg/s), in this
     /// order: what an armband's unit has, in the frame of the unit.
-    pub fn of_an_armband() -> Vec<ImuChannel> {
+    pub fn armband_channels() -> Vec<ImuChannel> {
         let axes = |name: &'static str, axes: &'static str, unit: &'static str| {
             axes.chars().map(move |axis| ImuChannel::new(format!("{name}_{axis}"), unit))
         };
@@ -62,7 +62,7 @@ impl Default for ImuConfig {
 
 impl ImuConfig {
     /// Those of a stream, recorded only.
-    pub fn recorded(channels: Vec<ImuChannel>) -> ImuConfig {
+    pub fn record_only(channels: Vec<ImuChannel>) -> ImuConfig {
         ImuConfig { channels, ..ImuConfig::default() }
     }
 
@@ -85,8 +85,9 @@ impl ImuConfig {
                 return Err(EmgError::Imu { reason });
             }
         }
-        let asked = |name: &str| words.iter().any(|word| named(word.as_ref(), name));
-        self.features = self.channels.iter().map(|c| c.name.clone()).filter(|name| asked(name)).collect();
+        let is_requested = |name: &str| words.iter().any(|word| named(word.as_ref(), name));
+        self.features =
+            self.channels.iter().map(|c| c.name.clone()).filter(|name| is_requested(name)).collect();
         Ok(self)
     }
 
@@ -101,9 +102,9 @@ impl ImuConfig {
     }
 
     /// Places of the channels that are features, among those of the unit.
-    pub(crate) fn used(&self) -> Vec<usize> {
-        let place = |name: &String| self.channels.iter().position(|channel| channel.name == *name);
-        self.features.iter().filter_map(place).collect()
+    pub(crate) fn feature_indices(&self) -> Vec<usize> {
+        let channel_index = |name: &String| self.channels.iter().position(|channel| channel.name == *name);
+        self.features.iter().filter_map(channel_index).collect()
     }
 
     /// Checks every value; the stream has `electrodes` channels of EMG.
@@ -116,12 +117,12 @@ impl ImuConfig {
             ));
         }
         let fits =
-            |text: &str| (1..=MOST_NAME_BYTES).contains(&text.len()) && !text.contains(char::is_control);
+            |text: &str| (1..=MAX_NAME_BYTES).contains(&text.len()) && !text.contains(char::is_control);
         for (k, channel) in self.channels.iter().enumerate() {
             let ImuChannel { name, unit } = channel;
             if !(fits(name) && fits(unit)) {
                 return refused(format!(
-                    "channel {k} is called {name:?} with the unit {unit:?}, expected 1 to {MOST_NAME_BYTES} bytes each without \
+                    "channel {k} is called {name:?} with the unit {unit:?}, expected 1 to {MAX_NAME_BYTES} bytes each without \
                      control characters"
                 ));
             }
@@ -155,7 +156,7 @@ pub(crate) enum ImuFault {
 
 /// Watches those channels of an inertial measurement unit that are features.
 #[derive(Clone, Debug)]
-pub(crate) struct ImuWatch {
+pub(crate) struct ImuMonitor {
     /// Channels of the unit in a sample.
     channels: usize,
     sensors: Vec<Sensor>,
@@ -175,20 +176,20 @@ struct Sensor {
     silent: u32,
 }
 
-impl ImuWatch {
-    pub(crate) fn new(config: &ImuConfig, rate_hz: f64) -> ImuWatch {
+impl ImuMonitor {
+    pub(crate) fn new(config: &ImuConfig, rate_hz: f64) -> ImuMonitor {
         let samples = |millis: f64| (millis * rate_hz / 1000.0).round().max(2.0) as u32;
         let mut sensors: Vec<(&str, Sensor)> = Vec::new();
-        for place in config.used() {
-            let unit = config.channels[place].unit.as_str();
+        for index in config.feature_indices() {
+            let unit = config.channels[index].unit.as_str();
             let known = sensors.iter().position(|(of, _)| *of == unit);
             let at = known.unwrap_or_else(|| {
                 sensors.push((unit, Sensor { channels: Vec::new(), same: 0, silent: 0 }));
                 sensors.len() - 1
             });
-            sensors[at].1.channels.push((place, f64::NAN));
+            sensors[at].1.channels.push((index, f64::NAN));
         }
-        ImuWatch {
+        ImuMonitor {
             channels: config.channels.len(),
             sensors: sensors.into_iter().map(|(_, sensor)| sensor).collect(),
             frozen_limit: (config.frozen_ms > 0).then(|| samples(config.frozen_ms as f64)),
@@ -203,7 +204,7 @@ impl ImuWatch {
 
     /// Whether all values that are features are numbers.
     pub(crate) fn is_usable(&self, values: &[f64]) -> bool {
-        self.sensors.iter().flat_map(|sensor| &sensor.channels).all(|(place, _)| values[*place].is_finite())
+        self.sensors.iter().flat_map(|sensor| &sensor.channels).all(|(index, _)| values[*index].is_finite())
     }
 
     /// Takes the unit's channels of the next sample. What is wrong now.
@@ -211,15 +212,15 @@ impl ImuWatch {
         let mut fault = None;
         for sensor in &mut self.sensors {
             let (mut changed, mut numbers) = (false, true);
-            for (place, newest) in &mut sensor.channels {
-                let value = values[*place];
+            for (index, newest) in &mut sensor.channels {
+                let value = values[*index];
                 changed |= *newest != value;
                 numbers &= value.is_finite();
                 *newest = value;
             }
             sensor.silent = if numbers { 0 } else { sensor.silent.saturating_add(1) };
             sensor.same = if changed { 0 } else { sensor.same.saturating_add(1) };
-            let number = sensor.channels.first().map_or(0, |(place, _)| place + 1);
+            let number = sensor.channels.first().map_or(0, |(index, _)| index + 1);
             let found = if sensor.silent >= self.silent_limit {
                 Some(ImuFault::Silent(number))
             } else {
@@ -232,11 +233,11 @@ impl ImuWatch {
 
     /// What is wrong with recorded samples: a sensor that says nothing or the same all through them, whatever the limits. `values`
     /// are the unit's channels of each.
-    pub(crate) fn of_recording<'a>(
+    pub(crate) fn recording_fault<'a>(
         config: &ImuConfig,
         values: impl ExactSizeIterator<Item = &'a [f64]>,
     ) -> Option<ImuFault> {
-        let mut watch = ImuWatch::new(config, 1000.0);
+        let mut watch = ImuMonitor::new(config, 1000.0);
         let last = u32::try_from(values.len().checked_sub(1)?).unwrap_or(u32::MAX).max(1);
         (watch.frozen_limit, watch.silent_limit) = (Some(last), 1);
         let mut fault = None;
@@ -255,15 +256,15 @@ mod tests {
     use super::*;
 
     fn config(words: &[&str]) -> ImuConfig {
-        ImuConfig::recorded(ImuChannel::of_an_armband()).with_features(words).expect("known")
+        ImuConfig::record_only(ImuChannel::armband_channels()).with_features(words).expect("known")
     }
 
     #[test]
     fn features_are_named_by_sensors_or_axes_and_an_unknown_name_is_refused() {
-        assert_eq!(config(&["acceleration"]).used(), [4, 5, 6]);
-        assert_eq!(config(&["angular_velocity_z", "orientation_w"]).used(), [0, 9]);
-        assert_eq!(config(&["all"]).used().len(), 10);
-        let unit = ImuConfig::recorded(ImuChannel::of_an_armband());
+        assert_eq!(config(&["acceleration"]).feature_indices(), [4, 5, 6]);
+        assert_eq!(config(&["angular_velocity_z", "orientation_w"]).feature_indices(), [0, 9]);
+        assert_eq!(config(&["all"]).feature_indices().len(), 10);
+        let unit = ImuConfig::record_only(ImuChannel::armband_channels());
         let error = unit.with_features(&["accel"]).expect_err("no such channel").to_string();
         assert!(error.contains("no channel \"accel\"; the stream has orientation_w, "), "{error}");
         let error = ImuConfig::default().with_features(&["all"]).expect_err("nothing").to_string();
@@ -301,7 +302,7 @@ mod tests {
             [&[0.5; 4][..], &[acceleration; 3], &[moving; 3]].concat()
         };
         // At 200 Hz: 200 samples are frozen_ms.
-        let mut watch = ImuWatch::new(&config(&["acceleration", "angular_velocity"]), 200.0);
+        let mut watch = ImuMonitor::new(&config(&["acceleration", "angular_velocity"]), 200.0);
         let found: Vec<Option<ImuFault>> = (0..700)
             .map(|k| watch.push(&sample(k, (100..400).contains(&k), (500..600).contains(&k))))
             .collect();
@@ -310,10 +311,11 @@ mod tests {
         assert_eq!((found[299], found[400]), (None, None));
         assert_eq!(first(ImuFault::Silent(5)), Some(509));
         assert_eq!(found[600], None);
-        let mut elsewhere = ImuWatch::new(&config(&["angular_velocity"]), 200.0);
+        let mut elsewhere = ImuMonitor::new(&config(&["angular_velocity"]), 200.0);
         assert!((0..700).all(|k| elsewhere.push(&sample(k, true, true)).is_none()));
         let whole: Vec<Vec<f64>> = (0..50).map(|k| sample(k, true, false)).collect();
-        let of = |words: &[&str]| ImuWatch::of_recording(&config(words), whole.iter().map(Vec::as_slice));
+        let of =
+            |words: &[&str]| ImuMonitor::recording_fault(&config(words), whole.iter().map(Vec::as_slice));
         assert_eq!(of(&["angular_velocity", "acceleration"]), Some(ImuFault::Frozen(5)));
         assert_eq!(of(&["angular_velocity"]), None);
     }

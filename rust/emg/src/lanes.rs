@@ -16,29 +16,29 @@ pub(crate) type Mask<S> = fearless_simd::mask64x8<S>;
 /// [`Lanes`] in memory, whatever the processor.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(align(64))]
-pub(crate) struct Eight(pub(crate) [f64; LANES]);
+pub(crate) struct AlignedLanes(pub(crate) [f64; LANES]);
 
 #[cfg(test)]
-impl From<&[f64]> for Eight {
+impl From<&[f64]> for AlignedLanes {
     /// Up to eight values; zeros behind them.
-    fn from(values: &[f64]) -> Eight {
+    fn from(values: &[f64]) -> AlignedLanes {
         let mut eight = [0.0; LANES];
         eight[..values.len()].copy_from_slice(values);
-        Eight(eight)
+        AlignedLanes(eight)
     }
 }
 
 /// One where a comparison holds, else zero.
 #[inline(always)]
-pub(crate) fn ones<S: Simd>(holds: Mask<S>) -> Lanes<S> {
-    let simd = holds.token();
-    holds.select(Lanes::splat(simd, 1.0), Lanes::splat(simd, 0.0))
+pub(crate) fn mask_to_one<S: Simd>(mask: Mask<S>) -> Lanes<S> {
+    let simd = mask.token();
+    mask.select(Lanes::splat(simd, 1.0), Lanes::splat(simd, 0.0))
 }
 
 /// The value where the mask holds, else zero.
 #[inline(always)]
-pub(crate) fn where_true<S: Simd>(holds: Mask<S>, value: Lanes<S>) -> Lanes<S> {
-    holds.select(value, Lanes::splat(value.simd, 0.0))
+pub(crate) fn select_or_zero<S: Simd>(mask: Mask<S>, value: Lanes<S>) -> Lanes<S> {
+    mask.select(value, Lanes::splat(value.simd, 0.0))
 }
 
 /// `sum!(simd, v in items => value)`: the sum of the values, from the first to the last. Closures would not do: what is not
@@ -75,7 +75,7 @@ const LN_2_LOW: f64 = 1.908_214_929_270_587_7e-10;
 #[inline(always)]
 pub(crate) fn ln<S: Simd>(x: Lanes<S>) -> Lanes<S> {
     /// The bits of the square root of one half, rounded down: the mantissa's least value.
-    const LEAST: u64 = 0x3fe6_a09e_0000_0000;
+    const MIN_MANTISSA_BITS: u64 = 0x3fe6_a09e_0000_0000;
     const ONE: u64 = 0x3ff0_0000_0000_0000;
     const MANTISSA: u64 = 0x000f_ffff_ffff_ffff;
     const COEFFICIENTS: [f64; 7] = [
@@ -90,9 +90,10 @@ pub(crate) fn ln<S: Simd>(x: Lanes<S>) -> Lanes<S> {
     let simd = x.simd;
     // Subnormal numbers are made normal by 2^54.
     let subnormal = x.simd_lt(f64::MIN_POSITIVE);
-    let bits = subnormal.select(x * 18_014_398_509_481_984.0, x).to_bits() + (ONE - LEAST);
-    let exponent = whole(bits >> 52) - 1023.0 - where_true(subnormal, Lanes::splat(simd, 54.0));
-    let f = Lanes::from_bits((bits & MANTISSA) + LEAST) - 1.0;
+    let bits = subnormal.select(x * 18_014_398_509_481_984.0, x).to_bits() + (ONE - MIN_MANTISSA_BITS);
+    let exponent =
+        integer_to_float(bits >> 52) - 1023.0 - select_or_zero(subnormal, Lanes::splat(simd, 54.0));
+    let f = Lanes::from_bits((bits & MANTISSA) + MIN_MANTISSA_BITS) - 1.0;
     let s = f / (f + 2.0);
     let (z, half_square) = (s * s, f * f * 0.5);
     let mut series = Lanes::splat(simd, COEFFICIENTS[6]);
@@ -130,13 +131,13 @@ pub(crate) fn exp<S: Simd>(x: Lanes<S>) -> Lanes<S> {
 pub(crate) fn cbrt<S: Simd>(x: Lanes<S>) -> Lanes<S> {
     // The upper half of the bits is nearly the logarithm; a third of it begins with the root's first four bits (Kahan, as in
     // fdlibm). Each of Halley's steps triples them.
-    let third = whole(x.to_bits() >> 32) * (1.0 / 3.0) + (715_094_163.0 + TWO_52);
+    let third = integer_to_float(x.to_bits() >> 32) * (1.0 / 3.0) + (715_094_163.0 + TWO_52);
     let mut root = Lanes::from_bits(third.to_bits() << 32);
     for _ in 0..3 {
         let cube = root * root * root;
         root *= (cube + x * 2.0) / (cube * 2.0 + x);
     }
-    where_true(x.simd_gt(0.0), root)
+    select_or_zero(x.simd_gt(0.0), root)
 }
 
 /// 1 / 0!, 1 / 1!, 1 / 2! and so on.
@@ -161,7 +162,7 @@ const TWO_52: f64 = 4_503_599_627_370_496.0;
 
 /// Whole numbers below 2^52 as numbers.
 #[inline(always)]
-fn whole<S: Simd>(bits: fearless_simd::u64x8<S>) -> Lanes<S> {
+fn integer_to_float<S: Simd>(bits: fearless_simd::u64x8<S>) -> Lanes<S> {
     Lanes::from_bits(bits | TWO_52.to_bits()) - TWO_52
 }
 
@@ -177,14 +178,18 @@ mod tests {
     use fearless_simd::{Level, dispatch};
 
     /// Largest difference of two functions in units of the last digit.
-    fn worst(values: &[f64], of: impl Fn(Eight) -> Eight, expected: impl Fn(f64) -> f64) -> u64 {
-        let apart = |k: usize, got: f64| {
+    fn worst(
+        values: &[f64],
+        of: impl Fn(AlignedLanes) -> AlignedLanes,
+        expected: impl Fn(f64) -> f64,
+    ) -> u64 {
+        let scalar_result = |k: usize, got: f64| {
             let expected = expected(values[k]);
             assert_eq!(got.is_nan(), expected.is_nan(), "{}: {got}, {expected}", values[k]);
             if got.is_nan() { 0 } else { got.to_bits().abs_diff(expected.to_bits()) }
         };
         let got = values.chunks(LANES).flat_map(|part| of(part.into()).0.into_iter().take(part.len()));
-        got.enumerate().map(|(k, got)| apart(k, got)).max().unwrap_or(0)
+        got.enumerate().map(|(k, got)| scalar_result(k, got)).max().unwrap_or(0)
     }
 
     #[test]
@@ -198,13 +203,13 @@ mod tests {
         let numbers: Vec<f64> = special.into_iter().chain(subnormal).chain(near_one).collect();
         let positive: Vec<f64> = spread.iter().map(|v| v.exp()).chain(numbers.iter().copied()).collect();
         dispatch!(Level::new(), simd => {
-            let ln = |x: Eight| Eight(ln(x.0.simd_into(simd)).to_array());
-            let exp = |x: Eight| Eight(exp(x.0.simd_into(simd)).to_array());
-            let cbrt = |x: Eight| Eight(cbrt(x.0.simd_into(simd)).to_array());
+            let ln = |x: AlignedLanes| AlignedLanes(ln(x.0.simd_into(simd)).to_array());
+            let exp = |x: AlignedLanes| AlignedLanes(exp(x.0.simd_into(simd)).to_array());
+            let cbrt = |x: AlignedLanes| AlignedLanes(cbrt(x.0.simd_into(simd)).to_array());
             assert!(worst(&positive, ln, f64::ln) <= 1, "{}", worst(&positive, ln, f64::ln));
             let normal: Vec<f64> = positive.iter().filter(|x| (1e-300..1e300).contains(*x)).copied().collect();
             assert!(worst(&normal, cbrt, f64::cbrt) <= 4, "{}", worst(&normal, cbrt, f64::cbrt));
-            assert_eq!(cbrt(Eight::default()).0, [0.0; LANES]);
+            assert_eq!(cbrt(AlignedLanes::default()).0, [0.0; LANES]);
             let whole: Vec<f64> = spread.iter().filter(|x| **x > -708.0).chain(&numbers).copied().collect();
             assert!(worst(&whole, exp, f64::exp) <= 4, "{}", worst(&whole, exp, f64::exp));
         });

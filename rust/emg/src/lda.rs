@@ -1,4 +1,4 @@
-use crate::{EmgError, LdaNormalisation, Priors};
+use crate::{CovarianceNormalization, EmgError, Priors};
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
@@ -12,7 +12,8 @@ use serde::{Deserialize, Serialize};
 pub struct Lda {
     classes: usize,
     features: usize,
-    normalisation: LdaNormalisation,
+    #[serde(rename = "normalisation")]
+    covariance_normalization: CovarianceNormalization,
     /// `[classes][features]`, row-major.
     coefficients: Vec<f64>,
     /// `[classes]`.
@@ -32,9 +33,9 @@ impl Lda {
         samples: &DMatrix<f64>,
         labels: &[usize],
         classes: usize,
-        normalisation: LdaNormalisation,
+        normalization: CovarianceNormalization,
     ) -> Result<Lda, EmgError> {
-        Self::fit_with_priors(samples, labels, classes, normalisation, Priors::Counts)
+        Self::fit_with_priors(samples, labels, classes, normalization, Priors::Counts)
     }
 
     /// [`Lda::fit`] with a choice of priors, as scikit-learn's option `priors`.
@@ -45,12 +46,12 @@ impl Lda {
         samples: &DMatrix<f64>,
         labels: &[usize],
         classes: usize,
-        normalisation: LdaNormalisation,
+        normalization: CovarianceNormalization,
         priors: Priors,
     ) -> Result<Lda, EmgError> {
         let counts = check(samples, labels, classes)?;
         let (windows, features) = samples.shape();
-        let priors = priors.of(&counts);
+        let priors = priors.class_priors(&counts);
 
         // Class means, and the overall mean as their weighted sum.
         let mut means = DMatrix::zeros(classes, features);
@@ -69,15 +70,15 @@ impl Lda {
             row -= means.row(class);
         }
         let spread: Vec<f64> = within.column_iter().map(|c| population_sd(c.as_slice())).collect();
-        let divisor = match normalisation {
-            LdaNormalisation::Windows => windows,
-            LdaNormalisation::WindowsLessClasses => windows - classes,
+        let divisor = match normalization {
+            CovarianceNormalization::Windows => windows,
+            CovarianceNormalization::WindowsLessClasses => windows - classes,
         };
         let factor = (1.0 / divisor as f64).sqrt();
         for (mut column, sd) in within.column_iter_mut().zip(&spread) {
             column *= factor / sd;
         }
-        let (singular, v_t) = decompose(within)?;
+        let (singular, v_t) = singular_values(within)?;
         let rank = singular.iter().filter(|s| **s > TOLERANCE).count();
         if rank == 0 {
             return Err(EmgError::NoVariance);
@@ -90,14 +91,14 @@ impl Lda {
             let weight = (windows as f64 * prior / (classes - 1) as f64).sqrt();
             between.row_mut(k).copy_from(&((means.row(k) - overall.transpose()) * weight));
         }
-        let (singular, v_t) = decompose(between * &whitening)?;
+        let (singular, v_t) = singular_values(between * &whitening)?;
         let rank = singular.iter().filter(|s| **s > TOLERANCE * singular[0]).count();
         let scalings = whitening * v_t.rows(0, rank).transpose();
 
         let mut lda = Lda {
             classes,
             features,
-            normalisation,
+            covariance_normalization: normalization,
             coefficients: Vec::with_capacity(classes * features),
             intercepts: Vec::with_capacity(classes),
         };
@@ -119,11 +120,12 @@ impl Lda {
     pub(crate) fn from_parts(
         classes: usize,
         features: usize,
-        normalisation: LdaNormalisation,
+        normalization: CovarianceNormalization,
         coefficients: Vec<f64>,
         intercepts: Vec<f64>,
     ) -> Result<Lda, EmgError> {
-        let lda = Lda { classes, features, normalisation, coefficients, intercepts };
+        let lda =
+            Lda { classes, features, covariance_normalization: normalization, coefficients, intercepts };
         if lda.is_sound() { Ok(lda) } else { Err(EmgError::NoConvergence) }
     }
 
@@ -131,7 +133,7 @@ impl Lda {
     pub(crate) fn map_features(&self, order: &dyn Fn(&[f64]) -> Vec<f64>) -> Result<Lda, EmgError> {
         let rows = self.coefficients.chunks_exact(self.features.max(1));
         let (intercepts, coefficients) = (self.intercepts.clone(), rows.flat_map(order).collect());
-        Lda::from_parts(self.classes, self.features, self.normalisation, coefficients, intercepts)
+        Lda::from_parts(self.classes, self.features, self.covariance_normalization, coefficients, intercepts)
     }
 
     /// Whether the lengths fit and every value is finite.
@@ -154,8 +156,8 @@ impl Lda {
     }
 
     /// How the covariance was normalised.
-    pub fn normalisation(&self) -> LdaNormalisation {
-        self.normalisation
+    pub fn covariance_normalization(&self) -> CovarianceNormalization {
+        self.covariance_normalization
     }
 
     /// Writes the decision value of each class for one feature vector to `out`, `[classes]`. The class is that of
@@ -174,7 +176,7 @@ impl Lda {
 
 impl Priors {
     /// The probability of each class from its number of windows.
-    pub(crate) fn of(self, counts: &[usize]) -> Vec<f64> {
+    pub(crate) fn class_priors(self, counts: &[usize]) -> Vec<f64> {
         let total = counts.iter().sum::<usize>() as f64;
         let prior = |count: &usize| match self {
             Priors::Counts => *count as f64 / total,
@@ -237,9 +239,9 @@ pub(crate) fn check(
 ///
 /// nalgebra's own decomposition gave wrong vectors for some matrices with duplicated and constant columns, which
 /// dead channels bring; the test of the closed form in `moments.rs` found it.
-pub(crate) fn decompose(matrix: DMatrix<f64>) -> Result<(DVector<f64>, DMatrix<f64>), EmgError> {
+pub(crate) fn singular_values(matrix: DMatrix<f64>) -> Result<(DVector<f64>, DMatrix<f64>), EmgError> {
     // Six to ten sweeps are usual.
-    const MOST_SWEEPS: usize = 60;
+    const MAX_SWEEPS: usize = 60;
     let mut columns = if matrix.nrows() > matrix.ncols() { matrix.qr().unpack_r() } else { matrix };
     let count = columns.ncols();
     let mut vectors = DMatrix::<f64>::identity(count, count);
@@ -248,7 +250,7 @@ pub(crate) fn decompose(matrix: DMatrix<f64>) -> Result<(DVector<f64>, DMatrix<f
     // So would columns that are rounding only.
     let nothing = (f64::EPSILON * columns.norm()).powi(2);
     let mut turned = true;
-    for _ in 0..MOST_SWEEPS {
+    for _ in 0..MAX_SWEEPS {
         turned = false;
         for p in 0..count {
             for q in p + 1..count {

@@ -13,8 +13,8 @@
 //! compare with vectors that those two computed.
 //!
 //! ```
-//! use proact_emg::{Classifier, EmgConfig, EmgPipeline, extract};
-//! use proact_types::{EmgSample, Gesture, SimTime};
+//! use proact_emg::{Classifier, EmgConfig, EmgPipeline, extract_features};
+//! use proact_types::{EmgSample, Command, SimTime};
 //!
 //! // A toy armband with two channels: one muscle for closing, nothing at rest.
 //! let config = EmgConfig { channels: 2, rate_hz: 200.0, ..EmgConfig::default() };
@@ -25,26 +25,26 @@
 //! let rest: Vec<EmgSample> = (0..400).map(|k| sample(k, 1.0)).collect();
 //! let close: Vec<EmgSample> = (0..400).map(|k| sample(k, 20.0)).collect();
 //!
-//! let mut features = extract(&config, &rest)?;
-//! let mut labels = vec![Gesture::NoMotion; features.len()];
-//! features.extend(extract(&config, &close)?);
-//! labels.resize(features.len(), Gesture::HandClose);
+//! let mut features = extract_features(&config, &rest)?;
+//! let mut labels = vec![Command::NoMotion; features.len()];
+//! features.extend(extract_features(&config, &close)?);
+//! labels.resize(features.len(), Command::HandClose);
 //! let classifier = Classifier::train(&config, &features, &labels)?;
 //!
 //! let mut pipeline = EmgPipeline::new(&config, classifier)?;
 //! let outputs: Vec<_> =
 //!     close.iter().filter_map(|s| pipeline.step(SimTime(s.counter * 5), std::slice::from_ref(s))).collect();
-//! assert_eq!(outputs[0].gesture, Gesture::NoMotion, "one window does not move the arm");
-//! assert_eq!(outputs[2].gesture, Gesture::HandClose);
+//! assert_eq!(outputs[0].gesture, Command::NoMotion, "one window does not move the arm");
+//! assert_eq!(outputs[2].gesture, Command::HandClose);
 //! # Ok::<(), proact_emg::EmgError>(())
 //! ```
 
 mod adaptation;
-mod arrivals;
 mod calibration;
 mod classifier;
 mod config;
 mod decision;
+mod decoder_process;
 mod decoder_tap;
 mod discriminant;
 mod drives;
@@ -55,72 +55,79 @@ mod feature_layout;
 mod feature_set;
 mod feature_space;
 mod features;
+mod fft;
 mod filter;
 mod fitts;
 mod goertzel;
 mod imu;
 mod lanes;
 mod lda;
+mod live_check;
 mod liveness;
+mod loss_monitor;
 mod metrics;
 mod model;
 mod moments;
-mod motion_test;
+mod motion_assessment;
 mod pipeline;
-mod process;
 mod quality;
-mod recorded_quality;
+mod recording_quality;
 mod regression;
 mod rotation;
 mod selection;
 mod spectrum;
 mod tac;
 mod two_site;
-mod usability_test;
+mod usability;
 mod welch;
 mod window;
 
 pub use adaptation::{Adaptation, AdaptationConfig};
 pub use calibration::{
-    Calibration, CalibrationConfig, CalibrationEvent, CalibrationReport, DriveScore, Phase, Prompt, Refusal,
-    Repetition, RepetitionScore, ZeroLevel, cross_validate,
+    Calibration, CalibrationConfig, CalibrationEvent, CalibrationPhase, CalibrationReport, DcOffsetSource,
+    DriveScore, Prompt, Repetition, RepetitionRejection, RepetitionScore, cross_validate,
 };
 pub use classifier::{ClassPosterior, Classifier, EffortScale, Prediction};
 pub use config::{
-    BridgeConfig, DEFAULT_MAJORITY, DEFAULT_REJECTION, EmgConfig, LARGEST_MAJORITY, LdaNormalisation, Priors,
-    RATES_HZ, RuleKind, WindowLength,
+    CovarianceNormalization, DEFAULT_MAJORITY_VOTE_WINDOWS, DEFAULT_REJECTION_THRESHOLD, EmgConfig,
+    GapInterpolationConfig, MAX_MAJORITY_VOTE_WINDOWS, Priors, PublishRule, RATES_HZ, WindowLength,
 };
 pub use decision::{Decision, DecisionRule, MajorityVote};
-pub use discriminant::{ClassifierKind, Site};
+pub use decoder_process::{
+    DecodeRequest, DecoderProcess, DecoderProcessConfig, DecoderProcessInput, start_request,
+};
+pub use discriminant::{ClassifierKind, MuscleSite};
 pub use error::EmgError;
-pub use extract::{WindowInput, extract, extract_inputs, extract_with_amplitudes};
+pub use extract::{DecoderInput, extract_decoder_inputs, extract_features, extract_features_with_amplitudes};
 pub use feature::Feature;
 pub use feature_layout::FeatureLayout;
 pub use feature_set::FeatureSet;
 pub use feature_space::{FeatureSpace, FeatureSpaceAxes, feature_space};
 pub use features::{FeatureExtractor, FeatureVector};
 pub use filter::EmgFilter;
-pub use fitts::{CursorConfig, CursorEvent, CursorReport, CursorTest, Movement};
+pub use fitts::{CursorConfig, CursorEvent, CursorMovement, CursorReport, CursorTest};
 pub use imu::{ImuChannel, ImuConfig};
 pub use lda::Lda;
+pub use live_check::LiveCheck;
 pub use liveness::{Liveness, LivenessConfig, SignalFault, noise_floors};
 pub use metrics::RecognitionMetrics;
 pub use model::{ChannelStatistics, EmgModel, MODEL_FORMAT, StreamFormat};
-pub use moments::Moments;
-pub use motion_test::{MotionAttempt, MotionReport, MotionTest, MotionTestConfig};
+pub use moments::ClassMoments;
+pub use motion_assessment::{MotionAttempt, MotionReport, MotionTest, MotionTestConfig};
 pub use pipeline::{EmgOutput, EmgPipeline, StreamEvents};
-pub use process::{DecoderProcess, ProcessConfig, ProcessInput, WindowLine, begin_line};
-pub use quality::{ChannelFault, ChannelQuality, Light, QualityConfig, QualityMonitor, StreamQuality};
-pub use recorded_quality::{
-    Coincidence, RecordedFault, RecordedRepetition, RecordedSession, check_recordings,
+pub use quality::{
+    ChannelFault, ChannelQuality, ChannelStatus, QualityConfig, QualityMonitor, StreamQuality,
+};
+pub use recording_quality::{
+    Coincidence, RecordedRepetition, RecordingFault, RecordingSet, check_recordings,
 };
 pub use regression::RegressionConfig;
-pub use rotation::{BandProposal, RollEvidence, RotationReport, accuracy_at, check_rotation};
+pub use rotation::{BandProposal, RotationReport, ShiftEvidence, accuracy_at_shift, check_rotation};
 pub use selection::{SelectedFeature, SelectionCriterion, SelectionData, select_features};
 pub use tac::{TacAxis, TacConfig, TacPhase, TacReport, TacTarget, TacTest, TacTrial};
 pub use two_site::TwoSiteConfig;
-pub use usability_test::{
+pub use usability::{
     HoldConfig, HoldReport, HoldTest, SequenceConfig, SequenceMistake, SequenceReport, SequenceTest,
 };
-pub use welch::{Spectrum, welch};
+pub use welch::{WelchSpectrum, welch};
 pub use window::{SlidingWindow, StreamCounts, WindowView};

@@ -1,8 +1,8 @@
 //! Whether a stream is that of a living armband on a living arm: what may still come, sample for sample and with
 //! rising counters, after a converter froze, an electrode fell off or a radio lost half of its packets.
 
-use crate::arrivals::Arrivals;
-use crate::imu::{ImuFault, ImuWatch};
+use crate::imu::{ImuFault, ImuMonitor};
+use crate::loss_monitor::LossMonitor;
 use crate::{EmgError, ImuConfig};
 use proact_types::{ChannelValues, EmgSample, SimTime, StopCause};
 use serde::{Deserialize, Serialize};
@@ -12,7 +12,7 @@ use std::fmt;
 const PERIOD_MS: f64 = 150.0;
 const PERIODS: [usize; 2] = [16, 1024];
 /// Fewest equal samples that count as a repetition or a flat line, at any rate.
-const FEWEST: f64 = 8.0;
+const MIN_RUN_SAMPLES: f64 = 8.0;
 
 /// From when on a stream is not that of a living arm. No value has a source: each stands clear of what the recordings
 /// of six people show (`docs/emg.md`), and together with a packet's time and the arm's own stop within 250 ms.
@@ -29,19 +29,19 @@ pub struct LivenessConfig {
     /// Smallest and largest code of the converter, before centring; none where it is not known.
     pub rails: Option<[f64; 2]>,
     /// Over so long a channel is smoother than the share below allows, ms. Default 150; 0 is off.
-    pub noise_ms: u64,
+    pub noise_window_ms: u64,
     /// Share of the quietest roughness of the training below which a channel is no muscle. Default 0.25.
-    pub noise_share: f64,
+    pub min_noise_share: f64,
     /// Per channel the mean absolute second difference of the quietest stretch of the training, in the stream's unit.
     /// Zero: the channel was flat then and is not judged. Empty: not known, so smoothness is not judged.
     pub noise_floors: Vec<f64>,
     /// Loss and rate are judged over so long, ms. Default 200; 0 is off.
-    pub span_ms: u64,
+    pub loss_window_ms: u64,
     /// Share of samples lost or unusable, at most. Default 0.3.
-    pub lost_share: f64,
+    pub max_lost_share: f64,
     /// Rate over the nominal one, least and most. Default 0.55 and 1.85: half and twice the rate are found, a radio
     /// that holds its packets back for a moment is not.
-    pub rate_shares: [f64; 2],
+    pub rate_ratio_limits: [f64; 2],
 }
 
 impl Default for LivenessConfig {
@@ -51,12 +51,12 @@ impl Default for LivenessConfig {
             flat_ms: 150,
             railed_ms: 150,
             rails: None,
-            noise_ms: 150,
-            noise_share: 0.25,
+            noise_window_ms: 150,
+            min_noise_share: 0.25,
             noise_floors: Vec::new(),
-            span_ms: 200,
-            lost_share: 0.3,
-            rate_shares: [0.55, 1.85],
+            loss_window_ms: 200,
+            max_lost_share: 0.3,
+            rate_ratio_limits: [0.55, 1.85],
         }
     }
 }
@@ -67,30 +67,30 @@ impl LivenessConfig {
     /// # Errors
     /// The first [`EmgError`] found.
     pub fn check(&self, channels: usize) -> Result<(), EmgError> {
-        let refused = |name, value, expected| Err(EmgError::Threshold { name, value, expected });
+        let refused = |name, value, expected| Err(EmgError::OutOfRange { name, value, expected });
         for (name, millis) in [
             ("liveness.frozen_ms", self.frozen_ms),
             ("liveness.flat_ms", self.flat_ms),
             ("liveness.railed_ms", self.railed_ms),
-            ("liveness.noise_ms", self.noise_ms),
-            ("liveness.span_ms", self.span_ms),
+            ("liveness.noise_window_ms", self.noise_window_ms),
+            ("liveness.loss_window_ms", self.loss_window_ms),
         ] {
             if millis > 10_000 {
                 return refused(name, millis as f64, "at most 10000, or 0 for off");
             }
         }
-        if !(0.0..=1.0).contains(&self.noise_share) {
-            return refused("liveness.noise_share", self.noise_share, "0 to 1");
+        if !(0.0..=1.0).contains(&self.min_noise_share) {
+            return refused("liveness.min_noise_share", self.min_noise_share, "0 to 1");
         }
-        if !(0.0..=1.0).contains(&self.lost_share) {
-            return refused("liveness.lost_share", self.lost_share, "0 to 1");
+        if !(0.0..=1.0).contains(&self.max_lost_share) {
+            return refused("liveness.max_lost_share", self.max_lost_share, "0 to 1");
         }
-        let [least, most] = self.rate_shares;
-        if !(0.0..1.0).contains(&least) {
-            return refused("liveness.rate_shares", least, "at least 0 and less than 1 first");
+        let [min, max] = self.rate_ratio_limits;
+        if !(0.0..1.0).contains(&min) {
+            return refused("liveness.rate_ratio_limits", min, "at least 0 and less than 1 first");
         }
-        if !(most > 1.0 && most.is_finite()) {
-            return refused("liveness.rate_shares", most, "more than 1 second");
+        if !(max > 1.0 && max.is_finite()) {
+            return refused("liveness.rate_ratio_limits", max, "more than 1 second");
         }
         if let Some([low, high]) = self.rails
             && !(low < high && low.is_finite() && high.is_finite())
@@ -181,11 +181,11 @@ pub struct Liveness {
     config: LivenessConfig,
     rate_hz: f64,
     /// Subtracted from the stream before it comes here; rails are those of the codes.
-    centring: ChannelValues,
-    repetition: Option<Repetition>,
+    dc_offset: ChannelValues,
+    repetition: Option<RepeatDetector>,
     channels: Vec<Channel>,
-    imu: ImuWatch,
-    arrivals: Option<Arrivals>,
+    imu: ImuMonitor,
+    arrivals: Option<LossMonitor>,
     /// Counter expected next; none before the first sample.
     expected: Option<u64>,
     fault: Option<SignalFault>,
@@ -199,7 +199,7 @@ impl Liveness {
     pub fn new(config: &LivenessConfig, rate_hz: f64, channels: usize) -> Result<Self, EmgError> {
         config.check(channels)?;
         let samples = |millis: u64| {
-            let samples = (millis as f64 * rate_hz / 1000.0).round().max(FEWEST) as u32;
+            let samples = (millis as f64 * rate_hz / 1000.0).round().max(MIN_RUN_SAMPLES) as u32;
             (millis > 0).then_some(samples)
         };
         let channel = |c: usize| {
@@ -209,22 +209,22 @@ impl Liveness {
                 flat_limit: samples(config.flat_ms).filter(|_| !dead),
                 rail_limit: samples(config.railed_ms).filter(|_| config.rails.is_some()),
                 roughness: floor.filter(|_| !dead).and_then(|floor| {
-                    let length = samples(config.noise_ms)? as usize;
-                    Some(Roughness::new(length, floor * config.noise_share))
+                    let length = samples(config.noise_window_ms)? as usize;
+                    Some(Roughness::new(length, floor * config.min_noise_share))
                 }),
                 ..Channel::default()
             }
         };
         Ok(Self {
             rate_hz,
-            centring: ChannelValues::new(),
+            dc_offset: ChannelValues::new(),
             repetition: samples(config.frozen_ms).map(|limit| {
-                let [least, most] = PERIODS;
-                Repetition::new(((PERIOD_MS * rate_hz / 1000.0) as usize).clamp(least, most), limit)
+                let [min, max] = PERIODS;
+                RepeatDetector::new(((PERIOD_MS * rate_hz / 1000.0) as usize).clamp(min, max), limit)
             }),
             channels: (0..channels).map(channel).collect(),
-            imu: ImuWatch::new(&ImuConfig::default(), rate_hz),
-            arrivals: (config.span_ms > 0).then(|| Arrivals::new(config.span_ms as usize)),
+            imu: ImuMonitor::new(&ImuConfig::default(), rate_hz),
+            arrivals: (config.loss_window_ms > 0).then(|| LossMonitor::new(config.loss_window_ms as usize)),
             expected: None,
             fault: None,
             config: config.clone(),
@@ -233,13 +233,13 @@ impl Liveness {
 
     /// The same for a stream with an inertial measurement unit, which is watched where decisions need it.
     pub fn with_imu(mut self, config: &ImuConfig) -> Self {
-        self.imu = ImuWatch::new(config, self.rate_hz);
+        self.imu = ImuMonitor::new(config, self.rate_hz);
         self
     }
 
     /// What was subtracted from each channel, so that rails are compared with codes.
-    pub fn set_centring(&mut self, levels: &[f64]) {
-        self.centring = levels.iter().copied().take(self.channels.len()).collect();
+    pub fn set_dc_offset(&mut self, levels: &[f64]) {
+        self.dc_offset = levels.iter().copied().take(self.channels.len()).collect();
     }
 
     /// Why the stream is not alive; none while it is. Silence is not noticed here.
@@ -265,7 +265,7 @@ impl Liveness {
             arrivals.add(lost, usable);
         }
         if usable {
-            self.look_at(emg);
+            self.check_sample(emg);
         }
         if let Some(fault) = whole.then(|| self.imu.push(imu)).flatten() {
             let fault = match fault {
@@ -301,11 +301,11 @@ impl Liveness {
         Some(lost)
     }
 
-    fn look_at(&mut self, values: &[f64]) {
+    fn check_sample(&mut self, values: &[f64]) {
         let repeats = self.repetition.as_mut().is_some_and(|repetition| repetition.push(values));
         let mut fault = repeats.then_some(SignalFault::Frozen);
         for (c, (channel, &value)) in self.channels.iter_mut().zip(values).enumerate() {
-            let code = value + self.centring.get(c).copied().unwrap_or(0.0);
+            let code = value + self.dc_offset.get(c).copied().unwrap_or(0.0);
             let railed = self.config.rails.is_some_and(|[low, high]| code <= low || code >= high);
             let found = channel.push(value, railed, c + 1);
             fault = fault.or(found);
@@ -318,7 +318,7 @@ impl Liveness {
 /// found, be it one sample or the whole last packet. What comes but twice is no repetition: a simulated person who makes
 /// the same recorded gesture again begins it where it began before.
 #[derive(Clone, Debug)]
-struct Repetition {
+struct RepeatDetector {
     periods: usize,
     /// Equal samples that are one too few, per period; the longest period first.
     limits: Vec<u32>,
@@ -328,7 +328,7 @@ struct Repetition {
     runs: Vec<u32>,
 }
 
-impl Repetition {
+impl RepeatDetector {
     fn new(periods: usize, limit: u32) -> Self {
         let limits = (1..=periods as u32).rev().map(|period| period.max(limit)).collect();
         Self { periods, limits, hashes: Vec::with_capacity(4 * periods), runs: vec![0; periods] }
@@ -401,12 +401,12 @@ struct Roughness {
     sum: f64,
     taken: usize,
     last: [f64; 2],
-    least: f64,
+    min_mean: f64,
 }
 
 impl Roughness {
-    fn new(length: usize, least: f64) -> Self {
-        Self { ring: vec![0.0; length.max(1)], sum: 0.0, taken: 0, last: [0.0; 2], least }
+    fn new(length: usize, min_mean: f64) -> Self {
+        Self { ring: vec![0.0; length.max(1)], sum: 0.0, taken: 0, last: [0.0; 2], min_mean }
     }
 
     /// True if the newest samples are smoother than allowed.
@@ -415,15 +415,15 @@ impl Roughness {
         self.last = [last, value];
         self.taken += 1;
         // The first two have nothing before them.
-        let Some(place) = self.taken.checked_sub(3) else { return false };
+        let Some(index) = self.taken.checked_sub(3) else { return false };
         let length = self.ring.len();
         let newest = (value - 2.0 * last + before).abs();
-        self.sum += newest - std::mem::replace(&mut self.ring[place % length], newest);
-        if place.is_multiple_of(length) {
+        self.sum += newest - std::mem::replace(&mut self.ring[index % length], newest);
+        if index.is_multiple_of(length) {
             // A running sum keeps the rounding of large samples, or an overflow, for ever.
             self.sum = self.ring.iter().sum();
         }
-        place + 1 >= length && self.sum < self.least * length as f64
+        index + 1 >= length && self.sum < self.min_mean * length as f64
     }
 }
 
@@ -435,7 +435,7 @@ pub fn noise_floors<'a>(
     channels: usize,
     recordings: impl IntoIterator<Item = &'a [EmgSample]>,
 ) -> Vec<f64> {
-    let length = (config.noise_ms as f64 * rate_hz / 1000.0).round().max(FEWEST) as usize;
+    let length = (config.noise_window_ms as f64 * rate_hz / 1000.0).round().max(MIN_RUN_SAMPLES) as usize;
     let mut floors: Option<Vec<f64>> = None;
     for samples in recordings.into_iter().filter(|samples| samples.len() >= length + 2) {
         let floors = floors.get_or_insert_with(|| vec![f64::INFINITY; channels]);
@@ -445,14 +445,14 @@ pub fn noise_floors<'a>(
                 .windows(3)
                 .map(|w| (value(&w[2]) - 2.0 * value(&w[1]) + value(&w[0])).abs())
                 .collect();
-            *floor = floor.min(least_sum(&differences, length) / length as f64);
+            *floor = floor.min(min_sliding_sum(&differences, length) / length as f64);
         }
     }
     floors.unwrap_or_default()
 }
 
 /// The least sum of `length` values in a row, none of which is negative; each is summed from its first to its last.
-fn least_sum(values: &[f64], length: usize) -> f64 {
+fn min_sliding_sum(values: &[f64], length: usize) -> f64 {
     // A sum that slides along is off by its rounding, so that those which could be the least are summed anew.
     let mut sum: f64 = values[..length].iter().sum();
     let mut sliding = vec![sum];
@@ -461,9 +461,9 @@ fn least_sum(values: &[f64], length: usize) -> f64 {
         sum
     }));
     let rounding = 4.0 * f64::EPSILON * values.len() as f64 * values.iter().sum::<f64>();
-    let most = sliding.iter().copied().fold(f64::INFINITY, f64::min) + rounding;
-    let could_be_least = |(_, sliding): &(&[f64], f64)| *sliding <= most || !rounding.is_finite();
-    let sums = values.windows(length).zip(sliding).filter(could_be_least);
+    let min_mean = sliding.iter().copied().fold(f64::INFINITY, f64::min) + rounding;
+    let is_min_candidate = |(_, sliding): &(&[f64], f64)| *sliding <= min_mean || !rounding.is_finite();
+    let sums = values.windows(length).zip(sliding).filter(is_min_candidate);
     sums.map(|(window, _)| window.iter().sum()).fold(f64::INFINITY, f64::min)
 }
 
@@ -484,7 +484,7 @@ mod tests {
     }
 
     proptest! {
-        // Catches a least sum that is passed over because the one that slides is off.
+        // Catches a min_sum sum that is passed over because the one that slides is off.
         #[test]
         fn the_least_sum_is_that_of_every_window_summed_anew(
             finite in any::<bool>(),
@@ -493,8 +493,8 @@ mod tests {
         ) {
             let values: Vec<f64> = values.into_iter().filter(|value| !finite || value.is_finite()).collect();
             prop_assume!(values.len() >= length);
-            let least = values.windows(length).map(|w| w.iter().sum()).fold(f64::INFINITY, f64::min);
-            prop_assert_eq!(least_sum(&values, length).to_bits(), least.to_bits());
+            let min_sum = values.windows(length).map(|w| w.iter().sum()).fold(f64::INFINITY, f64::min);
+            prop_assert_eq!(min_sliding_sum(&values, length).to_bits(), min_sum.to_bits());
         }
     }
 }

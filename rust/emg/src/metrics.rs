@@ -22,7 +22,7 @@ pub struct RecognitionMetrics {
 impl RecognitionMetrics {
     /// Of the true and the recognised class of each window, in the order of time, at least one; `rest` is the class of the
     /// relaxed hand, if there is one.
-    pub fn of(windows: &[(usize, usize)], rest: Option<usize>) -> RecognitionMetrics {
+    pub fn from_windows(windows: &[(usize, usize)], rest: Option<usize>) -> RecognitionMetrics {
         let share = |part: usize, whole: usize| if whole == 0 { 0.0 } else { part as f64 / whole as f64 };
         let count =
             |keep: &dyn Fn(usize, usize) -> bool| windows.iter().filter(|(t, r)| keep(*t, *r)).count();
@@ -30,10 +30,10 @@ impl RecognitionMetrics {
             windows.windows(2).filter(|pair| of(&pair[0]) != of(&pair[1])).count() as f64
         };
         let extra = changes(|window| window.1) - changes(|window| window.0);
-        let active = count(&|_, recognised| Some(recognised) != rest);
-        let wrongly = count(&|truth, recognised| Some(recognised) != rest && truth != recognised);
+        let active = count(&|_, predicted| Some(predicted) != rest);
+        let wrongly = count(&|truth, predicted| Some(predicted) != rest && truth != predicted);
         let mut metrics = RecognitionMetrics {
-            accuracy: share(count(&|truth, recognised| truth == recognised), windows.len()),
+            accuracy: share(count(&|truth, predicted| truth == predicted), windows.len()),
             active_error: share(wrongly, active),
             instability: (extra / windows.len().max(1) as f64).max(0.0),
             recall: 0.0,
@@ -43,9 +43,9 @@ impl RecognitionMetrics {
         let classes = windows.iter().map(|(truth, _)| truth + 1).max().unwrap_or(0);
         for class in 0..classes {
             let of_class = count(&|truth, _| truth == class);
-            let hits = count(&|truth, recognised| truth == class && recognised == class);
+            let hits = count(&|truth, predicted| truth == class && predicted == class);
             let recall = share(hits, of_class);
-            let precision = share(hits, count(&|_, recognised| recognised == class));
+            let precision = share(hits, count(&|_, predicted| predicted == class));
             let both = recall + precision;
             let weight = share(of_class, windows.len());
             metrics.recall += weight * recall;
@@ -63,9 +63,9 @@ mod tests {
     #[test]
     fn metrics_are_libemgs() {
         let truth = [0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 2, 0, 0, 1, 1, 2];
-        let recognised = [0, 1, 0, 0, 1, 1, 2, 1, 2, 2, 0, 2, 2, 0, 2, 1, 0, 2];
-        let windows: Vec<(usize, usize)> = truth.into_iter().zip(recognised).collect();
-        let got = RecognitionMetrics::of(&windows, Some(2));
+        let predicted = [0, 1, 0, 0, 1, 1, 2, 1, 2, 2, 0, 2, 2, 0, 2, 1, 0, 2];
+        let windows: Vec<(usize, usize)> = truth.into_iter().zip(predicted).collect();
+        let got = RecognitionMetrics::from_windows(&windows, Some(2));
         // LibEMG 2.0.3, `extract_offline_metrics` with `null_label=2`.
         let expected = [
             0.7222222222222222,
@@ -79,7 +79,7 @@ mod tests {
         for (got, expected) in pairs.into_iter().zip(expected) {
             assert!((got - expected).abs() < 1e-12, "{pairs:?}");
         }
-        let never = RecognitionMetrics::of(&[(0, 1), (1, 1)], None);
+        let never = RecognitionMetrics::from_windows(&[(0, 1), (1, 1)], None);
         assert_eq!((never.precision, never.instability), (0.25, 0.0));
     }
 }

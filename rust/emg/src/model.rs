@@ -1,10 +1,13 @@
-use crate::imu::{ImuFault, ImuWatch};
-use crate::moments::Moments;
+use crate::imu::{ImuFault, ImuMonitor};
+use crate::moments::ClassMoments;
 use crate::{
     Classifier, ClassifierKind, EmgConfig, EmgError, EmgFilter, ImuChannel, LivenessConfig,
-    extract_with_amplitudes, noise_floors,
+    extract_features_with_amplitudes, noise_floors,
 };
-use proact_types::{EmgSample, GestureName};
+use proact_types::{
+    EmgSample, Gesture,
+    renamed_keys::{ConfigFile, rename_keys},
+};
 use serde::{Deserialize, Serialize};
 
 /// Format of model files that this version writes and reads.
@@ -21,7 +24,8 @@ pub struct ChannelStatistics {
     /// Standard deviation at rest.
     pub rest_sd: f64,
     /// Largest standard deviation over any recording of any gesture.
-    pub largest_sd: f64,
+    #[serde(rename = "largest_sd")]
+    pub max_sd: f64,
     /// As in [`LivenessConfig::noise_floors`]; none in models of older versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_floor: Option<f64>,
@@ -53,13 +57,14 @@ pub struct EmgModel {
     /// Rate, channels, window, features and rules of the training.
     pub config: EmgConfig,
     /// Zero level of each channel, to be subtracted from raw codes; zeros for a stream that is centred already.
-    pub centring: Vec<f64>,
+    #[serde(rename = "centring")]
+    pub dc_offset: Vec<f64>,
     /// Per channel.
     pub channels: Vec<ChannelStatistics>,
     /// Classes, discriminant and effort scale.
     pub classifier: Classifier,
     /// For adaptation.
-    pub moments: Moments,
+    pub moments: ClassMoments,
     /// Faults of the recordings that were accepted when it was trained, one sentence each.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub accepted_faults: Vec<String>,
@@ -69,17 +74,17 @@ impl EmgModel {
     /// Trains on recordings, each of one gesture, before centring. Windows never span two recordings.
     ///
     /// # Errors
-    /// What [`extract_with_amplitudes`] and [`Classifier::train`] refuse, or another number of zero levels than channels.
-    pub fn train<G: Copy + Into<GestureName>>(
+    /// What [`extract_features_with_amplitudes`] and [`Classifier::train`] refuse, or another number of zero levels than channels.
+    pub fn train<G: Copy + Into<Gesture>>(
         config: &EmgConfig,
-        centring: &[f64],
+        dc_offset: &[f64],
         recordings: &[(G, &[EmgSample])],
     ) -> Result<EmgModel, EmgError> {
-        if centring.len() != config.channels || !centring.iter().all(|v| v.is_finite()) {
+        if dc_offset.len() != config.channels || !dc_offset.iter().all(|v| v.is_finite()) {
             return Err(EmgError::ModelFile {
                 reason: format!(
                     "got {} zero levels, expected {} finite numbers",
-                    centring.len(),
+                    dc_offset.len(),
                     config.channels
                 ),
             });
@@ -87,17 +92,18 @@ impl EmgModel {
         let (mut windows, mut labels, mut amplitudes) = (Vec::new(), Vec::new(), Vec::new());
         let mut channels = vec![ChannelStatistics::default(); config.channels];
         let mut rest = vec![Vec::new(); config.channels];
-        for (gesture, samples) in recordings.iter().filter(|(gesture, _)| config.learns((*gesture).into())) {
-            let gesture: GestureName = (*gesture).into();
+        for (gesture, samples) in recordings.iter().filter(|(gesture, _)| config.trains_on((*gesture).into()))
+        {
+            let gesture: Gesture = (*gesture).into();
             check_imu(config, gesture, samples)?;
-            let centred: Vec<EmgSample> = samples.iter().map(|s| centred(s, centring)).collect();
-            let (vectors, sums) = extract_with_amplitudes(config, &centred)?;
+            let centered: Vec<EmgSample> = samples.iter().map(|s| subtract_dc_offset(s, dc_offset)).collect();
+            let (vectors, sums) = extract_features_with_amplitudes(config, &centered)?;
             windows.extend(vectors);
             amplitudes.extend(sums);
             labels.resize(windows.len(), gesture);
             for (c, statistics) in channels.iter_mut().enumerate() {
-                let values: Vec<f64> = centred.iter().map(|s| s.channels[c]).collect();
-                statistics.largest_sd = statistics.largest_sd.max(mean_and_sd(&values).1);
+                let values: Vec<f64> = centered.iter().map(|s| s.channels[c]).collect();
+                statistics.max_sd = statistics.max_sd.max(mean_and_sd(&values).1);
                 if gesture == config.rest {
                     rest[c].extend(values);
                 }
@@ -118,14 +124,14 @@ impl EmgModel {
         }
         let classifier = Classifier::train_with_amplitudes(config, &windows, &labels, &amplitudes)?;
         let classes: Vec<usize> =
-            labels.iter().map(|gesture| classifier.place(*gesture)).collect::<Result<_, _>>()?;
+            labels.iter().map(|gesture| classifier.class_index(*gesture)).collect::<Result<_, _>>()?;
         Ok(EmgModel {
             format: MODEL_FORMAT,
             program: env!("CARGO_PKG_VERSION").to_owned(),
             config: config.clone(),
-            centring: centring.to_vec(),
+            dc_offset: dc_offset.to_vec(),
             channels,
-            moments: Moments::of(&windows, &classes, classifier.gestures().len()),
+            moments: ClassMoments::of(&windows, &classes, classifier.gestures().len()),
             classifier,
             accepted_faults: Vec::new(),
         })
@@ -142,8 +148,8 @@ impl EmgModel {
     /// what the classifier was trained with may not.
     ///
     /// # Errors
-    /// [`EmgError::TrainedOtherwise`] naming the first setting that would need another training.
-    pub fn check_settings(&self, asked: &EmgConfig) -> Result<(), EmgError> {
+    /// [`EmgError::TrainingMismatch`] naming the first setting that would need another training.
+    pub fn check_settings(&self, requested: &EmgConfig) -> Result<(), EmgError> {
         let of = |config: &EmgConfig| {
             [
                 ("emg.rate_hz", config.rate_hz.to_string()),
@@ -156,7 +162,7 @@ impl EmgModel {
                 ),
                 ("emg.features", format!("{:?}", config.features)),
                 ("emg.classifier", config.classifier.to_string()),
-                ("emg.normalisation", format!("{:?}", config.normalisation)),
+                ("emg.covariance_normalization", format!("{:?}", config.covariance_normalization)),
                 ("emg.priors", format!("{:?}", config.priors)),
                 ("emg.ssc_threshold", config.ssc_threshold.to_string()),
                 ("emg.wamp_threshold", config.wamp_threshold.to_string()),
@@ -166,31 +172,37 @@ impl EmgModel {
                     "emg.two_site",
                     format!(
                         "{} {:?} {}",
-                        config.two_site.pair, config.two_site.channels, config.two_site.switch
+                        config.two_site.pair, config.two_site.channels, config.two_site.switch_gesture
                     ),
                 ),
-                ("emg.regression.alpha", config.regression.alpha.to_string()),
+                ("emg.regression.ridge_alpha", config.regression.ridge_alpha.to_string()),
                 ("emg.process", format!("{:?}", config.process)),
                 ("emg.imu", imu_text(config)),
             ]
         };
-        match of(asked).into_iter().zip(of(&self.config)).find(|(asked, trained)| asked != trained) {
-            Some(((key, asked), (_, trained))) => Err(EmgError::TrainedOtherwise { key, asked, trained }),
+        match of(requested)
+            .into_iter()
+            .zip(of(&self.config))
+            .find(|(requested, trained)| requested != trained)
+        {
+            Some(((key, requested), (_, trained))) => {
+                Err(EmgError::TrainingMismatch { key, requested, trained })
+            }
             None => Ok(()),
         }
     }
 
     /// The sample less the zero levels. A sample with another number of channels keeps it, for the window to refuse.
-    pub fn centred(&self, sample: &EmgSample) -> EmgSample {
-        centred(sample, &self.centring)
+    pub fn subtract_dc_offset(&self, sample: &EmgSample) -> EmgSample {
+        subtract_dc_offset(sample, &self.dc_offset)
     }
 
     /// Whether the model may be used on a stream.
     ///
     /// # Errors
-    /// [`EmgError::DoesNotFit`] with every reason: another number of channels, a rate that differs by more than 2 %, or
+    /// [`EmgError::StreamMismatch`] with every reason: another number of channels, a rate that differs by more than 2 %, or
     /// a channel that rests further from its zero level than in training.
-    pub fn check_fits(&self, stream: &StreamFormat) -> Result<(), EmgError> {
+    pub fn check_stream_format(&self, stream: &StreamFormat) -> Result<(), EmgError> {
         let mut reasons = Vec::new();
         if stream.channels != self.config.channels {
             reasons.push(format!(
@@ -215,21 +227,25 @@ impl EmgModel {
             if medians.len() != stream.channels {
                 reasons.push(format!("got {} rest medians, expected {}", medians.len(), stream.channels));
             }
-            for (c, median) in medians.iter().enumerate().take(self.centring.len()) {
+            for (c, median) in medians.iter().enumerate().take(self.dc_offset.len()) {
                 let statistics = &self.channels[c];
-                let level = self.centring[c] + statistics.rest_median;
+                let level = self.dc_offset[c] + statistics.rest_median;
                 // Ten counts of an 8-bit converter are less than any offset left in, and more than any drift.
                 let limit = (5.0 * statistics.rest_sd).max(10.0);
                 let off = (median - level).abs();
                 if off.is_nan() || off > limit {
                     reasons.push(format!(
                         "channel {c} rests at {median}, the model expects {level} (zero level {}): the centring differs",
-                        self.centring[c]
+                        self.dc_offset[c]
                     ));
                 }
             }
         }
-        if reasons.is_empty() { Ok(()) } else { Err(EmgError::DoesNotFit { reasons: reasons.join("; ") }) }
+        if reasons.is_empty() {
+            Ok(())
+        } else {
+            Err(EmgError::StreamMismatch { reasons: reasons.join("; ") })
+        }
     }
 
     /// The same model for a band that sits `shift` channels further: it reads channel `(c + shift) mod channels` of the
@@ -238,7 +254,7 @@ impl EmgModel {
     /// # Errors
     /// [`EmgError::ModelFile`] for a model that was put together wrongly, [`EmgError::Imu`] for one that needs an inertial
     /// measurement unit: it sits on the band and has turned with it.
-    pub fn rolled(&self, shift: usize) -> Result<EmgModel, EmgError> {
+    pub fn with_channel_shift(&self, shift: usize) -> Result<EmgModel, EmgError> {
         self.check()?;
         if !self.config.imu.features.is_empty() {
             let reason =
@@ -255,7 +271,7 @@ impl EmgModel {
             out
         };
         let mut model = self.clone();
-        model.centring.rotate_right(shift);
+        model.dc_offset.rotate_right(shift);
         model.channels.rotate_right(shift);
         model.classifier = self.classifier.map_features(&back)?;
         model.moments = self.moments.map_features(&back);
@@ -283,7 +299,11 @@ impl EmgModel {
         let reason = |e: serde_json::Error| EmgError::ModelFile { reason: e.to_string() };
         // The format first: another one would give a message about some key.
         check_format(serde_json::from_str::<Format>(json).map_err(reason)?.format)?;
-        let model: EmgModel = serde_json::from_str(json).map_err(reason)?;
+        let model: EmgModel = match with_present_keys(json)? {
+            Some(renamed) => serde_json::from_value(renamed),
+            None => serde_json::from_str(json),
+        }
+        .map_err(reason)?;
         model.check()?;
         Ok(model)
     }
@@ -295,8 +315,8 @@ impl EmgModel {
         let features = self.config.layout().count();
         let classes = self.classifier.gestures().len();
         // A co-contraction has no windows.
-        let least = if self.config.classifier == ClassifierKind::TwoSite { 0.0 } else { 1.0 };
-        let statistics = self.channels.iter().flat_map(|c| [c.rest_median, c.rest_sd, c.largest_sd]);
+        let min_windows = if self.config.classifier == ClassifierKind::TwoSite { 0.0 } else { 1.0 };
+        let statistics = self.channels.iter().flat_map(|c| [c.rest_median, c.rest_sd, c.max_sd]);
         let wrong = if !self.classifier.is_sound()
             || self.classifier.channels() != channels
             || self.classifier.features() != self.config.features
@@ -304,11 +324,11 @@ impl EmgModel {
             || self.classifier.feature_count() != features
         {
             "the classifier does not fit the features and channels"
-        } else if self.centring.len() != channels || !self.centring.iter().all(|v| v.is_finite()) {
+        } else if self.dc_offset.len() != channels || !self.dc_offset.iter().all(|v| v.is_finite()) {
             "there must be one zero level a channel"
         } else if self.channels.len() != channels || !statistics.into_iter().all(f64::is_finite) {
             "there must be statistics for each channel"
-        } else if !self.moments.is_sound(classes, features, least) {
+        } else if !self.moments.is_sound(classes, features, min_windows) {
             "the moments do not fit the classes and features"
         } else {
             return Ok(());
@@ -336,18 +356,14 @@ fn unit_text(channels: &[ImuChannel]) -> String {
 }
 
 /// Whether all sensors of an inertial measurement unit that are features said something in a recording.
-pub(crate) fn check_imu(
-    config: &EmgConfig,
-    gesture: GestureName,
-    samples: &[EmgSample],
-) -> Result<(), EmgError> {
+pub(crate) fn check_imu(config: &EmgConfig, gesture: Gesture, samples: &[EmgSample]) -> Result<(), EmgError> {
     let of_unit = |sample: &'_ EmgSample| sample.channels.len() == config.sample_channels();
     if config.imu.features.is_empty() || !samples.iter().all(of_unit) {
         // Samples of another length are refused by what cuts windows.
         return Ok(());
     }
     let values = samples.iter().map(|sample| &sample.channels[config.channels..]);
-    let (number, what) = match ImuWatch::of_recording(&config.imu, values) {
+    let (number, what) = match ImuMonitor::recording_fault(&config.imu, values) {
         None => return Ok(()),
         Some(ImuFault::Silent(number)) => (number, "has values that are no numbers"),
         Some(ImuFault::Frozen(number)) => (number, "does not change"),
@@ -359,6 +375,15 @@ pub(crate) fn check_imu(
     Err(EmgError::Imu { reason })
 }
 
+/// A model file of which the settings have keys by names that they had before, with the present ones; none if there are no such.
+fn with_present_keys(json: &str) -> Result<Option<serde_json::Value>, EmgError> {
+    let Ok(mut model) = serde_json::from_str::<serde_json::Value>(json) else { return Ok(None) };
+    let Some(config) = model.get_mut("config") else { return Ok(None) };
+    let used = rename_keys(config, ConfigFile::Trial, "emg")
+        .map_err(|error| EmgError::ModelFile { reason: error.to_string() })?;
+    Ok(Some(model).filter(|_| !used.is_empty()))
+}
+
 fn check_format(format: u32) -> Result<(), EmgError> {
     if format == MODEL_FORMAT {
         return Ok(());
@@ -366,9 +391,9 @@ fn check_format(format: u32) -> Result<(), EmgError> {
     Err(EmgError::ModelFile { reason: format!("format {format}, this version reads format {MODEL_FORMAT}") })
 }
 
-pub(crate) fn centred(sample: &EmgSample, centring: &[f64]) -> EmgSample {
+pub(crate) fn subtract_dc_offset(sample: &EmgSample, dc_offset: &[f64]) -> EmgSample {
     let mut sample = sample.clone();
-    sample.channels.iter_mut().zip(centring).for_each(|(value, zero)| *value -= zero);
+    sample.channels.iter_mut().zip(dc_offset).for_each(|(value, zero)| *value -= zero);
     sample
 }
 

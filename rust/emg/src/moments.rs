@@ -1,11 +1,11 @@
-use crate::{EmgError, Lda, LdaNormalisation, Priors};
+use crate::{CovarianceNormalization, EmgError, Lda, Priors};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use serde::{Deserialize, Serialize};
 
 /// What a discriminant is made of: the class means and the pooled covariance. From these it can be made anew when
 /// a window is added, without the windows themselves.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Moments {
+pub struct ClassMoments {
     /// Windows of each class.
     pub(crate) counts: Vec<f64>,
     /// `[classes][features]`.
@@ -17,11 +17,11 @@ pub struct Moments {
 /// Standard deviations below this, of standardised features, count as zero: the tolerance of [`Lda::fit`].
 const TOLERANCE: f64 = 1e-4;
 
-impl Moments {
+impl ClassMoments {
     /// Of `windows`, `[windows][features]`, with the class of each, all below `classes`.
-    pub(crate) fn of<F: AsRef<[f64]>>(windows: &[F], labels: &[usize], classes: usize) -> Moments {
+    pub(crate) fn of<F: AsRef<[f64]>>(windows: &[F], labels: &[usize], classes: usize) -> ClassMoments {
         let features = windows.first().map_or(0, |w| w.as_ref().len());
-        let mut moments = Moments {
+        let mut moments = ClassMoments {
             counts: vec![0.0; classes],
             means: vec![vec![0.0; features]; classes],
             covariance: vec![0.0; features * features],
@@ -50,24 +50,28 @@ impl Moments {
     }
 
     /// The discriminant of these moments: [`Lda::fit`] in closed form, `covariance^+ (mean_k - mean)`.
-    pub(crate) fn lda(&self, normalisation: LdaNormalisation, priors: Priors) -> Result<Lda, EmgError> {
+    pub(crate) fn lda(
+        &self,
+        normalization: CovarianceNormalization,
+        priors: Priors,
+    ) -> Result<Lda, EmgError> {
         let (classes, features) = (self.counts.len(), self.means[0].len());
         let windows = self.counts.iter().sum::<f64>();
         let whole: Vec<usize> = self.counts.iter().map(|c| *c as usize).collect();
-        let priors = priors.of(&whole);
-        let factor = match normalisation {
-            LdaNormalisation::Windows => 1.0,
-            LdaNormalisation::WindowsLessClasses => windows / (windows - classes as f64),
+        let priors = priors.class_priors(&whole);
+        let factor = match normalization {
+            CovarianceNormalization::Windows => 1.0,
+            CovarianceNormalization::WindowsLessClasses => windows / (windows - classes as f64),
         };
         let at = |i: usize, j: usize| self.covariance[i * features + j];
         let sd: Vec<f64> =
             (0..features).map(|i| if at(i, i) > 0.0 { at(i, i).sqrt() } else { 1.0 }).collect();
-        let standardised = DMatrix::from_fn(features, features, |i, j| factor * at(i, j) / sd[i] / sd[j]);
-        if !standardised.iter().all(|v| v.is_finite()) {
+        let standardized = DMatrix::from_fn(features, features, |i, j| factor * at(i, j) / sd[i] / sd[j]);
+        if !standardized.iter().all(|v| v.is_finite()) {
             return Err(EmgError::NoConvergence);
         }
         let eigen =
-            SymmetricEigen::try_new(standardised, f64::EPSILON, 100_000).ok_or(EmgError::NoConvergence)?;
+            SymmetricEigen::try_new(standardized, f64::EPSILON, 100_000).ok_or(EmgError::NoConvergence)?;
         let inverse = eigen.eigenvalues.map(|v| if v > TOLERANCE * TOLERANCE { 1.0 / v } else { 0.0 });
         if inverse.iter().all(|v| *v == 0.0) {
             return Err(EmgError::NoVariance);
@@ -87,7 +91,7 @@ impl Moments {
             intercepts.push(prior.ln() - offset);
             coefficients.extend(row);
         }
-        Lda::from_parts(classes, features, normalisation, coefficients, intercepts)
+        Lda::from_parts(classes, features, normalization, coefficients, intercepts)
     }
 
     /// Distance of a window from a class mean, in standard deviations of the classes along each feature, root mean
@@ -102,13 +106,13 @@ impl Moments {
     }
 
     /// The moments of the same windows with their features in another order, which `order` gives a vector.
-    pub(crate) fn map_features(&self, order: &dyn Fn(&[f64]) -> Vec<f64>) -> Moments {
+    pub(crate) fn map_features(&self, order: &dyn Fn(&[f64]) -> Vec<f64>) -> ClassMoments {
         let features = self.means.first().map_or(0, Vec::len);
         let rows: Vec<Vec<f64>> = self.covariance.chunks_exact(features.max(1)).map(order).collect();
         // The rows themselves are in the order of the features, too: by columns.
         let columns: Vec<Vec<f64>> =
             (0..features).map(|j| order(&rows.iter().map(|row| row[j]).collect::<Vec<f64>>())).collect();
-        Moments {
+        ClassMoments {
             counts: self.counts.clone(),
             means: self.means.iter().map(|mean| order(mean)).collect(),
             covariance: (0..features * features).map(|k| columns[k % features][k / features]).collect(),
@@ -116,14 +120,14 @@ impl Moments {
     }
 
     /// Whether the lengths fit and every value is finite.
-    pub(crate) fn is_sound(&self, classes: usize, features: usize, least: f64) -> bool {
+    pub(crate) fn is_sound(&self, classes: usize, features: usize, min_windows: f64) -> bool {
         let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());
         self.counts.len() == classes
             && self.means.len() == classes
             && self.means.iter().all(|m| m.len() == features && finite(m))
             && self.covariance.len() == features * features
             && finite(&self.covariance)
-            && self.counts.iter().all(|c| c.is_finite() && *c >= least)
+            && self.counts.iter().all(|c| c.is_finite() && *c >= min_windows)
     }
 }
 
@@ -147,22 +151,22 @@ mod tests {
     #[test]
     fn the_closed_form_is_the_fitted_discriminant_window_by_window() {
         let (windows, labels) = data();
-        for normalisation in [LdaNormalisation::Windows, LdaNormalisation::WindowsLessClasses] {
+        for normalization in [CovarianceNormalization::Windows, CovarianceNormalization::WindowsLessClasses] {
             for priors in [Priors::Counts, Priors::Equal] {
                 // Sixty windows at once, the others one by one.
-                let mut moments = Moments::of(&windows[..60], &labels[..60], 3);
+                let mut moments = ClassMoments::of(&windows[..60], &labels[..60], 3);
                 for (window, class) in windows.iter().zip(&labels).skip(60) {
                     moments.add(*class, window, f64::INFINITY);
                 }
-                let closed = moments.lda(normalisation, priors).expect("good data");
+                let closed = moments.lda(normalization, priors).expect("good data");
                 let matrix = DMatrix::from_fn(91, 5, |i, j| windows[i][j]);
                 let fitted =
-                    Lda::fit_with_priors(&matrix, &labels, 3, normalisation, priors).expect("good data");
+                    Lda::fit_with_priors(&matrix, &labels, 3, normalization, priors).expect("good data");
                 for window in &windows {
                     let (mut a, mut b) = ([0.0; 3], [0.0; 3]);
                     closed.decide(window, &mut a);
                     fitted.decide(window, &mut b);
-                    let scale = b.iter().fold(1.0_f64, |most, v| most.max(v.abs()));
+                    let scale = b.iter().fold(1.0_f64, |max, v| max.max(v.abs()));
                     assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() <= RELATIVE * scale), "{a:?} {b:?}");
                 }
             }
@@ -172,7 +176,7 @@ mod tests {
     #[test]
     fn a_short_memory_forgets_the_calibration() {
         let (windows, labels) = data();
-        let mut moments = Moments::of(&windows, &labels, 3);
+        let mut moments = ClassMoments::of(&windows, &labels, 3);
         for _ in 0..200 {
             moments.add(1, &[5.0; 5], 20.0);
         }

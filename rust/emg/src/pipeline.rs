@@ -1,33 +1,33 @@
-use crate::decoder_tap::{DecoderTap, Undecided};
+use crate::decoder_tap::{DecodeFailure, DecoderTap};
 use crate::drives::DriveFilter;
 use crate::filter::FilterBank;
-use crate::two_site::SiteSwitch;
+use crate::two_site::CocontractionDetector;
 use crate::{
     ClassPosterior, Classifier, Decision, DecisionRule, DecoderProcess, EmgConfig, EmgError,
     FeatureExtractor, FeatureVector, Liveness, MajorityVote, SignalFault, SlidingWindow, StreamCounts,
 };
 use proact_types::{
-    ChannelValues, DegreeOfFreedom, Drives, EmgSample, GestureName, SimTime, StopCause, WindowAnswer,
+    ChannelValues, DegreeOfFreedom, Drives, EmgSample, Gesture, SimTime, StopCause, WindowAnswer,
 };
 
 /// What the EMG stage says at the end of a window, or when the stream became stale.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EmgOutput {
     /// The gesture in force.
-    pub gesture: GestureName,
+    pub gesture: Gesture,
     /// Its place in [`Classifier::gestures`].
-    pub place: usize,
-    /// A message goes out: see [`crate::RuleKind`].
+    pub class_index: usize,
+    /// A message goes out: see [`crate::PublishRule`].
     pub published: bool,
     /// The class of the newest window alone; rest when stale.
-    pub window_class: GestureName,
+    pub window_class: Gesture,
     /// Probability of each gesture in the order of [`Classifier::gestures`]; all zero when stale.
     pub posterior: ClassPosterior,
     /// Probability of `window_class`; zero when stale.
     pub confidence: f64,
     /// What went to the decision rule: `window_class`, none if it was rejected, or the winner of the majority vote.
     /// None when stale.
-    pub class: Option<GestureName>,
+    pub class: Option<Gesture>,
     /// How hard `class` is performed, 0 to 1; zero for rest, when rejected and when stale.
     pub effort: f64,
     /// Drive of each of [`EmgPipeline::degrees_of_freedom`], -1 to 1, smoothed and zero within the dead band; all zero when
@@ -70,16 +70,16 @@ pub struct EmgPipeline {
     filters: FilterBank,
     window: SlidingWindow,
     classifier: Classifier,
-    rest: GestureName,
+    rest: Gesture,
     rule: DecisionRule,
     drives: DriveFilter,
     tap: DecoderTap,
-    switch: SiteSwitch,
+    switch: CocontractionDetector,
     overflows: u64,
     /// Of the newest window.
     newest: FeatureVector,
     /// Subtracted from each channel; empty for a stream that is centred.
-    centring: ChannelValues,
+    dc_offset: ChannelValues,
     /// The newest sample less those, then filtered.
     prepared: EmgSample,
 }
@@ -103,7 +103,7 @@ impl EmgPipeline {
                 reason: "lengths or values of the classifier are wrong".to_owned(),
             });
         }
-        if classifier.place(config.rest).is_err() {
+        if classifier.class_index(config.rest).is_err() {
             return Err(EmgError::NoRest { rest: config.rest, known: classifier.gestures().to_vec() });
         }
         let (got, expected) = (
@@ -113,32 +113,32 @@ impl EmgPipeline {
         if got != expected {
             return Err(EmgError::FeatureCount { got, expected });
         }
-        let (asked, trained) = (config.classifier, classifier.kind());
+        let (requested, trained) = (config.classifier, classifier.kind());
         // Settings that say more than a classifier's own are those of the other kinds.
-        let alike = asked.has_posterior() && trained.has_posterior();
-        if asked != trained && (asked.is_process() || trained.is_process() || !alike) {
-            return Err(EmgError::OtherDecoder { asked, trained });
+        let alike = requested.has_posterior() && trained.has_posterior();
+        if requested != trained && (requested.is_process() || trained.is_process() || !alike) {
+            return Err(EmgError::ClassifierMismatch { requested, trained });
         }
         let classifier = classifier.with_dead_band(config.regression.dead_band);
         // The classifier knows its features, whatever the settings say.
         let config = &EmgConfig { features: classifier.features(), ..config.clone() };
         Ok(EmgPipeline {
             features: FeatureExtractor::new(config)?,
-            rejection: config.rejection,
-            vote: config.majority.map(MajorityVote::new),
+            rejection: config.rejection_threshold,
+            vote: config.majority_vote_windows.map(MajorityVote::new),
             events: StreamEvents::default(),
             filters: FilterBank::new(&config.filters, config.rate_hz, config.channels)?,
             liveness: Liveness::new(&config.liveness, config.rate_hz, config.channels)?.with_imu(&config.imu),
             window: SlidingWindow::new(config)?,
             rule: DecisionRule::new(config),
-            switch: SiteSwitch::new(&config.two_site),
+            switch: CocontractionDetector::new(&config.two_site),
             tap: DecoderTap::new(config),
             drives: DriveFilter::new(config, classifier.degrees_of_freedom().len())?,
             rest: config.rest,
             newest: FeatureVector::with_capacity(classifier.layout().count()),
             classifier,
             overflows: 0,
-            centring: ChannelValues::new(),
+            dc_offset: ChannelValues::new(),
             prepared: EmgSample { counter: 0, channels: ChannelValues::new() },
         })
     }
@@ -146,15 +146,15 @@ impl EmgPipeline {
     /// The same pipeline for raw codes: `levels`, one a channel, are subtracted first. None for a centred stream.
     ///
     /// # Errors
-    /// [`EmgError::Centring`] for another number of levels, or one that is not finite.
-    pub fn with_centring(mut self, levels: &[f64]) -> Result<Self, EmgError> {
+    /// [`EmgError::DcOffsetCount`] for another number of levels, or one that is not finite.
+    pub fn with_dc_offset(mut self, levels: &[f64]) -> Result<Self, EmgError> {
         let expected = self.classifier.channels();
         let fits = levels.is_empty() || levels.len() == expected;
         if !fits || !levels.iter().all(|level| level.is_finite()) {
-            return Err(EmgError::Centring { got: levels.len(), expected });
+            return Err(EmgError::DcOffsetCount { got: levels.len(), expected });
         }
-        self.centring = levels.iter().copied().collect();
-        self.liveness.set_centring(levels);
+        self.dc_offset = levels.iter().copied().collect();
+        self.liveness.set_dc_offset(levels);
         Ok(self)
     }
 
@@ -166,7 +166,7 @@ impl EmgPipeline {
 
     /// What a process that decodes said in the newest step.
     pub fn answers(&self) -> &[WindowAnswer] {
-        self.tap.given()
+        self.tap.answers()
     }
 
     /// Whether a process that decodes gave no decision for a window of the newest step.
@@ -178,11 +178,11 @@ impl EmgPipeline {
     /// stream became stale now, by silence or because its samples are not those of a living arm ([`Liveness`]); if several windows ended, the decision rule saw them all and the newest is
     /// returned. Call it every tick, with no samples too. Does not allocate.
     pub fn step(&mut self, now: SimTime, samples: &[EmgSample]) -> Option<EmgOutput> {
-        self.step_with(now, samples, &[])
+        self.step_with_answers(now, samples, &[])
     }
 
     /// [`EmgPipeline::step`] with what the input log has of a process that decodes, which is not asked then.
-    pub fn step_with(
+    pub fn step_with_answers(
         &mut self,
         now: SimTime,
         samples: &[EmgSample],
@@ -193,19 +193,19 @@ impl EmgPipeline {
         let mut output = None;
         self.liveness.begin_tick(now);
         for sample in samples {
-            let changed = !(self.centring.is_empty() && self.filters.is_empty());
+            let changed = !(self.dc_offset.is_empty() && self.filters.is_empty());
             if changed {
                 // Of many channels, too, no memory is asked for.
                 let prepared = &mut self.prepared;
                 prepared.counter = sample.counter;
                 prepared.channels.clear();
                 prepared.channels.extend_from_slice(&sample.channels);
-                prepared.channels.iter_mut().zip(&self.centring).for_each(|(value, zero)| *value -= zero);
+                prepared.channels.iter_mut().zip(&self.dc_offset).for_each(|(value, zero)| *value -= zero);
             }
             let level = if changed { &self.prepared } else { sample };
             if !self.liveness.push(level) {
-                self.window.spoil();
-                output = self.rule.fail().map(|decision| self.stale(decision)).or(output);
+                self.window.invalidate();
+                output = self.rule.mark_stale().map(|decision| self.stale_output(decision)).or(output);
             }
             if !self.filters.is_empty() {
                 self.filters.apply(&mut self.prepared);
@@ -217,9 +217,10 @@ impl EmgPipeline {
                 match self.tap.decode(now, &window, features, &self.classifier) {
                     Ok(prediction) => prediction,
                     // As good as no window; several of them make a silence.
-                    Err(Undecided::Late) => continue,
-                    Err(Undecided::Failed) => {
-                        output = self.rule.fail().map(|decision| self.stale(decision)).or(output);
+                    Err(DecodeFailure::Late) => continue,
+                    Err(DecodeFailure::Failed) => {
+                        output =
+                            self.rule.mark_stale().map(|decision| self.stale_output(decision)).or(output);
                         continue;
                     }
                 }
@@ -231,7 +232,7 @@ impl EmgPipeline {
                 };
                 prediction
             };
-            let bridged = window.bridged() > 0;
+            let bridged = window.interpolated() > 0;
             // Nothing is learnt from samples that nobody measured.
             self.newest.clear();
             if !bridged {
@@ -240,13 +241,13 @@ impl EmgPipeline {
             let confidence = prediction.confidence();
             // A rejection needs more than the threshold: LibEMG compares strictly.
             let kept = self.rejection.is_none_or(|threshold| confidence > threshold);
-            let direct = self.classifier.direct(&mut self.switch, now, features);
+            let direct = self.classifier.two_site_command(&mut self.switch, now, features);
             let mut class = direct.map_or_else(|| kept.then_some(prediction.class), |(class, _)| Some(class));
             if let Some(vote) = self.vote.as_mut().filter(|_| !bridged) {
                 class = vote.push(class);
             }
             let decision = match class {
-                class if bridged => self.rule.bridged(now, class),
+                class if bridged => self.rule.step_interpolated(now, class),
                 Some(class) => match self.rule.step(now, Some(class)) {
                     Some(decision) => decision,
                     None => continue,
@@ -255,12 +256,12 @@ impl EmgPipeline {
             };
             // Nobody knows what the hand does, or it may have been so all through a silence.
             let drives = if bridged || self.rule.is_disarmed() {
-                self.drives.rest()
+                self.drives.reset()
             } else {
                 self.drives.step(&prediction.drives)
             };
             let effort = match class {
-                _ if !drives.is_empty() => drives.iter().fold(0.0, |most: f64, drive| most.max(drive.abs())),
+                _ if !drives.is_empty() => drives.iter().fold(0.0, |max: f64, drive| max.max(drive.abs())),
                 _ if direct.is_some() => direct.map_or(0.0, |(_, effort)| effort),
                 Some(class) if class != self.rest => {
                     self.classifier.effort_of(class, window.amplitude()).unwrap_or(0.0)
@@ -269,7 +270,7 @@ impl EmgPipeline {
             };
             output = Some(EmgOutput {
                 gesture: decision.gesture,
-                place: self.classifier.place(decision.gesture).unwrap_or_default(),
+                class_index: self.classifier.class_index(decision.gesture).unwrap_or_default(),
                 published: decision.published,
                 window_class: prediction.class,
                 posterior: prediction.posterior,
@@ -281,14 +282,14 @@ impl EmgPipeline {
             });
         }
         if output.is_none() {
-            output = self.rule.step(now, None).map(|decision| self.stale(decision));
+            output = self.rule.step(now, None).map(|decision| self.stale_output(decision));
         }
         if let (Some(EmgOutput { stale: true, .. }), Some(vote)) = (&output, &mut self.vote) {
             // Votes from before a silence say nothing about the hand now.
             vote.clear();
         }
         if output.as_ref().is_some_and(|output| output.stale) {
-            self.drives.rest();
+            self.drives.reset();
             self.switch.clear();
         }
         self.events = StreamEvents {
@@ -307,7 +308,7 @@ impl EmgPipeline {
     }
 
     /// The gestures that are told apart, in the order of [`EmgOutput::posterior`].
-    pub fn gestures(&self) -> &[GestureName] {
+    pub fn gestures(&self) -> &[Gesture] {
         self.classifier.gestures()
     }
 
@@ -336,10 +337,10 @@ impl EmgPipeline {
     }
 
     /// What is said when the stream became stale.
-    fn stale(&self, decision: Decision) -> EmgOutput {
+    fn stale_output(&self, decision: Decision) -> EmgOutput {
         EmgOutput {
             gesture: decision.gesture,
-            place: self.classifier.place(decision.gesture).unwrap_or_default(),
+            class_index: self.classifier.class_index(decision.gesture).unwrap_or_default(),
             published: decision.published,
             window_class: self.rest,
             posterior: self.classifier.gestures().iter().map(|_| 0.0).collect(),
@@ -358,10 +359,10 @@ impl EmgPipeline {
     }
 
     /// Why the stream is stale, as a cause and a sentence: a process that gives no decision has a say beside [`EmgPipeline::fault`].
-    pub fn why_stale(&self) -> Option<(StopCause, String)> {
+    pub fn stale_cause(&self) -> Option<(StopCause, String)> {
         let undecided = self.tap.fault().filter(|_| self.rule.is_stale() && self.liveness.fault().is_none());
         match undecided {
-            Some(reason) => Some((StopCause::Undecided, reason.to_owned())),
+            Some(reason) => Some((StopCause::UnusableOutput, reason.to_owned())),
             None => self.fault().map(|fault| (fault.cause(), fault.to_string())),
         }
     }

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(rename_all = "snake_case")]
-pub enum Light {
+pub enum ChannelStatus {
     /// Nothing found.
     #[default]
     Green,
@@ -18,15 +18,15 @@ pub enum Light {
     Red,
 }
 
-impl Light {
+impl ChannelStatus {
     /// Amber above the first limit, red above the second.
-    pub(crate) fn above(value: f64, [amber, red]: [f64; 2]) -> Light {
+    pub(crate) fn from_limits(value: f64, [amber, red]: [f64; 2]) -> ChannelStatus {
         if value > red {
-            Light::Red
+            ChannelStatus::Red
         } else if value > amber {
-            Light::Amber
+            ChannelStatus::Amber
         } else {
-            Light::Green
+            ChannelStatus::Green
         }
     }
 }
@@ -65,7 +65,8 @@ impl ChannelFault {
 #[serde(deny_unknown_fields, default)]
 pub struct QualityConfig {
     /// Size of one count of the converter in the stream's unit. Default 1.
-    pub count: f64,
+    #[serde(rename = "count")]
+    pub adc_step: f64,
     /// Lowest and highest value that the converter gives, after centring. Default: not checked.
     pub rails: Option<[f64; 2]>,
     /// Standard deviations, in counts, below which a channel is flat: amber, red. Default 0.5 and 0.2, since rounding
@@ -91,7 +92,7 @@ impl Default for QualityConfig {
     fn default() -> Self {
         // No source has numbers; these were set on the recordings and planted faults of the tests.
         QualityConfig {
-            count: 1.0,
+            adc_step: 1.0,
             rails: None,
             flat: [0.5, 0.2],
             railed: [0.005, 0.05],
@@ -108,7 +109,8 @@ impl Default for QualityConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ChannelQuality {
     /// The verdict.
-    pub light: Light,
+    #[serde(rename = "light")]
+    pub status: ChannelStatus,
     /// The worst finding, if the light is not green.
     pub fault: Option<ChannelFault>,
     /// Standard deviation, in the stream's unit.
@@ -130,7 +132,8 @@ pub struct ChannelQuality {
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct StreamQuality {
     /// The verdict on gaps and rate.
-    pub light: Light,
+    #[serde(rename = "light")]
+    pub status: ChannelStatus,
     /// Share of samples lost or unusable in the newest second.
     pub lost_share: f64,
     /// Gaps since the start.
@@ -169,7 +172,7 @@ pub struct QualityMonitor {
     sent: u64,
     /// When the stream began, or began again after a silence.
     since: Option<SimTime>,
-    heard: SimTime,
+    last_sample_at: SimTime,
     channels: Vec<ChannelQuality>,
     stream: StreamQuality,
 }
@@ -235,7 +238,7 @@ impl QualityMonitor {
             arrivals: ArrayVec::new(),
             sent: 0,
             since: None,
-            heard: SimTime(0),
+            last_sample_at: SimTime(0),
             channels: vec![ChannelQuality::default(); channels],
             stream: StreamQuality::default(),
         }
@@ -260,11 +263,11 @@ impl QualityMonitor {
             None => self.block_end = sample.counter.saturating_add(self.block_samples),
         }
         self.expected = Some(sample.counter.saturating_add(1));
-        if self.since.is_none() || now.millis_since(self.heard) > SILENCE_MILLIS {
+        if self.since.is_none() || now.millis_since(self.last_sample_at) > SILENCE_MILLIS {
             self.since = Some(now);
             self.arrivals.clear();
         }
-        self.heard = now;
+        self.last_sample_at = now;
         self.sent = self.sent.saturating_add(1);
         let due = sample.counter >= self.block_end;
         if due {
@@ -294,8 +297,8 @@ impl QualityMonitor {
     }
 
     /// The worst light of all; training should wait while it is red.
-    pub fn light(&self) -> Light {
-        self.channels.iter().map(|c| c.light).max().unwrap_or_default().max(self.stream.light)
+    pub fn status(&self) -> ChannelStatus {
+        self.channels.iter().map(|c| c.status).max().unwrap_or_default().max(self.stream.status)
     }
 
     /// Ends a block and judges the newest second.
@@ -312,7 +315,7 @@ impl QualityMonitor {
         self.lost_history[slot] = std::mem::take(&mut self.lost);
         self.blocks += 1;
         for c in 0..self.channels.len() {
-            self.channels[c] = self.judge(c, slot);
+            self.channels[c] = self.assess_channel(c, slot);
         }
 
         if self.since.is_some_and(|since| now.millis_since(since) >= SETTLING_MILLIS) {
@@ -331,14 +334,15 @@ impl QualityMonitor {
         let lost_share = lost as f64 / (lost as f64 + covered).max(1.0);
         let off = measured.map_or(0.0, |rate| (rate / self.rate_hz - 1.0).abs() - uncertain);
         self.stream = StreamQuality {
-            light: Light::above(lost_share, self.config.lost).max(Light::above(off, self.config.rate)),
+            status: ChannelStatus::from_limits(lost_share, self.config.lost)
+                .max(ChannelStatus::from_limits(off, self.config.rate)),
             lost_share,
             gaps: self.stream.gaps,
             rate_hz: measured,
         };
     }
 
-    fn judge(&self, channel: usize, newest: usize) -> ChannelQuality {
+    fn assess_channel(&self, channel: usize, newest: usize) -> ChannelQuality {
         let filled = self.blocks.min(BLOCKS);
         let blocks = &self.history[channel][..filled];
         let samples = blocks.iter().map(|b| b.samples).sum::<f64>().max(1.0);
@@ -351,29 +355,39 @@ impl QualityMonitor {
         let louder = usize::from(hum[1] > hum[0]);
         let mains_share = if variance > 0.0 { (hum[louder] / variance).min(1.0) } else { 0.0 };
         let calibration = self.calibration.get(channel);
-        let count = self.config.count;
+        let count = self.config.adc_step;
         let drift = calibration.map(|c| (mean - c.rest_median).abs() / c.rest_sd.max(count));
         let block_sd = self.history[channel][newest].variance().sqrt();
-        let lift_off = calibration.map(|c| block_sd / c.largest_sd.max(count));
+        let lift_off = calibration.map(|c| block_sd / c.max_sd.max(count));
 
         let limits = &self.config;
         // Flat is the one below which it gets worse.
-        let flat = Light::above(-sd / count, limits.flat.map(|v| -v));
+        let flat = ChannelStatus::from_limits(-sd / count, limits.flat.map(|v| -v));
         let findings = [
             (flat, ChannelFault::Flat),
-            (Light::above(rail_share, limits.railed), ChannelFault::Railed),
-            (lift_off.map_or(Light::Green, |v| Light::above(v, limits.lift_off)), ChannelFault::LiftOff),
-            (drift.map_or(Light::Green, |v| Light::above(v, limits.drift)), ChannelFault::Drift),
+            (ChannelStatus::from_limits(rail_share, limits.railed), ChannelFault::Railed),
+            (
+                lift_off.map_or(ChannelStatus::Green, |v| ChannelStatus::from_limits(v, limits.lift_off)),
+                ChannelFault::LiftOff,
+            ),
+            (
+                drift.map_or(ChannelStatus::Green, |v| ChannelStatus::from_limits(v, limits.drift)),
+                ChannelFault::Drift,
+            ),
             // A channel that is flat has no hum worth the name.
             (
-                if flat == Light::Green { Light::above(mains_share, limits.mains) } else { Light::Green },
+                if flat == ChannelStatus::Green {
+                    ChannelStatus::from_limits(mains_share, limits.mains)
+                } else {
+                    ChannelStatus::Green
+                },
                 ChannelFault::Mains,
             ),
         ];
         let light = findings.iter().map(|f| f.0).max().unwrap_or_default();
-        let fault = findings.iter().find(|f| f.0 == light && light != Light::Green).map(|f| f.1);
+        let fault = findings.iter().find(|f| f.0 == light && light != ChannelStatus::Green).map(|f| f.1);
         ChannelQuality {
-            light,
+            status: light,
             fault,
             sd,
             rail_share,

@@ -1,11 +1,11 @@
 use crate::classifier::distinct;
 use crate::{Classifier, EmgError, EmgModel, Feature, FeatureVector};
-use proact_types::GestureName;
+use proact_types::Gesture;
 use serde::{Deserialize, Serialize};
 
 /// What speaks for one position of the band.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct RollEvidence {
+pub struct ShiftEvidence {
     /// Channel c of the model is channel `(c + shift) mod channels` of the stream.
     pub shift: usize,
     /// Share of the windows that get the gesture that was asked for, mean over the gestures.
@@ -36,7 +36,7 @@ pub enum BandProposal {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RotationReport {
     /// All positions, the best first.
-    pub ranked: Vec<RollEvidence>,
+    pub ranked: Vec<ShiftEvidence>,
     /// Log probability of the best less that of the likeliest other; below zero if the classifier prefers that.
     pub margin: f64,
     /// The proposal.
@@ -44,17 +44,17 @@ pub struct RotationReport {
 }
 
 /// The classifier is over-confident off its data, so one window must not outweigh all others.
-const LEAST_LOG_PROBABILITY: f64 = -20.0;
+const MIN_LOG_PROBABILITY: f64 = -20.0;
 /// Least accuracy of a position worth proposing: with two gestures known and five possible, chance is 0.2.
-const LEAST_ACCURACY: f64 = 0.6;
+const MIN_ACCURACY: f64 = 0.6;
 /// Least lead over the second position, in natural units of log probability, where there are no patterns.
-const LEAST_MARGIN: f64 = 1.0;
+const MIN_MARGIN: f64 = 1.0;
 /// Most of the second position's pattern distance that the best may have. Between sessions of five people
 /// (`proact-devices`, `examples/band_check.rs`) the right position has at most 0.71 of it.
-const MOST_OF_SECOND: f64 = 0.75;
+const MAX_DISTANCE_RATIO_TO_SECOND: f64 = 0.75;
 /// Most of the best position's pattern distance that a swap may have to be named: without a swap it has at least 0.73 of
 /// it (same recordings).
-const MOST_OF_ROLL: f64 = 1.0 / 1.5;
+const MAX_SWAP_DISTANCE_RATIO: f64 = 1.0 / 1.5;
 /// Added to the strength of each channel, as a share of the mean over channels: the logarithm of a silent channel is
 /// noise.
 const FLOOR: f64 = 0.05;
@@ -73,49 +73,52 @@ const STRENGTHS: [Feature; 4] = [Feature::Mav, Feature::Rms, Feature::Iav, Featu
 ///
 /// # Errors
 /// Fewer than two gestures besides `rest`, a gesture that was not trained, or windows that the classifier refuses.
-pub fn check_rotation<G: Copy + Into<GestureName>>(
+pub fn check_rotation<G: Copy + Into<Gesture>>(
     model: &EmgModel,
     windows: &[(G, FeatureVector)],
 ) -> Result<RotationReport, EmgError> {
     let (classifier, rest) = (&model.classifier, model.config.rest);
-    let windows: Vec<(GestureName, &FeatureVector)> =
-        windows.iter().map(|(of, w)| ((*of).into(), w)).collect();
-    let asked = distinct(windows.iter().map(|(of, _)| *of).filter(|of| *of != rest));
-    if asked.len() < 2 {
-        return Err(EmgError::BandEvidence { got: asked.len() });
+    let windows: Vec<(Gesture, &FeatureVector)> = windows.iter().map(|(of, w)| ((*of).into(), w)).collect();
+    let gestures_checked = distinct(windows.iter().map(|(of, _)| *of).filter(|of| *of != rest));
+    if gestures_checked.len() < 2 {
+        return Err(EmgError::TooFewBandGestures { got: gestures_checked.len() });
     }
-    let moving: Vec<(GestureName, &FeatureVector)> =
-        windows.into_iter().filter(|(of, _)| asked.contains(of)).collect();
+    let moving: Vec<(Gesture, &FeatureVector)> =
+        windows.into_iter().filter(|(of, _)| gestures_checked.contains(of)).collect();
     let channels = classifier.channels();
     let mut ranked = Vec::with_capacity(channels);
     for shift in 0..channels {
-        let (accuracy, log_probability) = recognised(classifier, &moving, shift)?;
-        ranked.push(RollEvidence { shift, accuracy, log_probability, pattern_distance: None });
+        let (accuracy, log_probability) = accuracy_and_log_probability(classifier, &moving, shift)?;
+        ranked.push(ShiftEvidence { shift, accuracy, log_probability, pattern_distance: None });
     }
-    let patterns = Patterns::of(model, &asked, &moving)?;
+    let patterns = Patterns::of(model, &gestures_checked, &moving)?;
     let proposal = match &patterns {
         Some(patterns) => {
             for evidence in &mut ranked {
                 evidence.pattern_distance = Some(patterns.distance(|c| (c + evidence.shift) % channels));
             }
             // Stable, so the smaller shift goes first among equals.
-            let distance = |evidence: &RollEvidence| evidence.pattern_distance.unwrap_or(f64::INFINITY);
+            let distance = |evidence: &ShiftEvidence| evidence.pattern_distance.unwrap_or(f64::INFINITY);
             ranked.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
             let second = ranked.get(1).map_or(f64::INFINITY, distance);
-            let swap = patterns.best_swap().filter(|(_, d)| *d < MOST_OF_ROLL * distance(&ranked[0]));
+            let swap =
+                patterns.best_swap().filter(|(_, d)| *d < MAX_SWAP_DISTANCE_RATIO * distance(&ranked[0]));
             match swap {
                 Some((pair, _)) => BandProposal::Swap(pair),
                 None => {
                     let likely = ranked.iter().max_by(|a, b| a.log_probability.total_cmp(&b.log_probability));
                     let agree =
-                        likely.is_some_and(|l| l.shift == ranked[0].shift) && margin(&ranked) >= LEAST_MARGIN;
-                    proposal(&ranked[0], agree || distance(&ranked[0]) <= MOST_OF_SECOND * second)
+                        likely.is_some_and(|l| l.shift == ranked[0].shift) && margin(&ranked) >= MIN_MARGIN;
+                    proposal(
+                        &ranked[0],
+                        agree || distance(&ranked[0]) <= MAX_DISTANCE_RATIO_TO_SECOND * second,
+                    )
                 }
             }
         }
         None => {
             ranked.sort_by(|a, b| b.log_probability.total_cmp(&a.log_probability));
-            proposal(&ranked[0], margin(&ranked) >= LEAST_MARGIN)
+            proposal(&ranked[0], margin(&ranked) >= MIN_MARGIN)
         }
     };
     Ok(RotationReport { margin: margin(&ranked), ranked, proposal })
@@ -126,34 +129,33 @@ pub fn check_rotation<G: Copy + Into<GestureName>>(
 ///
 /// # Errors
 /// A gesture that was not trained, or windows that the classifier refuses.
-pub fn accuracy_at<G: Copy + Into<GestureName>>(
+pub fn accuracy_at_shift<G: Copy + Into<Gesture>>(
     classifier: &Classifier,
     windows: &[(G, FeatureVector)],
     shift: usize,
 ) -> Result<f64, EmgError> {
-    let windows: Vec<(GestureName, &FeatureVector)> =
-        windows.iter().map(|(of, w)| ((*of).into(), w)).collect();
-    Ok(recognised(classifier, &windows, shift)?.0)
+    let windows: Vec<(Gesture, &FeatureVector)> = windows.iter().map(|(of, w)| ((*of).into(), w)).collect();
+    Ok(accuracy_and_log_probability(classifier, &windows, shift)?.0)
 }
 
 /// Log probability of the first less that of the likeliest other.
-fn margin(ranked: &[RollEvidence]) -> f64 {
+fn margin(ranked: &[ShiftEvidence]) -> f64 {
     let others = ranked.iter().skip(1).map(|other| other.log_probability);
     ranked[0].log_probability - others.fold(f64::NEG_INFINITY, f64::max)
 }
 
-fn proposal(best: &RollEvidence, leads: bool) -> BandProposal {
+fn proposal(best: &ShiftEvidence, is_clear: bool) -> BandProposal {
     match best.shift {
-        _ if best.accuracy < LEAST_ACCURACY || !leads => BandProposal::Recalibrate,
+        _ if best.accuracy < MIN_ACCURACY || !is_clear => BandProposal::Recalibrate,
         0 => BandProposal::Keep,
         shift => BandProposal::Roll(shift),
     }
 }
 
 /// Accuracy and log probability at a position, means over the gestures.
-fn recognised(
+fn accuracy_and_log_probability(
     classifier: &Classifier,
-    windows: &[(GestureName, &FeatureVector)],
+    windows: &[(Gesture, &FeatureVector)],
     shift: usize,
 ) -> Result<(f64, f64), EmgError> {
     let layout = classifier.layout();
@@ -162,7 +164,7 @@ fn recognised(
     let (mut accuracy, mut log_probability) = (0.0, 0.0);
     let mut rolled = vec![0.0; expected];
     for gesture in &gestures {
-        let place = classifier.place(*gesture)?;
+        let class_index = classifier.class_index(*gesture)?;
         let of_gesture = || windows.iter().filter(|(of, _)| of == gesture);
         let share = 1.0 / (gestures.len() * of_gesture().count()) as f64;
         for (_, window) in of_gesture() {
@@ -172,7 +174,7 @@ fn recognised(
             layout.roll(window, shift, &mut rolled);
             let prediction = classifier.predict(&rolled)?;
             accuracy += if prediction.class == *gesture { share } else { 0.0 };
-            log_probability += share * prediction.posterior[place].ln().max(LEAST_LOG_PROBABILITY);
+            log_probability += share * prediction.posterior[class_index].ln().max(MIN_LOG_PROBABILITY);
         }
     }
     Ok((accuracy, log_probability))
@@ -188,8 +190,8 @@ impl Patterns {
     /// None if no feature of the model tells strength.
     fn of(
         model: &EmgModel,
-        asked: &[GestureName],
-        windows: &[(GestureName, &FeatureVector)],
+        gestures_checked: &[Gesture],
+        windows: &[(Gesture, &FeatureVector)],
     ) -> Result<Option<Patterns>, EmgError> {
         let (layout, channels) = (model.classifier.layout(), model.classifier.channels());
         let Some(range) = STRENGTHS.iter().find_map(|feature| layout.range_of(*feature)) else {
@@ -199,9 +201,9 @@ impl Patterns {
             let mean = strengths.iter().sum::<f64>() / channels as f64;
             strengths.iter().map(|v| (v + FLOOR * mean).max(f64::MIN_POSITIVE).ln()).collect()
         };
-        let mut pairs = Vec::with_capacity(asked.len());
-        for gesture in asked {
-            let trained = &model.moments.means[model.classifier.place(*gesture)?][range.clone()];
+        let mut pairs = Vec::with_capacity(gestures_checked.len());
+        for gesture in gestures_checked {
+            let trained = &model.moments.means[model.classifier.class_index(*gesture)?][range.clone()];
             let mut now = vec![0.0; channels];
             let of_gesture = || windows.iter().filter(|(of, _)| of == gesture);
             let count = of_gesture().count() as f64;
@@ -214,9 +216,9 @@ impl Patterns {
     }
 
     /// The distance if channel c of the model is channel `place(c)` of the stream.
-    fn distance(&self, place: impl Fn(usize) -> usize) -> f64 {
+    fn distance(&self, rotated_channel: impl Fn(usize) -> usize) -> f64 {
         let of_gesture = |[trained, now]: &[Vec<f64>; 2]| {
-            let off: Vec<f64> = (0..self.channels).map(|c| now[place(c)] - trained[c]).collect();
+            let off: Vec<f64> = (0..self.channels).map(|c| now[rotated_channel(c)] - trained[c]).collect();
             let mean = off.iter().sum::<f64>() / self.channels as f64;
             (off.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / self.channels as f64).sqrt()
         };
@@ -227,7 +229,7 @@ impl Patterns {
     fn best_swap(&self) -> Option<([usize; 2], f64)> {
         let pairs = (0..self.channels).flat_map(|a| (a + 1..self.channels).map(move |b| [a, b]));
         let swapped = |[a, b]: [usize; 2]| {
-            let place = move |c| {
+            let rotated_channel = move |c| {
                 if c == a {
                     b
                 } else if c == b {
@@ -236,7 +238,7 @@ impl Patterns {
                     c
                 }
             };
-            ([a, b], self.distance(place))
+            ([a, b], self.distance(rotated_channel))
         };
         pairs.map(swapped).min_by(|(_, d), (_, e)| d.total_cmp(e))
     }

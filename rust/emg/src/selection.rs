@@ -1,4 +1,4 @@
-use crate::{EmgError, Feature, FeatureLayout, FeatureVector, Lda, LdaNormalisation};
+use crate::{CovarianceNormalization, EmgError, Feature, FeatureLayout, FeatureVector, Lda};
 use nalgebra::{DMatrix, DVector, RowDVector, SymmetricEigen};
 use serde::Serialize;
 use std::{fmt, ops::Range, str::FromStr};
@@ -58,14 +58,14 @@ pub struct SelectedFeature {
     pub value: f64,
 }
 
-/// Puts features in order: the best first, then the one that is best beside it, and so on; `most` at most.
+/// Puts features in order: the best first, then the one that is best beside it, and so on; `max_features` at most.
 ///
 /// # Errors
 /// Fewer than two classes or repetitions, lengths that differ, or windows that LDA cannot be fitted to.
 pub fn select_features(
     data: &SelectionData<'_>,
     criterion: SelectionCriterion,
-    most: usize,
+    max_features: usize,
 ) -> Result<Vec<SelectedFeature>, EmgError> {
     let windows = data.windows.len();
     for labels in [data.labels.len(), data.repetitions.len()] {
@@ -79,21 +79,21 @@ pub fn select_features(
     }
     let better = |a: f64, b: f64| if criterion.more_is_better() { a > b } else { a < b };
     let mut left: Vec<(Feature, Range<usize>)> =
-        data.layout.parts().map(|(feature, _, range)| (feature, range)).collect();
+        data.layout.feature_ranges().map(|(feature, _, range)| (feature, range)).collect();
     let (mut chosen, mut columns) = (Vec::new(), Vec::new());
-    while !left.is_empty() && chosen.len() < most {
+    while !left.is_empty() && chosen.len() < max_features {
         let mut best: Option<(usize, f64)> = None;
-        for (place, (_, range)) in left.iter().enumerate() {
+        for (index, (_, range)) in left.iter().enumerate() {
             let alone = criterion == SelectionCriterion::FeatureEfficiency;
             let before = if alone { &[][..] } else { &columns[..] };
             let columns: Vec<usize> = before.iter().copied().chain(range.clone()).collect();
-            let value = Table::new(data, &columns).value(criterion)?;
-            if best.is_none_or(|(_, most)| better(value, most)) {
-                best = Some((place, value));
+            let value = FeatureTable::new(data, &columns).value(criterion)?;
+            if best.is_none_or(|(_, best_value)| better(value, best_value)) {
+                best = Some((index, value));
             }
         }
-        let Some((place, value)) = best else { break };
-        let (feature, range) = left.remove(place);
+        let Some((index, value)) = best else { break };
+        let (feature, range) = left.remove(index);
         columns.extend(range);
         chosen.push(SelectedFeature { feature: feature.name().to_owned(), value });
     }
@@ -101,21 +101,21 @@ pub fn select_features(
 }
 
 /// Some columns of the windows.
-struct Table<'a> {
+struct FeatureTable<'a> {
     data: &'a SelectionData<'a>,
     matrix: DMatrix<f64>,
     classes: usize,
     repetitions: Vec<u32>,
 }
 
-impl<'a> Table<'a> {
-    fn new(data: &'a SelectionData<'a>, columns: &[usize]) -> Table<'a> {
+impl<'a> FeatureTable<'a> {
+    fn new(data: &'a SelectionData<'a>, columns: &[usize]) -> FeatureTable<'a> {
         let matrix = DMatrix::from_fn(data.windows.len(), columns.len(), |i, j| data.windows[i][columns[j]]);
         let mut repetitions = data.repetitions.to_vec();
         repetitions.sort_unstable();
         repetitions.dedup();
-        let classes = data.labels.iter().max().map_or(0, |most| most + 1);
-        Table { data, matrix, classes, repetitions }
+        let classes = data.labels.iter().max().map_or(0, |max_label| max_label + 1);
+        FeatureTable { data, matrix, classes, repetitions }
     }
 
     fn rows(&self, keep: impl Fn(usize, u32) -> bool) -> Vec<usize> {
@@ -131,10 +131,10 @@ impl<'a> Table<'a> {
         let mean = |values: Vec<f64>| values.iter().sum::<f64>() / values.len() as f64;
         Ok(match criterion {
             SelectionCriterion::Accuracy => {
-                mean(folds.map(|f| self.recognised(f, None)).collect::<Result<_, _>>()?)
+                mean(folds.map(|f| self.fold_accuracy(f, None)).collect::<Result<_, _>>()?)
             }
             SelectionCriterion::ActiveError => {
-                mean(folds.map(|f| self.recognised(f, Some(self.data.rest))).collect::<Result<_, _>>()?)
+                mean(folds.map(|f| self.fold_accuracy(f, Some(self.data.rest))).collect::<Result<_, _>>()?)
             }
             SelectionCriterion::MeanSemiPrincipalAxis => {
                 mean(folds.map(|f| self.principal_axes(f)).collect())
@@ -147,11 +147,15 @@ impl<'a> Table<'a> {
 
     /// Percentage of the windows of a repetition that LDA recognises without having seen it; with a class of rest, the
     /// percentage that it takes for another class than rest, wrongly.
-    fn recognised(&self, fold: u32, rest: Option<usize>) -> Result<f64, EmgError> {
+    fn fold_accuracy(&self, fold: u32, rest: Option<usize>) -> Result<f64, EmgError> {
         let (train, test) = (self.rows(|_, r| r != fold), self.rows(|_, r| r == fold));
         let labels: Vec<usize> = train.iter().map(|k| self.data.labels[*k]).collect();
-        let lda =
-            Lda::fit(&self.matrix.select_rows(&train), &labels, self.classes, LdaNormalisation::Windows)?;
+        let lda = Lda::fit(
+            &self.matrix.select_rows(&train),
+            &labels,
+            self.classes,
+            CovarianceNormalization::Windows,
+        )?;
         let mut scores = vec![0.0; self.classes];
         let mut counted = 0;
         for k in &test {
@@ -177,8 +181,8 @@ impl<'a> Table<'a> {
             let mut order: Vec<usize> = (0..eigen.eigenvalues.len()).collect();
             order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
             // No more directions than windows.
-            for place in order.into_iter().take(rows.nrows()) {
-                let axis = eigen.eigenvectors.column_mut(place);
+            for index in order.into_iter().take(rows.nrows()) {
+                let axis = eigen.eigenvectors.column_mut(index);
                 sum += axis.iter().map(|v| v.abs()).product::<f64>().powf(1.0 / axis.len() as f64);
             }
         }
@@ -191,9 +195,9 @@ impl<'a> Table<'a> {
         let pair = |one: &[usize], other: &[usize], column: usize| {
             let values = |rows: &[usize]| rows.iter().map(|k| self.matrix[(*k, column)]).collect::<Vec<_>>();
             let (a, b) = (values(one), values(other));
-            let least = |v: &[f64]| v.iter().copied().fold(f64::INFINITY, f64::min);
-            let most = |v: &[f64]| v.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            let (low, high) = (least(&a).max(least(&b)), most(&a).min(most(&b)));
+            let minimum = |v: &[f64]| v.iter().copied().fold(f64::INFINITY, f64::min);
+            let maximum = |v: &[f64]| v.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            let (low, high) = (minimum(&a).max(minimum(&b)), maximum(&a).min(maximum(&b)));
             let whole = (a.len() + b.len()) as f64;
             let confused = a.iter().chain(&b).filter(|v| **v < high && **v > low).count() as f64;
             (whole - confused) / whole
@@ -233,9 +237,9 @@ impl<'a> Table<'a> {
 /// Mean and covariance (divided by one less than the rows).
 fn moments(rows: &DMatrix<f64>) -> (RowDVector<f64>, DMatrix<f64>) {
     let mean = rows.row_mean();
-    let mut centred = rows.clone();
-    centred.row_iter_mut().for_each(|mut row| row -= &mean);
-    (mean, centred.tr_mul(&centred) / (rows.nrows() as f64 - 1.0))
+    let mut centered = rows.clone();
+    centered.row_iter_mut().for_each(|mut row| row -= &mean);
+    (mean, centered.tr_mul(&centered) / (rows.nrows() as f64 - 1.0))
 }
 
 /// Distance of the mean of `other` from that of `one` by the pseudo-inverse of the covariance of `one`.

@@ -59,7 +59,7 @@ impl<T: Real> PowerSpectrum<T> {
         if width < half {
             self.one_level(width);
         }
-        self.parts();
+        self.combine_even_and_odd();
     }
 
     /// The powers of bins 0 .. size/2 - 1 of what was transformed, not scaled.
@@ -132,7 +132,7 @@ impl<T: Real> PowerSpectrum<T> {
 
     /// Takes the transforms of even and odd samples apart and puts that of all samples together: its powers.
     #[inline(always)]
-    fn parts(&mut self) {
+    fn combine_even_and_odd(&mut self) {
         let half = self.values.len();
         let (zero_even, zero_odd) = self.values[0];
         self.powers[0] = (zero_even + zero_odd) * (zero_even + zero_odd);

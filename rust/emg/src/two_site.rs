@@ -1,7 +1,7 @@
 //! Settings and timing of direct control by two sites.
 
 use crate::{EmgConfig, EmgError};
-use proact_types::{DegreeOfFreedom, Gesture, GestureName, SimTime};
+use proact_types::{Command, DegreeOfFreedom, Gesture, SimTime};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -14,12 +14,12 @@ pub struct TwoSiteConfig {
     pub pair: DegreeOfFreedom,
     /// The channel over the muscle of each gesture, from 0, for all or for none of the two; without it the one on which the
     /// gesture's mean absolute value stands out most.
-    pub channels: BTreeMap<GestureName, usize>,
+    pub channels: BTreeMap<Gesture, usize>,
     /// Both sites have to be active within this time of each other for a co-contraction, milliseconds. Default 150 [assumed];
     /// 0 asks for the same window.
-    pub cocontraction_ms: u64,
+    pub cocontraction_window_ms: u64,
     /// The gesture that a co-contraction counts as. Default `hand_open`, which cycles through the modes of methods A and B.
-    pub switch: GestureName,
+    pub switch_gesture: Gesture,
 }
 
 impl Default for TwoSiteConfig {
@@ -27,8 +27,8 @@ impl Default for TwoSiteConfig {
         TwoSiteConfig {
             pair: DegreeOfFreedom::wrist(),
             channels: BTreeMap::new(),
-            cocontraction_ms: 150,
-            switch: Gesture::HandOpen.into(),
+            cocontraction_window_ms: 150,
+            switch_gesture: Command::HandOpen.into(),
         }
     }
 }
@@ -38,7 +38,7 @@ impl TwoSiteConfig {
         *self == TwoSiteConfig::default()
     }
 
-    pub(crate) fn gestures(&self) -> [GestureName; 2] {
+    pub(crate) fn gestures(&self) -> [Gesture; 2] {
         [self.pair.positive(), self.pair.negative()]
     }
 
@@ -46,14 +46,17 @@ impl TwoSiteConfig {
     pub(crate) fn check(&self, of: &EmgConfig) -> Result<(), EmgError> {
         let refused = |reason: String| Err(EmgError::TwoSite { reason });
         let pair = self.gestures();
-        if pair.contains(&of.rest) || self.switch == of.rest || pair.contains(&self.switch) {
+        if pair.contains(&of.rest) || self.switch_gesture == of.rest || pair.contains(&self.switch_gesture) {
             return refused(format!(
                 "pair is {}, switch {}, the rest gesture {}: expected different gestures",
-                self.pair, self.switch, of.rest
+                self.pair, self.switch_gesture, of.rest
             ));
         }
-        if self.cocontraction_ms > 1000 {
-            return refused(format!("cocontraction_ms is {}, expected at most 1000", self.cocontraction_ms));
+        if self.cocontraction_window_ms > 1000 {
+            return refused(format!(
+                "cocontraction_window_ms is {}, expected at most 1000",
+                self.cocontraction_window_ms
+            ));
         }
         if of.layout().mean_absolute_values().is_none() {
             return refused(format!("the features are {}, expected MAV among them", of.features));
@@ -74,8 +77,8 @@ impl TwoSiteConfig {
 
 /// Tells a co-contraction from one muscle that follows the other, and keeps still what is left of it.
 #[derive(Clone, Debug)]
-pub(crate) struct SiteSwitch {
-    within_ms: u64,
+pub(crate) struct CocontractionDetector {
+    window_ms: u64,
     /// Since when each site is active.
     since: [Option<SimTime>; 2],
     /// A co-contraction is not over yet.
@@ -84,7 +87,7 @@ pub(crate) struct SiteSwitch {
 
 /// What two sites ask for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum SiteCommand {
+pub(crate) enum SiteDecision {
     /// Nothing.
     Rest,
     /// The gesture of the first, or of the second.
@@ -93,27 +96,31 @@ pub(crate) enum SiteCommand {
     Switch,
 }
 
-impl SiteSwitch {
+impl CocontractionDetector {
     pub(crate) fn new(config: &TwoSiteConfig) -> Self {
-        SiteSwitch { within_ms: config.cocontraction_ms, since: [None; 2], switching: false }
+        CocontractionDetector {
+            window_ms: config.cocontraction_window_ms,
+            since: [None; 2],
+            switching: false,
+        }
     }
 
     /// Takes the levels of a window that ended at `now`: 0 at a site's low threshold, 1 at its high one.
-    pub(crate) fn step(&mut self, now: SimTime, levels: [f64; 2]) -> SiteCommand {
+    pub(crate) fn step(&mut self, now: SimTime, levels: [f64; 2]) -> SiteDecision {
         for (since, level) in self.since.iter_mut().zip(levels) {
             *since = if level > 0.0 { since.or(Some(now)) } else { None };
         }
-        let stronger = SiteCommand::Site(usize::from(levels[1] > levels[0]));
+        let stronger = SiteDecision::Site(usize::from(levels[1] > levels[0]));
         match self.since {
             [None, None] => {
                 self.switching = false;
-                SiteCommand::Rest
+                SiteDecision::Rest
             }
             // Until both have relaxed: one always does so first.
-            _ if self.switching => SiteCommand::Switch,
-            [Some(a), Some(b)] if a.0.abs_diff(b.0) <= self.within_ms => {
+            _ if self.switching => SiteDecision::Switch,
+            [Some(a), Some(b)] if a.0.abs_diff(b.0) <= self.window_ms => {
                 self.switching = true;
-                SiteCommand::Switch
+                SiteDecision::Switch
             }
             _ => stronger,
         }

@@ -4,13 +4,13 @@ use std::f64::consts::TAU;
 /// Length of a segment, seconds: a line every 2 to 4 Hz tells mains hum from muscle.
 const SEGMENT_SECS: f64 = 0.5;
 /// Shortest segment, samples.
-const LEAST_SEGMENT: f64 = 32.0;
+const MIN_SEGMENT_SAMPLES: f64 = 32.0;
 
 /// The power spectrum of a short piece of one channel.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Spectrum {
+pub struct WelchSpectrum {
     /// From line to line, hertz; the first is at zero.
-    pub step_hz: f64,
+    pub bin_width_hz: f64,
     /// Power a hertz, the signal's unit squared; without the mean.
     pub density: Vec<f64>,
 }
@@ -18,9 +18,9 @@ pub struct Spectrum {
 /// Welch's estimate (IEEE Trans. Audio Electroacoust. 15(2), 1967, 70-73): segments of at most half a second, a power of two
 /// long, under a Hann window, which overlap by half; the last ends with the newest value. None of too few values, or of values that
 /// are no numbers.
-pub fn welch(values: &[f64], rate_hz: f64) -> Option<Spectrum> {
-    let longest = (SEGMENT_SECS * rate_hz).max(LEAST_SEGMENT) as usize;
-    let size = longest.checked_ilog2().map(|bits| 1_usize << bits)?;
+pub fn welch(values: &[f64], rate_hz: f64) -> Option<WelchSpectrum> {
+    let max_samples = (SEGMENT_SECS * rate_hz).max(MIN_SEGMENT_SAMPLES) as usize;
+    let size = max_samples.checked_ilog2().map(|bits| 1_usize << bits)?;
     if values.len() < size || !values.iter().all(|value| value.is_finite()) {
         return None;
     }
@@ -41,7 +41,7 @@ pub fn welch(values: &[f64], rate_hz: f64) -> Option<Spectrum> {
         segments += 1.0;
     }
     density.iter_mut().for_each(|sum| *sum /= segments);
-    Some(Spectrum { step_hz: rate_hz / size as f64, density })
+    Some(WelchSpectrum { bin_width_hz: rate_hz / size as f64, density })
 }
 
 #[cfg(test)]
@@ -53,8 +53,8 @@ mod tests {
         // On line 40 of 1024 at 4 kHz, about an offset.
         let value = |k: usize| 7.0 + 3.0 * (TAU * 40.0 * k as f64 / 1024.0).sin();
         let spectrum = welch(&(0..4096).map(value).collect::<Vec<_>>(), 4000.0).expect("long enough");
-        assert_eq!((spectrum.step_hz, spectrum.density.len()), (4000.0 / 1024.0, 512));
-        let power = |lines: &[f64]| lines.iter().sum::<f64>() * spectrum.step_hz;
+        assert_eq!((spectrum.bin_width_hz, spectrum.density.len()), (4000.0 / 1024.0, 512));
+        let power = |lines: &[f64]| lines.iter().sum::<f64>() * spectrum.bin_width_hz;
         assert!((power(&spectrum.density) - 4.5).abs() < 1e-9);
         // The window spreads it over three lines.
         assert!((power(&spectrum.density[39..42]) - 4.5).abs() < 1e-9);

@@ -1,5 +1,5 @@
 use crate::features::FeatureParameters;
-use crate::lanes::{Eight, LANES};
+use crate::lanes::{AlignedLanes, LANES};
 use crate::{EmgConfig, EmgError};
 use proact_types::{ChannelValues, EmgSample};
 use serde::{Deserialize, Serialize};
@@ -13,7 +13,8 @@ pub struct StreamCounts {
     pub rejected_windows: u64,
     /// Whole windows of which some samples were bridged.
     #[serde(default)]
-    pub bridged_windows: u64,
+    #[serde(rename = "bridged_windows")]
+    pub interpolated_windows: u64,
     /// Gaps in the sample counter.
     pub gaps: u64,
     /// Samples with a NaN, an infinity, or another number of channels.
@@ -30,7 +31,7 @@ impl StreamCounts {
         StreamCounts {
             windows: self.windows - earlier.windows,
             rejected_windows: self.rejected_windows - earlier.rejected_windows,
-            bridged_windows: self.bridged_windows - earlier.bridged_windows,
+            interpolated_windows: self.interpolated_windows - earlier.interpolated_windows,
             gaps: self.gaps - earlier.gaps,
             unusable_samples: self.unusable_samples - earlier.unusable_samples,
             repeated_samples: self.repeated_samples - earlier.repeated_samples,
@@ -41,7 +42,7 @@ impl StreamCounts {
 
 /// Cuts a stream into windows aligned to its sample counter: with W samples a window and an increment of I, window
 /// k ends at the sample whose counter is `first + W - 1 + k I`, whatever happened in between. A window with an unusable
-/// sample in it, or with a gap that [`crate::BridgeConfig`] does not bridge, is never handed out; nor is one whose last
+/// sample in it, or with a gap that [`crate::GapInterpolationConfig`] does not bridge, is never handed out; nor is one whose last
 /// sample was lost.
 ///
 /// Storage is allocated at construction only.
@@ -55,7 +56,7 @@ pub struct SlidingWindow {
     length: usize,
     increment: usize,
     /// The electrodes, eight side by side: `[channels / 8, rounded up][capacity]`, so that a window is one slice of each eight.
-    data: Vec<Eight>,
+    data: Vec<AlignedLanes>,
     /// `[imu][capacity]`.
     imu_data: Vec<f64>,
     /// One for each sample that was lost and bridged: `[capacity]`.
@@ -64,11 +65,11 @@ pub struct SlidingWindow {
     /// Samples in each row.
     filled: usize,
     /// Usable or bridged samples up to the newest, at most `length`.
-    run: usize,
+    usable_run: usize,
     /// Longest gap that is bridged, samples.
-    longest_gap: u64,
+    max_gap_samples: u64,
     /// Bridged samples that a window may have.
-    most_bridged: usize,
+    max_interpolated: usize,
     /// Counter expected next; none before the first sample.
     expected: Option<u64>,
     /// Counter of the last sample of the next window.
@@ -80,13 +81,13 @@ pub struct SlidingWindow {
 /// The samples of one window.
 #[derive(Clone, Copy, Debug)]
 pub struct WindowView<'a> {
-    data: &'a [Eight],
+    data: &'a [AlignedLanes],
     channels: usize,
     imu_data: &'a [f64],
     capacity: usize,
     start: usize,
     length: usize,
-    bridged: usize,
+    interpolated: usize,
     parameters: FeatureParameters,
 }
 
@@ -97,8 +98,8 @@ impl<'a> WindowView<'a> {
     }
 
     /// Samples that were lost, and lie on a straight line between their neighbours.
-    pub fn bridged(&self) -> usize {
-        self.bridged
+    pub fn interpolated(&self) -> usize {
+        self.interpolated
     }
 
     /// Sum over channels of the mean absolute value, in the stream's unit: the measure of effort.
@@ -130,7 +131,7 @@ impl<'a> WindowView<'a> {
     }
 
     /// The samples of eight channels each, oldest first; behind the last channel there are zeros.
-    pub(crate) fn blocks(&self) -> impl Iterator<Item = &'a [Eight]> {
+    pub(crate) fn blocks(&self) -> impl Iterator<Item = &'a [AlignedLanes]> {
         let (start, length) = (self.start, self.length);
         self.data.chunks_exact(self.capacity).map(move |row| &row[start..start + length])
     }
@@ -156,10 +157,11 @@ impl SlidingWindow {
         let (length, increment) = (config.window_samples()?, config.increment_samples()?);
         // Rows are three windows long, so that samples are moved to the front only now and then.
         let capacity = 3 * length;
-        let imu: Vec<usize> = config.imu.used().into_iter().map(|place| config.channels + place).collect();
+        let imu: Vec<usize> =
+            config.imu.feature_indices().into_iter().map(|index| config.channels + index).collect();
         Ok(SlidingWindow {
             channels: config.channels,
-            data: vec![Eight::default(); config.channels.div_ceil(LANES) * capacity],
+            data: vec![AlignedLanes::default(); config.channels.div_ceil(LANES) * capacity],
             imu_data: vec![0.0; imu.len() * capacity],
             marks: vec![0; capacity],
             imu,
@@ -168,9 +170,9 @@ impl SlidingWindow {
             increment,
             capacity,
             filled: 0,
-            run: 0,
-            longest_gap: (config.bridge.longest_ms as f64 * config.rate_hz / 1000.0) as u64,
-            most_bridged: (config.bridge.most_share * length as f64) as usize,
+            usable_run: 0,
+            max_gap_samples: (config.gap_interpolation.max_gap_ms as f64 * config.rate_hz / 1000.0) as u64,
+            max_interpolated: (config.gap_interpolation.max_interpolated_share * length as f64) as usize,
             expected: None,
             next_end: 0,
             counts: StreamCounts::default(),
@@ -208,24 +210,24 @@ impl SlidingWindow {
     fn push_any(&mut self, sample: &EmgSample, usable: bool) -> Option<WindowView<'_>> {
         let gap = self.advance_to(sample.counter)?;
         if usable {
-            self.bridge(gap, &sample.channels);
+            self.interpolate_gap(gap, &sample.channels);
             self.store(&sample.channels, 0);
         } else {
             self.counts.unusable_samples += 1;
-            self.run = 0;
+            self.usable_run = 0;
         }
         if sample.counter != self.next_end {
             return None;
         }
         self.next_end = self.next_end.saturating_add(self.increment as u64);
-        let start = self.filled - self.run.min(self.length);
+        let start = self.filled - self.usable_run.min(self.length);
         let bridged = self.marks[start..self.filled].iter().map(|mark| usize::from(*mark)).sum();
-        if self.run < self.length || bridged > self.most_bridged {
+        if self.usable_run < self.length || bridged > self.max_interpolated {
             self.counts.rejected_windows = self.counts.rejected_windows.saturating_add(1);
             return None;
         }
         self.counts.windows += 1;
-        self.counts.bridged_windows += u64::from(bridged > 0);
+        self.counts.interpolated_windows += u64::from(bridged > 0);
         Some(WindowView {
             data: &self.data,
             channels: self.channels,
@@ -233,7 +235,7 @@ impl SlidingWindow {
             capacity: self.capacity,
             start,
             length: self.length,
-            bridged,
+            interpolated: bridged,
             parameters: self.parameters,
         })
     }
@@ -248,12 +250,12 @@ impl SlidingWindow {
                 let (eights, rest) = values[..self.channels].as_chunks::<LANES>();
                 eights.iter().all(|eight| finite(eight)) && finite(rest)
             }
-            && self.imu.iter().all(|place| values[*place].is_finite())
+            && self.imu.iter().all(|index| values[*index].is_finite())
     }
 
     /// No window may hold a sample from before: what came is no signal of an arm.
-    pub fn spoil(&mut self) {
-        self.run = 0;
+    pub fn invalidate(&mut self) {
+        self.usable_run = 0;
     }
 
     /// Compares `counter` with the one expected: how many samples are to be bridged before this one. None if it is to be
@@ -276,15 +278,15 @@ impl SlidingWindow {
                 if counter > expected {
                     self.counts.gaps += 1;
                     gap = counter - expected;
-                    if gap > self.longest_gap {
-                        (self.run, gap) = (0, 0);
+                    if gap > self.max_gap_samples {
+                        (self.usable_run, gap) = (0, 0);
                     }
                 }
                 false
             }
         };
         if restart {
-            self.run = 0;
+            self.usable_run = 0;
             self.next_end = counter.saturating_add(self.length as u64 - 1);
         } else if counter > self.next_end {
             // Windows whose end was lost in the gap.
@@ -299,8 +301,8 @@ impl SlidingWindow {
 
     /// Puts `gap` lost samples on straight lines from the newest sample to `values`, which follow them. Without a sample
     /// before them there is no line.
-    fn bridge(&mut self, gap: u64, values: &[f64]) {
-        if gap == 0 || self.run == 0 {
+    fn interpolate_gap(&mut self, gap: u64, values: &[f64]) {
+        if gap == 0 || self.usable_run == 0 {
             return;
         }
         let newest = self.filled - 1;
@@ -309,8 +311,8 @@ impl SlidingWindow {
         for (channel, value) in before[..self.channels].iter_mut().enumerate() {
             *value = self.data[channel / LANES * self.capacity + newest].0[channel % LANES];
         }
-        for (row, place) in self.imu.iter().enumerate() {
-            before[*place] = self.imu_data[row * self.capacity + newest];
+        for (row, index) in self.imu.iter().enumerate() {
+            before[*index] = self.imu_data[row * self.capacity + newest];
         }
         for k in 1..=gap {
             let share = k as f64 / (gap + 1) as f64;
@@ -327,21 +329,21 @@ impl SlidingWindow {
             self.keep_newest();
         }
         let (eights, rest) = values[..self.channels].as_chunks::<LANES>();
-        let mut place = self.filled;
+        let mut index = self.filled;
         for eight in eights {
-            self.data[place].0 = *eight;
-            place += self.capacity;
+            self.data[index].0 = *eight;
+            index += self.capacity;
         }
         if !rest.is_empty() {
             // Behind the last channel there are zeros from the start.
-            self.data[place].0[..rest.len()].copy_from_slice(rest);
+            self.data[index].0[..rest.len()].copy_from_slice(rest);
         }
         for (row, from) in self.imu.iter().enumerate() {
             self.imu_data[row * self.capacity + self.filled] = values[*from];
         }
         self.marks[self.filled] = mark;
         self.filled += 1;
-        self.run = (self.run + 1).min(self.length);
+        self.usable_run = (self.usable_run + 1).min(self.length);
     }
 
     /// Moves to the front what the next window may still need.
@@ -359,19 +361,23 @@ impl SlidingWindow {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{BridgeConfig, WindowLength};
+    use crate::{GapInterpolationConfig, WindowLength};
 
     /// One channel at 1 kHz; no gap is bridged.
     fn window(length: u32, increment: u32) -> SlidingWindow {
-        bridging(length, increment, BridgeConfig { longest_ms: 0, ..BridgeConfig::default() })
+        bridging(
+            length,
+            increment,
+            GapInterpolationConfig { max_gap_ms: 0, ..GapInterpolationConfig::default() },
+        )
     }
 
-    fn bridging(length: u32, increment: u32, bridge: BridgeConfig) -> SlidingWindow {
+    fn bridging(length: u32, increment: u32, bridge: GapInterpolationConfig) -> SlidingWindow {
         SlidingWindow::new(&EmgConfig {
             channels: 1,
             window: WindowLength::Samples(length),
             increment: WindowLength::Samples(increment),
-            bridge,
+            gap_interpolation: bridge,
             ..EmgConfig::default()
         })
         .expect("valid settings")
@@ -419,7 +425,8 @@ mod tests {
 
     #[test]
     fn a_short_gap_is_bridged_by_a_straight_line_and_marked() {
-        let mut window = bridging(10, 5, BridgeConfig { longest_ms: 3, most_share: 0.3 });
+        let mut window =
+            bridging(10, 5, GapInterpolationConfig { max_gap_ms: 3, max_interpolated_share: 0.3 });
         let mut seen = Vec::new();
         // Two samples are lost, then three, then four in a row, and two gaps of two in one window.
         let counters = (0..12).chain(14..31).chain(34..47).chain(51..72).chain(74..75).chain(77..90);
@@ -427,7 +434,7 @@ mod tests {
             if let Some(view) = window.push(&sample(k, k as f64)) {
                 let values: Vec<f64> = view.channel(0).collect();
                 assert!(values.windows(2).all(|w| (w[1] - w[0] - 1.0).abs() < 1e-9), "no line: {values:?}");
-                seen.push((k, view.bridged()));
+                seen.push((k, view.interpolated()));
             }
         }
         // 49 was lost itself; 54 and 59 hold the gap of four, 79 two gaps of two, 74 the first of them.
@@ -450,16 +457,17 @@ mod tests {
             ]
         );
         let counts = window.counts();
-        assert_eq!((counts.gaps, counts.bridged_windows, counts.rejected_windows), (5, 6, 4));
+        assert_eq!((counts.gaps, counts.interpolated_windows, counts.rejected_windows), (5, 6, 4));
     }
 
     #[test]
     fn a_gap_at_the_start_or_after_an_unusable_sample_has_nothing_before_it_to_bridge_from() {
-        let mut window = bridging(10, 5, BridgeConfig { longest_ms: 5, most_share: 0.5 });
+        let mut window =
+            bridging(10, 5, GapInterpolationConfig { max_gap_ms: 5, max_interpolated_share: 0.5 });
         let mut ends = Vec::new();
         for k in (0..12).chain(14..40) {
             let value = if k == 11 { f64::NAN } else { k as f64 };
-            ends.extend(window.push(&sample(k, value)).map(|view| (k, view.bridged())));
+            ends.extend(window.push(&sample(k, value)).map(|view| (k, view.interpolated())));
         }
         assert_eq!(ends, [(9, 0), (24, 0), (29, 0), (34, 0), (39, 0)]);
     }

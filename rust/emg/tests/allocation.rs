@@ -5,9 +5,9 @@ mod common;
 use common::{CHANNELS, config, signal};
 use proact_emg::{
     Classifier, EmgConfig, EmgPipeline, Feature, FeatureSet, QualityConfig, QualityMonitor,
-    extract_with_amplitudes,
+    extract_features_with_amplitudes,
 };
-use proact_types::{Gesture, SimTime};
+use proact_types::{Command, SimTime};
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 use std::{alloc::System, num::NonZeroU32};
 
@@ -22,14 +22,14 @@ fn a_live_step_does_not_allocate_even_with_every_feature_and_option() {
             "highpass:5:2".parse().expect("written right"),
             "notch:50".parse().expect("written right"),
         ],
-        rejection: Some(0.5),
-        majority: NonZeroU32::new(5),
+        rejection_threshold: Some(0.5),
+        majority_vote_windows: NonZeroU32::new(5),
         ..config()
     };
     let (mut windows, mut labels, mut amplitudes) = (Vec::new(), Vec::new(), Vec::new());
-    for gesture in Gesture::ALL {
+    for gesture in Command::ALL {
         let (features, sums) =
-            extract_with_amplitudes(&config, &signal(gesture, 400, 0.0)).expect("good samples");
+            extract_features_with_amplitudes(&config, &signal(gesture, 400, 0.0)).expect("good samples");
         windows.extend(features);
         amplitudes.extend(sums);
         labels.resize(windows.len(), gesture);
@@ -37,9 +37,9 @@ fn a_live_step_does_not_allocate_even_with_every_feature_and_option() {
     let classifier =
         Classifier::train_with_amplitudes(&config, &windows, &labels, &amplitudes).expect("good data");
     let pipeline = EmgPipeline::new(&config, classifier).expect("they fit");
-    let mut pipeline = pipeline.with_centring(&[1.0; CHANNELS]).expect("one a channel");
+    let mut pipeline = pipeline.with_dc_offset(&[1.0; CHANNELS]).expect("one a channel");
     let mut monitor = QualityMonitor::new(QualityConfig::default(), 200.0, CHANNELS, &[]);
-    let samples = signal(Gesture::HandOpen, 2000, 0.2);
+    let samples = signal(Command::HandOpen, 2000, 0.2);
     let mut outputs = 0;
     // The test harness may allocate in its own thread meanwhile, so the quietest of several rounds counts.
     let quietest = samples

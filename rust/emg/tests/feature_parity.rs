@@ -3,7 +3,7 @@
 // The reference is read from files.
 #![allow(clippy::disallowed_methods)]
 
-use proact_emg::{EmgConfig, Feature, FeatureSet, FeatureVector, WindowLength, extract};
+use proact_emg::{EmgConfig, Feature, FeatureSet, FeatureVector, WindowLength, extract_features};
 use proact_types::EmgSample;
 use std::{collections::BTreeMap, path::PathBuf};
 
@@ -31,13 +31,13 @@ fn windows(names: &str, rows: &[Vec<f64>], rate_hz: f64, window: usize, step: u3
         window: WindowLength::Samples(window as u32),
         increment: WindowLength::Samples(step),
         features: names.parse().expect("known features"),
-        max_age_millis: u64::MAX,
+        stale_timeout_ms: u64::MAX,
         ..EmgConfig::default()
     };
     let sample =
         |(row, counter): (&Vec<f64>, u64)| EmgSample { counter, channels: row.iter().copied().collect() };
     let samples: Vec<EmgSample> = rows.iter().zip(0..).map(sample).collect();
-    extract(&config, &samples).expect("good samples")
+    extract_features(&config, &samples).expect("good samples")
 }
 
 #[test]
@@ -52,8 +52,8 @@ fn every_feature_is_libemgs_and_zero_where_libemg_has_none() {
         for (feature, expected) in &case.features {
             let got = &windows(feature, &rows, case.rate_hz, length, 1)[0];
             assert_eq!(got.len(), expected.len(), "{} {feature}", case.name);
-            let scale = expected.iter().flatten().fold(f64::MIN_POSITIVE, |most, v| most.max(v.abs()));
-            let most = worst.entry(feature).or_default();
+            let scale = expected.iter().flatten().fold(f64::MIN_POSITIVE, |max, v| max.max(v.abs()));
+            let max_error = worst.entry(feature).or_default();
             for (k, (got, expected)) in got.iter().zip(expected).enumerate() {
                 let Some(expected) = expected else {
                     undefined += 1;
@@ -77,7 +77,7 @@ fn every_feature_is_libemgs_and_zero_where_libemg_has_none() {
                     case.name
                 );
                 if !rounding {
-                    *most = most.max(error);
+                    *max_error = max_error.max(error);
                 }
             }
         }

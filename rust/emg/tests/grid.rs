@@ -1,9 +1,10 @@
 //! Grids of electrodes: 64 channels at 4 kHz go the way of an armband's 8.
 
 use proact_emg::{
-    Classifier, EmgConfig, EmgError, EmgPipeline, QualityConfig, QualityMonitor, extract_with_amplitudes,
+    Classifier, EmgConfig, EmgError, EmgPipeline, QualityConfig, QualityMonitor,
+    extract_features_with_amplitudes,
 };
-use proact_types::{EmgSample, Gesture, MAX_EMG_CHANNELS, SimTime};
+use proact_types::{Command, EmgSample, MAX_EMG_CHANNELS, SimTime};
 
 const CHANNELS: usize = 64;
 
@@ -20,7 +21,7 @@ fn noise(counter: u64, channel: usize) -> f64 {
 }
 
 /// Each gesture is loud under another part of the grid.
-fn sample(counter: u64, gesture: Gesture) -> EmgSample {
+fn sample(counter: u64, gesture: Command) -> EmgSample {
     let value = |channel: usize| {
         let near = channel / 13 == gesture.index();
         100.0 + noise(counter, channel) * if near { 40.0 } else { 3.0 }
@@ -30,7 +31,7 @@ fn sample(counter: u64, gesture: Gesture) -> EmgSample {
 
 fn pipeline() -> EmgPipeline {
     let (config, mut windows, mut labels, mut amplitudes) = (config(), Vec::new(), Vec::new(), Vec::new());
-    for gesture in Gesture::ALL {
+    for gesture in Command::ALL {
         // Others than are recognised below, and more windows than features.
         let samples = (1_000_000..1_024_000).map(|k| {
             let mut sample = sample(k, gesture);
@@ -38,7 +39,7 @@ fn pipeline() -> EmgPipeline {
             sample
         });
         let samples: Vec<EmgSample> = samples.collect();
-        let (features, sums) = extract_with_amplitudes(&config, &samples).expect("good samples");
+        let (features, sums) = extract_features_with_amplitudes(&config, &samples).expect("good samples");
         assert_eq!(features[0].len(), 4 * CHANNELS);
         windows.extend(features);
         amplitudes.extend(sums);
@@ -47,7 +48,7 @@ fn pipeline() -> EmgPipeline {
     let classifier =
         Classifier::train_with_amplitudes(&config, &windows, &labels, &amplitudes).expect("good data");
     let pipeline = EmgPipeline::new(&config, classifier).expect("they fit");
-    pipeline.with_centring(&[100.0; CHANNELS]).expect("one a channel")
+    pipeline.with_dc_offset(&[100.0; CHANNELS]).expect("one a channel")
 }
 
 #[test]
@@ -56,7 +57,7 @@ fn a_grid_at_four_kilohertz_is_recognised_also_over_a_short_gap() {
     let mut monitor = QualityMonitor::new(QualityConfig::default(), 4000.0, CHANNELS, &[]);
     let (mut right, mut windows) = (0, 0);
     for tick in 0..5000_u64 {
-        let gesture = Gesture::ALL[(tick / 1000) as usize];
+        let gesture = Command::ALL[(tick / 1000) as usize];
         // Four samples a millisecond; one packet of 16 is lost in each second.
         let lost = (500..504).contains(&(tick % 1000));
         let samples: Vec<EmgSample> = (4 * tick..4 * tick + 4).map(|k| sample(k, gesture)).collect();
@@ -78,8 +79,8 @@ fn a_grid_at_four_kilohertz_is_recognised_also_over_a_short_gap() {
 
 #[test]
 fn more_channels_than_any_amplifier_has_are_refused() {
-    let most = EmgConfig { channels: MAX_EMG_CHANNELS, ..EmgConfig::default() };
-    assert_eq!(most.check(), Ok(()));
+    let max_config = EmgConfig { channels: MAX_EMG_CHANNELS, ..EmgConfig::default() };
+    assert_eq!(max_config.check(), Ok(()));
     let beyond = EmgConfig { channels: MAX_EMG_CHANNELS + 1, ..EmgConfig::default() };
     let error: EmgError = beyond.check().expect_err("no stream has so many");
     assert!(error.to_string().contains("513 channels, expected 1 to 512"), "{error}");

@@ -6,10 +6,11 @@
 //! and a sign s_c of its own. Gravity in the frame of the accelerometer turns with p.
 
 use proact_emg::{
-    Calibration, CalibrationConfig, CalibrationEvent, EmgConfig, EmgError, EmgModel, EmgOutput, EmgPipeline,
-    ImuChannel, ImuConfig, Phase, Refusal, SignalFault, StreamFormat, cross_validate,
+    Calibration, CalibrationConfig, CalibrationEvent, CalibrationPhase, EmgConfig, EmgError, EmgModel,
+    EmgOutput, EmgPipeline, ImuChannel, ImuConfig, RepetitionRejection, SignalFault, StreamFormat,
+    cross_validate,
 };
-use proact_types::{EmgSample, Gesture, GestureName, SimTime, StopCause};
+use proact_types::{Command, EmgSample, Gesture, SimTime, StopCause};
 
 const GAIN: f64 = 0.6;
 const SIGNS: [f64; 4] = [1.0, -1.0, 1.0, -1.0];
@@ -29,7 +30,7 @@ fn noise(seed: u64, k: u64) -> f64 {
 
 fn config(words: &[&str]) -> EmgConfig {
     let channels = ["acceleration_x", "acceleration_z"].map(|name| ImuChannel::new(name, "g"));
-    let imu = ImuConfig::recorded(channels.into()).with_features(words).expect("known");
+    let imu = ImuConfig::record_only(channels.into()).with_features(words).expect("known");
     EmgConfig {
         channels: 4,
         rate_hz: 200.0,
@@ -40,13 +41,13 @@ fn config(words: &[&str]) -> EmgConfig {
 }
 
 /// Sample `k` of a person who makes `gesture` with the limb at `position`; the accelerometer gives 50 values a second.
-fn sample(k: u64, gesture: Gesture, position: f64) -> EmgSample {
+fn sample(k: u64, gesture: Command, position: f64) -> EmgSample {
     let strengths: [f64; 4] = match gesture {
-        Gesture::NoMotion => [2.0; 4],
-        Gesture::HandClose => [20.0, 12.0, 20.0, 12.0],
-        Gesture::HandOpen => [12.0, 20.0, 12.0, 20.0],
-        Gesture::WristExtension => [15.0, 15.0, 28.0, 8.0],
-        Gesture::WristFlexion => [15.0, 15.0, 8.0, 28.0],
+        Command::NoMotion => [2.0; 4],
+        Command::HandClose => [20.0, 12.0, 20.0, 12.0],
+        Command::HandOpen => [12.0, 20.0, 12.0, 20.0],
+        Command::WristExtension => [15.0, 15.0, 28.0, 8.0],
+        Command::WristFlexion => [15.0, 15.0, 8.0, 28.0],
     };
     let electrode = |c: usize| {
         let gain = (GAIN * SIGNS[c] * position).exp();
@@ -59,13 +60,13 @@ fn sample(k: u64, gesture: Gesture, position: f64) -> EmgSample {
 }
 
 /// Each gesture twice in each position.
-fn recordings() -> Vec<(Gesture, Vec<EmgSample>)> {
+fn recordings() -> Vec<(Command, Vec<EmgSample>)> {
     let positions = POSITIONS.into_iter().cycle().take(2 * POSITIONS.len()).enumerate();
-    let take = |round: usize, position: f64, gesture: Gesture| {
+    let take = |round: usize, position: f64, gesture: Command| {
         let from = 100_000 * (5 * round + gesture.index()) as u64;
         (gesture, (from..from + REPETITION).map(|k| sample(k, gesture, position)).collect())
     };
-    positions.flat_map(|(round, p)| Gesture::ALL.map(|gesture| take(round, p, gesture))).collect()
+    positions.flat_map(|(round, p)| Command::ALL.map(|gesture| take(round, p, gesture))).collect()
 }
 
 fn model(config: &EmgConfig) -> EmgModel {
@@ -94,12 +95,12 @@ fn the_model_keeps_what_it_takes_and_refuses_a_stream_without() {
     assert_eq!(read, model);
     let imu = model.config.imu.channels.clone();
     let stream = |imu| StreamFormat { rate_hz: 200.0, channels: 4, rest_medians: None, imu };
-    read.check_fits(&stream(imu.clone())).expect("the same stream");
-    let error = read.check_fits(&stream(Vec::new())).expect_err("no unit").to_string();
+    read.check_stream_format(&stream(imu.clone())).expect("the same stream");
+    let error = read.check_stream_format(&stream(Vec::new())).expect_err("no unit").to_string();
     assert!(error.contains("acceleration_z (g), this one has no inertial measurement unit"), "{error}");
     let error = read.check_settings(&config(&[])).expect_err("trained with it").to_string();
     assert!(error.contains("emg.imu"), "{error}");
-    assert!(matches!(read.rolled(1), Err(EmgError::Imu { .. })), "it has turned with the band");
+    assert!(matches!(read.with_channel_shift(1), Err(EmgError::Imu { .. })), "it has turned with the band");
     // A classifier of one stream on the settings of another.
     assert!(EmgPipeline::new(&config(&[]), model.classifier.clone()).is_err());
     let recorded = config(&[]);
@@ -121,7 +122,7 @@ fn run(words: &[&str], unit: Unit) -> Ran {
     let (mut outputs, mut faults) = (Vec::new(), Vec::new());
     for tick in 0..5000 {
         // A relaxed hand first, which arms.
-        let gesture = if tick < 600 { Gesture::NoMotion } else { Gesture::HandClose };
+        let gesture = if tick < 600 { Command::NoMotion } else { Command::HandClose };
         let arrived = (tick % 5 == 0).then(|| {
             let mut sample = sample(tick / 5 + 900_000, gesture, 1.0);
             if (2000..4000).contains(&tick) {
@@ -144,7 +145,7 @@ fn a_unit_that_freezes_or_falls_silent_stops_the_arm_and_a_relaxed_hand_is_waite
     ];
     for (unit, fault, cause, after) in cases {
         let (outputs, faults) = run(&["acceleration"], unit);
-        let moving = |tick: u64| outputs.iter().any(|(t, o)| *t == tick && o.gesture == Gesture::HandClose);
+        let moving = |tick: u64| outputs.iter().any(|(t, o)| *t == tick && o.gesture == Command::HandClose);
         assert!((1000..2000).any(moving), "{fault}: it works before");
         let (at, first) =
             faults.iter().find(|(_, f)| *f == fault).copied().unwrap_or_else(|| panic!("no {fault}"));
@@ -160,7 +161,7 @@ fn a_unit_that_freezes_or_falls_silent_stops_the_arm_and_a_relaxed_hand_is_waite
 fn a_unit_that_is_recorded_only_may_fail() {
     let (outputs, faults) = run(&[], |_| [f64::NAN; 2]);
     assert_eq!(faults, []);
-    let closed = outputs.iter().filter(|(t, o)| *t > 1000 && o.gesture == Gesture::HandClose).count();
+    let closed = outputs.iter().filter(|(t, o)| *t > 1000 && o.gesture == Command::HandClose).count();
     assert!(closed > 70, "{closed} of 80");
 }
 
@@ -176,53 +177,62 @@ fn nothing_is_learnt_from_a_dead_sensor() {
 }
 
 fn calibration(emg: EmgConfig) -> CalibrationConfig {
-    let gestures = [Gesture::NoMotion, Gesture::HandClose].map(GestureName::from).into();
+    let gestures = [Command::NoMotion, Command::HandClose].map(Gesture::from).into();
     let positions = ["hanging", "forward", "overhead"].map(str::to_owned).into();
     CalibrationConfig { emg, gestures, positions, target_accuracy: 0.5, ..CalibrationConfig::default() }
 }
 
 #[test]
 fn a_calibration_asks_for_each_position_in_turn_and_tells_what_the_unit_is_worth() {
-    let mut session = Calibration::new(calibration(config(&["acceleration"]))).expect("it can be");
-    let (mut k, mut asked) = (0, Vec::new());
+    let mut calibration = Calibration::new(calibration(config(&["acceleration"]))).expect("it can be");
+    let (mut k, mut prompts) = (0, Vec::new());
     loop {
-        let gesture = match session.phase() {
-            Phase::Reviewing if session.rounds() == 6 => break,
-            Phase::Reviewing => {
-                let report = session.report();
+        let gesture = match calibration.phase() {
+            CalibrationPhase::Reviewing if calibration.rounds() == 6 => break,
+            CalibrationPhase::Reviewing => {
+                let report = calibration.report();
                 assert!(report.is_none_or(|report| !report.good_enough), "each position twice is needed");
-                assert!(session.proceed());
+                assert!(calibration.start_next_round());
                 continue;
             }
-            Phase::Preparing { prompt, .. } | Phase::Recording { prompt, .. } => prompt.gesture,
+            CalibrationPhase::Preparing { prompt, .. } | CalibrationPhase::Recording { prompt, .. } => {
+                prompt.gesture
+            }
             phase => panic!("{phase:?}"),
         };
-        let position = session.position().expect("one is asked for").to_owned();
-        let place = session.config().positions.iter().position(|p| *p == position).expect("one of them");
-        let made = gesture.namesake().expect("one of the five");
-        let events = session.step(SimTime(5 * k), &[sample(k, made, POSITIONS[place])]).expect("judged");
-        asked.extend(events.iter().any(|e| matches!(e, CalibrationEvent::Kept(_))).then_some(position));
+        let position = calibration.position().expect("one is asked for").to_owned();
+        let position_index =
+            calibration.config().positions.iter().position(|p| *p == position).expect("one of them");
+        let made = gesture.same_named_command().expect("one of the five");
+        let events =
+            calibration.step(SimTime(5 * k), &[sample(k, made, POSITIONS[position_index])]).expect("judged");
+        prompts.extend(
+            events.iter().any(|e| matches!(e, CalibrationEvent::RepetitionAccepted(_))).then_some(position),
+        );
         k += 1;
     }
     let twice = |name: &'static str| [name, name];
     let round = ["hanging", "forward", "overhead"].map(twice).concat();
-    assert_eq!(asked, [round.clone(), round].concat());
-    let report = session.report().expect("judged");
+    assert_eq!(prompts, [round.clone(), round].concat());
+    let report = calibration.report().expect("judged");
     assert!(report.good_enough);
     assert!(report.accuracy_without_imu.is_some_and(|without| without <= report.accuracy), "{report:?}");
 }
 
 #[test]
 fn a_repetition_with_a_frozen_unit_is_not_kept() {
-    let mut session = Calibration::new(calibration(config(&["acceleration"]))).expect("it can be");
+    let mut calibration = Calibration::new(calibration(config(&["acceleration"]))).expect("it can be");
     let mut refused = 0;
     for k in 0..1100 {
-        let mut sample = sample(k, Gesture::NoMotion, 0.0);
+        let mut sample = sample(k, Command::NoMotion, 0.0);
         sample.channels[4..].copy_from_slice(&[0.0, 1.0]);
-        let events = session.step(SimTime(5 * k), &[sample]).expect("judged");
-        refused += events.iter().filter(|e| matches!(e, CalibrationEvent::Refused(_, Refusal::Imu))).count();
+        let events = calibration.step(SimTime(5 * k), &[sample]).expect("judged");
+        refused += events
+            .iter()
+            .filter(|e| matches!(e, CalibrationEvent::RepetitionRejected(_, RepetitionRejection::Imu)))
+            .count();
     }
-    assert_eq!((refused, session.repetitions().len()), (1, 0));
+    assert_eq!((refused, calibration.repetitions().len()), (1, 0));
 }
 
 #[test]
@@ -234,5 +244,5 @@ fn positions_that_cannot_be_told_apart_are_refused() {
     };
     assert!(refused(|c| c.positions[1] = "hanging".into()).contains("each once"));
     assert!(refused(|c| c.positions[1].clear()).contains("1 to 64 bytes"));
-    assert!(refused(|c| c.most_rounds = 5).contains("two rounds for each position"));
+    assert!(refused(|c| c.max_rounds = 5).contains("two rounds for each position"));
 }

@@ -205,17 +205,17 @@ fn settings_that_cannot_work_are_refused() {
         config.check(CHANNELS).expect_err("must be refused").to_string()
     };
     assert!(refused(|c| c.frozen_ms = 20_000).contains("frozen_ms"));
-    assert!(refused(|c| c.lost_share = 1.5).contains("lost_share"));
-    assert!(refused(|c| c.noise_share = f64::NAN).contains("noise_share"));
-    assert!(refused(|c| c.rate_shares = [0.5, 0.9]).contains("rate_shares"));
+    assert!(refused(|c| c.max_lost_share = 1.5).contains("max_lost_share"));
+    assert!(refused(|c| c.min_noise_share = f64::NAN).contains("min_noise_share"));
+    assert!(refused(|c| c.rate_ratio_limits = [0.5, 0.9]).contains("rate_ratio_limits"));
     assert!(refused(|c| c.rails = Some([255.0, 0.0])).contains("rails"));
     assert!(refused(|c| c.noise_floors = vec![1.0]).contains("noise_floors"));
     let off = LivenessConfig {
         frozen_ms: 0,
         flat_ms: 0,
         railed_ms: 0,
-        noise_ms: 0,
-        span_ms: 0,
+        noise_window_ms: 0,
+        loss_window_ms: 0,
         ..LivenessConfig::default()
     };
     assert_eq!(death(&off, |t| packet(t, |_, _| 0.0)), None, "zero is off");
@@ -245,21 +245,21 @@ fn no_recording_of_a_person_is_taken_for_dead() {
     let floors = |samples: &[Vec<EmgSample>]| {
         noise_floors(&base, rate_hz, CHANNELS, samples.iter().map(Vec::as_slice))
     };
-    let mut judged = 0;
-    let mut judge = |name: &str, floors: &[f64], samples: &[EmgSample]| {
+    let mut checked_count = 0;
+    let mut check_stream = |name: &str, floors: &[f64], samples: &[EmgSample]| {
         let config = LivenessConfig { noise_floors: floors.to_vec(), ..base.clone() };
         let mut liveness = Liveness::new(&config, rate_hz, CHANNELS).expect("sound settings");
         for sample in samples {
             liveness.begin_tick(SimTime(sample.counter * 5));
             let alive = liveness.push(sample);
             assert!(alive, "{name}, sample {}: {:?}", sample.counter, liveness.fault());
-            judged += 1;
+            checked_count += 1;
         }
     };
     let known = floors(&floors_of);
     for rep in 0..4 {
         for class in 0..5 {
-            judge(&format!("R_{rep}_C_{class}"), &known, &libemg(rep, class));
+            check_stream(&format!("R_{rep}_C_{class}"), &known, &libemg(rep, class));
         }
     }
     for person in ["12345", "21547", "45612", "54321", "78945"] {
@@ -270,9 +270,9 @@ fn no_recording_of_a_person_is_taken_for_dead() {
         let known = floors(&session(1));
         for number in 1..=3 {
             for (samples, label) in session(number).iter().zip([0, 1, 2, 7]) {
-                judge(&format!("{person}-{number}/{label}"), &known, samples);
+                check_stream(&format!("{person}-{number}/{label}"), &known, samples);
             }
         }
     }
-    assert!(judged > 700_000, "{judged} samples");
+    assert!(checked_count > 700_000, "{checked_count} samples");
 }

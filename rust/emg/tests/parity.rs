@@ -8,10 +8,11 @@ mod data;
 use data::shared;
 use nalgebra::DMatrix;
 use proact_emg::{
-    Classifier, DEFAULT_MAJORITY, DEFAULT_REJECTION, DecisionRule, EmgConfig, EmgPipeline, FeatureSet,
-    FeatureVector, Lda, LdaNormalisation, MajorityVote, Priors, RuleKind, WindowLength, extract,
+    Classifier, CovarianceNormalization, DEFAULT_MAJORITY_VOTE_WINDOWS, DEFAULT_REJECTION_THRESHOLD,
+    DecisionRule, EmgConfig, EmgPipeline, FeatureSet, FeatureVector, Lda, MajorityVote, Priors, PublishRule,
+    WindowLength, extract_features,
 };
-use proact_types::{EmgSample, Gesture, GestureName, SimTime};
+use proact_types::{Command, EmgSample, Gesture, SimTime};
 use std::{
     fs::File,
     io::{BufReader, Read},
@@ -74,7 +75,7 @@ fn config(window: u32, increment: u32) -> EmgConfig {
         rate_hz: 200.0,
         window: WindowLength::Samples(window),
         increment: WindowLength::Samples(increment),
-        max_age_millis: 1000,
+        stale_timeout_ms: 1000,
         ..EmgConfig::default()
     }
 }
@@ -86,17 +87,17 @@ fn samples(rows: &[Vec<f64>]) -> Vec<EmgSample> {
 }
 
 /// Windows of the recordings of these repetitions, repetition by repetition, class by class.
-fn recorded(reps: &[u32], config: &EmgConfig) -> Option<(Vec<FeatureVector>, Vec<Gesture>)> {
+fn recorded(reps: &[u32], config: &EmgConfig) -> Option<(Vec<FeatureVector>, Vec<Command>)> {
     let dir = shared()?.join("libemg_tests_myo");
     let (mut windows, mut labels) = (Vec::new(), Vec::new());
     for rep in reps {
-        for gesture in Gesture::ALL {
+        for gesture in Command::ALL {
             let path = dir.join(format!("R_{rep}_C_{}_EMG.csv", gesture.index()));
             let mut reader =
                 csv::ReaderBuilder::new().has_headers(false).from_path(path).expect("the recording is there");
             let rows: Vec<Vec<f64>> =
                 reader.deserialize().collect::<Result<_, _>>().expect("the recording holds numbers");
-            windows.extend(extract(config, &samples(&rows)).expect("good samples"));
+            windows.extend(extract_features(config, &samples(&rows)).expect("good samples"));
             labels.resize(windows.len(), gesture);
         }
     }
@@ -138,7 +139,7 @@ fn features_of_edge_cases_are_those_of_libemg() {
         let number = |key: &str| case[key].as_u64().expect("a whole number") as u32;
         let rows = list("samples");
         let config = EmgConfig { channels: rows[0].len(), ..config(number("window"), number("increment")) };
-        let windows = extract(&config, &samples(&rows)).expect("good samples");
+        let windows = extract_features(&config, &samples(&rows)).expect("good samples");
         // LibEMG makes one short window of a recording that lacks less than an increment. That is a defect: such
         // a window cannot be compared with the others, so we make none.
         let short = case["window_len"].as_u64().is_some_and(|length| length < u64::from(number("window")));
@@ -159,16 +160,16 @@ fn compare_lda(file: &str) {
     let classes = reference.integers("classes").len();
     let predicted = reference.integers("pred_index");
     let matrix = DMatrix::from_fn(train.len(), train[0].len(), |i, j| train[i][j]);
-    for (normalisation, suffix) in
-        [(LdaNormalisation::Windows, "n"), (LdaNormalisation::WindowsLessClasses, "n_minus_c")]
+    for (normalization, suffix) in
+        [(CovarianceNormalization::Windows, "n"), (CovarianceNormalization::WindowsLessClasses, "n_minus_c")]
     {
-        let lda = Lda::fit(&matrix, &labels, classes, normalisation).expect("good data");
+        let lda = Lda::fit(&matrix, &labels, classes, normalization).expect("good data");
         let decisions = reference.rows(&format!("decision_{suffix}"));
         let probabilities = reference.rows(&format!("proba_{suffix}"));
         for (k, x) in test.iter().enumerate() {
             let mut values = vec![0.0; classes];
             lda.decide(x, &mut values);
-            let scale = decisions[k].iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+            let scale = decisions[k].iter().fold(0.0_f64, |max, v| max.max(v.abs()));
             for (got, expected) in values.iter().zip(&decisions[k]) {
                 assert!(
                     (got - expected).abs() <= DECISION_RELATIVE * scale,
@@ -208,7 +209,7 @@ fn classifier_gives_libemgs_classes_probabilities_and_velocities() {
     let (_, velocities) = reference.doubles("velocity");
     for (k, window) in test.iter().enumerate() {
         let prediction = classifier.predict(window).expect("good window");
-        assert_eq!(prediction.place as i64, predicted[k], "window {k}");
+        assert_eq!(prediction.class_index as i64, predicted[k], "window {k}");
         for (got, expected) in prediction.posterior.iter().zip(&probabilities[k]) {
             assert!((got - expected).abs() <= PROBABILITY_ABSOLUTE, "window {k}");
         }
@@ -248,18 +249,19 @@ fn three_equal_classes_act_as_in_the_original_program_and_as_in_the_paper() {
             let mut rule = DecisionRule::new(config);
             let mut last_published = NOTHING;
             let step = |(class, k): (&i64, u64)| {
-                let output = Gesture::ALL[*class as usize].into();
+                let output = Command::ALL[*class as usize].into();
                 let decision = rule.step(SimTime(k * 50), Some(output)).expect("a decision");
                 if decision.published {
-                    last_published = decision.gesture.namesake().map_or(NOTHING, |g| g.index() as i64);
+                    last_published =
+                        decision.gesture.same_named_command().map_or(NOTHING, |g| g.index() as i64);
                 }
                 last_published
             };
             predicted.iter().zip(0..).map(step).collect::<Vec<_>>()
         };
-        let original = EmgConfig { first_output_acts: true, ..EmgConfig::default() };
+        let original = EmgConfig { act_on_first_window: true, ..EmgConfig::default() };
         assert_eq!(run(&original), hold, "{file}");
-        let paper = EmgConfig { rule: RuleKind::Strict, ..EmgConfig::default() };
+        let paper = EmgConfig { publish_rule: PublishRule::Strict, ..EmgConfig::default() };
         assert_eq!(run(&paper), strict, "{file}");
     }
 }
@@ -272,14 +274,14 @@ fn rejection_and_majority_vote_are_libemgs() {
         let (rejected, majority) =
             (reference.integers("rejected_090"), reference.integers("majority5_online"));
         assert_eq!(majority, reference.integers("majority5_offline"));
-        let mut vote = MajorityVote::new(NonZeroU32::new(DEFAULT_MAJORITY).expect("five"));
-        let index = |class: Option<GestureName>| {
-            class.and_then(GestureName::namesake).map_or(-1, |g| g.index() as i64)
+        let mut vote = MajorityVote::new(NonZeroU32::new(DEFAULT_MAJORITY_VOTE_WINDOWS).expect("five"));
+        let index = |class: Option<Gesture>| {
+            class.and_then(Gesture::same_named_command).map_or(-1, |g| g.index() as i64)
         };
         let mut refusals = 0;
         for k in 0..predicted.len() {
-            let predicted = GestureName::from(Gesture::ALL[predicted[k] as usize]);
-            let kept = (confidences[k] > DEFAULT_REJECTION).then_some(predicted);
+            let predicted = Gesture::from(Command::ALL[predicted[k] as usize]);
+            let kept = (confidences[k] > DEFAULT_REJECTION_THRESHOLD).then_some(predicted);
             refusals += usize::from(kept.is_none());
             assert_eq!(index(kept), rejected[k], "{file} window {k}");
             // The reference's vote runs over the classes before rejection.
@@ -292,14 +294,14 @@ fn rejection_and_majority_vote_are_libemgs() {
 #[test]
 fn the_pipeline_rejects_at_the_threshold_of_libemg() {
     let Some(mut reference) = Reference::open("libemg_myo_w100_i50.npz") else { return };
-    let config = EmgConfig { rejection: Some(DEFAULT_REJECTION), ..config(100, 50) };
+    let config = EmgConfig { rejection_threshold: Some(DEFAULT_REJECTION_THRESHOLD), ..config(100, 50) };
     let (train, labels) = recorded(&[0, 1], &config).expect("found before");
     let classifier = Classifier::train(&config, &train, &labels).expect("good data");
     let raw = reference.doubles("X_test").0[0];
     let rejected = reference.integers("rejected_090");
     let dir = shared().expect("found before").join("libemg_tests_myo");
     let mut classes = Vec::new();
-    for gesture in Gesture::ALL {
+    for gesture in Command::ALL {
         let mut pipeline = EmgPipeline::new(&config, classifier.clone()).expect("they fit");
         let text = std::fs::read_to_string(dir.join(format!("R_2_C_{}_EMG.csv", gesture.index())));
         let text = text.expect("the recording is there");
@@ -309,7 +311,7 @@ fn the_pipeline_rejects_at_the_threshold_of_libemg() {
             let output = pipeline.step(SimTime(sample.counter * 5), &[sample]);
             classes.extend(output.map(|o| {
                 assert!(o.class.is_some() || o.effort == 0.0);
-                o.class.and_then(GestureName::namesake).map_or(-1, |g| g.index() as i64)
+                o.class.and_then(Gesture::same_named_command).map_or(-1, |g| g.index() as i64)
             }));
         }
     }
@@ -344,6 +346,6 @@ fn equal_priors_move_decisions_by_the_logarithm_of_the_priors_alone() {
 fn the_feature_group_has_as_many_features_as_it_says() {
     let config = EmgConfig { channels: 3, ..config(10, 5) };
     let rows = vec![vec![1.0, -2.0, 3.0]; 10];
-    let windows = extract(&config, &samples(&rows)).expect("good samples");
+    let windows = extract_features(&config, &samples(&rows)).expect("good samples");
     assert_eq!(windows[0].len(), FeatureSet::HTD.layout(3, 1000.0).count());
 }

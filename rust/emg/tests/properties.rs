@@ -3,14 +3,16 @@
 mod common;
 
 use common::{CHANNELS, config, signal};
-use proact_emg::{Classifier, ClassifierKind, EmgConfig, EmgModel, EmgPipeline, ProcessConfig, extract};
-use proact_types::{EmgSample, Gesture, SimTime};
+use proact_emg::{
+    Classifier, ClassifierKind, DecoderProcessConfig, EmgConfig, EmgModel, EmgPipeline, extract_features,
+};
+use proact_types::{Command, EmgSample, SimTime};
 use proptest::prelude::*;
 
-fn training(mix: f64) -> (Vec<Vec<f64>>, Vec<Gesture>) {
+fn training(mix: f64) -> (Vec<Vec<f64>>, Vec<Command>) {
     let (mut windows, mut labels) = (Vec::new(), Vec::new());
-    for gesture in Gesture::ALL {
-        let features = extract(&config(), &signal(gesture, 400, mix)).expect("good samples");
+    for gesture in Command::ALL {
+        let features = extract_features(&config(), &signal(gesture, 400, mix)).expect("good samples");
         windows.extend(features.iter().map(|f| f.to_vec()));
         labels.resize(windows.len(), gesture);
     }
@@ -50,7 +52,7 @@ proptest! {
         for (a, b) in windows.iter().zip(&changed) {
             let (a, b) = (plain.predict(a).expect("finite"), other.predict(b).expect("finite"));
             // Rounding may decide between classes that are equally probable.
-            let runner_up = a.posterior.iter().enumerate().filter(|(k, _)| *k != a.place);
+            let runner_up = a.posterior.iter().enumerate().filter(|(k, _)| *k != a.class_index);
             let margin = a.confidence() - runner_up.map(|(_, p)| *p).fold(0.0, f64::max);
             prop_assert!(a.class == b.class || margin < 1e-6, "{a:?} {b:?}");
         }
@@ -80,15 +82,15 @@ proptest! {
         kind in prop::sample::select(&ClassifierKind::ALL[..]),
     ) {
         let process = kind.is_process().then(|| {
-            ProcessConfig::from_toml("command = [\"net\"]\ninput = \"samples\"").expect("a command is enough")
+            DecoderProcessConfig::from_toml("command = [\"net\"]\ninput = \"samples\"").expect("a command is enough")
         });
         let config = EmgConfig { classifier: kind, process, ..config() };
         // The quadratic one needs more windows than features.
         let length = if kind == ClassifierKind::Qda { 10 * (4 * CHANNELS as u64 + 20) } else { 100 };
-        let recordings: Vec<(Gesture, Vec<EmgSample>)> =
-            Gesture::ALL.into_iter().map(|g| (g, signal(g, length, 0.0))).collect();
-        let slices: Vec<(Gesture, &[EmgSample])> = recordings.iter().map(|(g, s)| (*g, s.as_slice())).collect();
-        let model = EmgModel::train(&config.stand_in(), &[0.0; CHANNELS], &slices).expect("good data");
+        let recordings: Vec<(Command, Vec<EmgSample>)> =
+            Command::ALL.into_iter().map(|g| (g, signal(g, length, 0.0))).collect();
+        let slices: Vec<(Command, &[EmgSample])> = recordings.iter().map(|(g, s)| (*g, s.as_slice())).collect();
+        let model = EmgModel::train(&config.without_process(), &[0.0; CHANNELS], &slices).expect("good data");
         let model = match kind.is_process() {
             true => model.decoded_by_process(&config, "{\"weights\":[1.5,-2.0]}").expect("the same gestures"),
             false => model,

@@ -1,6 +1,6 @@
 //! The monitor finds faults that are planted in a signal, and none where there is none.
 
-use proact_emg::{ChannelFault, ChannelStatistics, Light, QualityConfig, QualityMonitor};
+use proact_emg::{ChannelFault, ChannelStatistics, ChannelStatus, QualityConfig, QualityMonitor};
 use proact_types::{EmgSample, SimTime};
 use proptest::prelude::*;
 use std::f64::consts::TAU;
@@ -9,7 +9,7 @@ const CHANNELS: usize = 4;
 /// The channel with the planted fault.
 const BAD: usize = 2;
 const CALIBRATION: [ChannelStatistics; CHANNELS] =
-    [ChannelStatistics { rest_median: 0.0, rest_sd: 2.0, largest_sd: 20.0, noise_floor: None }; CHANNELS];
+    [ChannelStatistics { rest_median: 0.0, rest_sd: 2.0, max_sd: 20.0, noise_floor: None }; CHANNELS];
 
 /// Uniform noise of standard deviation one, from a counter.
 fn noise(seed: u64, k: u64) -> f64 {
@@ -32,13 +32,13 @@ fn watch(rate: f64, seed: u64, fault: impl Fn(u64, f64, f64) -> f64) -> QualityM
     monitor
 }
 
-fn assert_found(monitor: &QualityMonitor, fault: Option<ChannelFault>, light: Light) {
+fn assert_found(monitor: &QualityMonitor, fault: Option<ChannelFault>, light: ChannelStatus) {
     for (c, quality) in monitor.channels().iter().enumerate() {
-        let expected = if c == BAD { (light, fault) } else { (Light::Green, None) };
-        assert_eq!((quality.light, quality.fault), expected, "channel {c}: {quality:?}");
+        let expected = if c == BAD { (light, fault) } else { (ChannelStatus::Green, None) };
+        assert_eq!((quality.status, quality.fault), expected, "channel {c}: {quality:?}");
     }
-    assert_eq!(monitor.stream().light, Light::Green, "{:?}", monitor.stream());
-    assert_eq!(monitor.light(), light);
+    assert_eq!(monitor.stream().status, ChannelStatus::Green, "{:?}", monitor.stream());
+    assert_eq!(monitor.status(), light);
 }
 
 proptest! {
@@ -53,21 +53,21 @@ proptest! {
         hum in prop_oneof![Just(50.0), Just(60.0)],
     ) {
         let seed = u64::from(seed);
-        assert_found(&watch(rate, seed, |_, _, v| v), None, Light::Green);
-        assert_found(&watch(rate, seed, |_, _, _| offset), Some(ChannelFault::Flat), Light::Red);
+        assert_found(&watch(rate, seed, |_, _, v| v), None, ChannelStatus::Green);
+        assert_found(&watch(rate, seed, |_, _, _| offset), Some(ChannelFault::Flat), ChannelStatus::Red);
         let drift = if offset < 0.0 { offset - 20.0 } else { offset + 20.0 };
-        assert_found(&watch(rate, seed, |_, _, v| v + drift), Some(ChannelFault::Drift), Light::Red);
+        assert_found(&watch(rate, seed, |_, _, v| v + drift), Some(ChannelFault::Drift), ChannelStatus::Red);
         let sine = |t: f64| strength * (TAU * hum * t).sin();
         let monitor = watch(rate, seed, |_, t, v| 0.5 * v + sine(t));
         prop_assert_eq!(monitor.channels()[BAD].mains_hz, hum);
-        assert_found(&monitor, Some(ChannelFault::Mains), Light::Red);
+        assert_found(&monitor, Some(ChannelFault::Mains), ChannelStatus::Red);
         assert_found(
             &watch(rate, seed, |k, _, v| if k % 3 == 0 { 127.0 } else { v - 60.0 }),
             Some(ChannelFault::Railed),
-            Light::Red,
+            ChannelStatus::Red,
         );
         let lifted = |_, t: f64, v: f64| if t > 2.5 { 6.0 * v } else { v };
-        assert_found(&watch(rate, seed, lifted), Some(ChannelFault::LiftOff), Light::Amber);
+        assert_found(&watch(rate, seed, lifted), Some(ChannelFault::LiftOff), ChannelStatus::Amber);
     }
 
     #[test]
@@ -95,15 +95,15 @@ fn lost_samples_and_a_wrong_rate_show_on_the_stream() {
         *monitor.stream()
     };
     let good = run(1000.0, |_| true);
-    assert_eq!((good.light, good.gaps), (Light::Green, 0));
+    assert_eq!((good.status, good.gaps), (ChannelStatus::Green, 0));
     assert!(good.rate_hz.is_some_and(|rate| (rate - 1000.0).abs() < 2.0), "{good:?}");
     let packet = run(1000.0, |k| !(4500..4516).contains(&k));
-    assert_eq!((packet.light, packet.gaps), (Light::Amber, 1), "{packet:?}");
+    assert_eq!((packet.status, packet.gaps), (ChannelStatus::Amber, 1), "{packet:?}");
     let broken = run(1000.0, |k| k % 10 != 0);
-    assert_eq!(broken.light, Light::Red, "{broken:?}");
+    assert_eq!(broken.status, ChannelStatus::Red, "{broken:?}");
     assert!((broken.lost_share - 0.1).abs() < 0.01 && broken.gaps > 400, "{broken:?}");
     let slow = run(650.0, |_| true);
-    assert_eq!(slow.light, Light::Red, "{slow:?}");
+    assert_eq!(slow.status, ChannelStatus::Red, "{slow:?}");
     assert!(slow.rate_hz.is_some_and(|rate| (rate - 650.0).abs() < 5.0), "{slow:?}");
 }
 
@@ -113,7 +113,7 @@ fn lost_samples_and_a_wrong_rate_show_on_the_stream() {
 fn a_burst_at_the_start_or_after_a_silence_is_no_rate_and_a_clean_stream_is_green_throughout() {
     let run = |kept_back: u64, silence: std::ops::Range<u64>| {
         let mut monitor = QualityMonitor::new(QualityConfig::default(), 1000.0, 1, &[]);
-        let mut worst = Light::Green;
+        let mut worst = ChannelStatus::Green;
         for packet in 0..900_u64 {
             // Sixteen samples come when the last is due; what is due before a packet is let through waits for it.
             let due = 16 * (packet + 1);
@@ -121,23 +121,23 @@ fn a_burst_at_the_start_or_after_a_silence_is_no_rate_and_a_clean_stream_is_gree
             for k in 16 * packet..due {
                 let channels = [10.0 * noise(1, k)].into_iter().collect();
                 monitor.push(SimTime(now), &EmgSample { counter: k, channels });
-                worst = worst.max(monitor.light());
+                worst = worst.max(monitor.status());
             }
         }
         let rate = monitor.stream().rate_hz.expect("known after 14 s");
         assert!((rate - 1000.0).abs() < 10.0, "{rate}");
         worst
     };
-    assert_eq!(run(0, 0..0), Light::Green);
-    assert_eq!(run(3000, 0..0), Light::Green, "a burst at the start");
-    assert_eq!(run(0, 5000..5900), Light::Green, "a burst after a silence");
+    assert_eq!(run(0, 0..0), ChannelStatus::Green);
+    assert_eq!(run(3000, 0..0), ChannelStatus::Green, "a burst at the start");
+    assert_eq!(run(0, 5000..5900), ChannelStatus::Green, "a burst after a silence");
 }
 
 #[test]
 fn before_the_first_verdict_everything_is_green_and_nothing_is_claimed() {
     let monitor = QualityMonitor::new(QualityConfig::default(), 1000.0, 3, &[]);
     assert_eq!(
-        (monitor.light(), monitor.stream().rate_hz, monitor.channels()[0].drift),
-        (Light::Green, None, None)
+        (monitor.status(), monitor.stream().rate_hz, monitor.channels()[0].drift),
+        (ChannelStatus::Green, None, None)
     );
 }

@@ -6,10 +6,11 @@ mod data;
 
 use data::shared;
 use proact_emg::{
-    Adaptation, AdaptationConfig, BandProposal, EmgConfig, EmgModel, FeatureVector, Light, QualityConfig,
-    QualityMonitor, StreamFormat, WindowLength, check_rotation, cross_validate, extract,
+    Adaptation, AdaptationConfig, BandProposal, ChannelStatus, EmgConfig, EmgModel, FeatureVector,
+    QualityConfig, QualityMonitor, StreamFormat, WindowLength, check_rotation, cross_validate,
+    extract_features,
 };
-use proact_types::{EmgSample, Gesture, SimTime};
+use proact_types::{Command, EmgSample, SimTime};
 
 fn config() -> EmgConfig {
     EmgConfig {
@@ -20,12 +21,12 @@ fn config() -> EmgConfig {
     }
 }
 
-type Recordings = Vec<(Gesture, Vec<EmgSample>)>;
+type Recordings = Vec<(Command, Vec<EmgSample>)>;
 
 /// The five gestures of a repetition, the channels rolled by `roll`.
 fn repetition(rep: u32, roll: usize) -> Option<Recordings> {
     let dir = shared()?.join("libemg_tests_myo");
-    let read = |gesture: Gesture| {
+    let read = |gesture: Command| {
         let path = dir.join(format!("R_{rep}_C_{}_EMG.csv", gesture.index()));
         let mut reader = csv::ReaderBuilder::new().has_headers(false).from_path(path).expect("it is there");
         let rows = reader.deserialize().collect::<Result<Vec<Vec<f64>>, _>>().expect("it holds numbers");
@@ -35,7 +36,7 @@ fn repetition(rep: u32, roll: usize) -> Option<Recordings> {
         };
         (gesture, rows.into_iter().zip(0..).map(sample).collect())
     };
-    Some(Gesture::ALL.into_iter().map(read).collect())
+    Some(Command::ALL.into_iter().map(read).collect())
 }
 
 fn model(reps: &[u32]) -> Option<EmgModel> {
@@ -44,25 +45,25 @@ fn model(reps: &[u32]) -> Option<EmgModel> {
     Some(EmgModel::train(&config(), &[0.0; 8], &slices).expect("good recordings"))
 }
 
-fn windows(recordings: &Recordings, gestures: &[Gesture]) -> Vec<(Gesture, FeatureVector)> {
+fn windows(recordings: &Recordings, gestures: &[Command]) -> Vec<(Command, FeatureVector)> {
     let chosen = recordings.iter().filter(|(g, _)| gestures.contains(g));
     chosen
         .flat_map(|(g, samples)| {
-            extract(&config(), samples).expect("good samples").into_iter().map(move |w| (*g, w))
+            extract_features(&config(), samples).expect("good samples").into_iter().map(move |w| (*g, w))
         })
         .collect()
 }
 
-fn accuracy(model: &EmgModel, windows: &[(Gesture, FeatureVector)]) -> f64 {
+fn accuracy(model: &EmgModel, windows: &[(Command, FeatureVector)]) -> f64 {
     let right =
-        |(g, w): &&(Gesture, FeatureVector)| model.classifier.predict(w).expect("good window").class == *g;
+        |(g, w): &&(Command, FeatureVector)| model.classifier.predict(w).expect("good window").class == *g;
     windows.iter().filter(right).count() as f64 / windows.len() as f64
 }
 
 #[test]
 fn a_band_that_was_turned_is_found_from_two_gestures_whatever_the_turn() {
     let Some(model) = model(&[0, 1]) else { return };
-    let two = [Gesture::WristExtension, Gesture::WristFlexion];
+    let two = [Command::WristExtension, Command::WristFlexion];
     for shift in 0..8 {
         let turned = repetition(2, shift).expect("found before");
         let report = check_rotation(&model, &windows(&turned, &two)).expect("good windows");
@@ -76,8 +77,8 @@ fn a_band_that_was_turned_is_found_from_two_gestures_whatever_the_turn() {
 fn the_repetition_taken_with_a_turned_band_becomes_usable_by_the_proposal() {
     let Some(model) = model(&[0, 1, 2]) else { return };
     let turned = repetition(3, 0).expect("found before");
-    let all = windows(&turned, &Gesture::ALL);
-    let two = windows(&turned, &[Gesture::HandOpen, Gesture::WristFlexion]);
+    let all = windows(&turned, &Command::ALL);
+    let two = windows(&turned, &[Command::HandOpen, Command::WristFlexion]);
     let report = check_rotation(&model, &two).expect("good windows");
     let best = report.ranked[0].shift;
     let rolled: Vec<_> = all
@@ -96,14 +97,14 @@ fn the_repetition_taken_with_a_turned_band_becomes_usable_by_the_proposal() {
 #[test]
 fn a_rolled_model_recognises_a_turned_band_as_the_model_did_the_band() {
     let Some(model) = model(&[0, 1]) else { return };
-    let straight = accuracy(&model, &windows(&repetition(2, 0).expect("found before"), &Gesture::ALL));
+    let straight = accuracy(&model, &windows(&repetition(2, 0).expect("found before"), &Command::ALL));
     for shift in 0..8 {
-        let turned = windows(&repetition(2, shift).expect("found before"), &Gesture::ALL);
-        let rolled = model.rolled(shift).expect("a sound model");
+        let turned = windows(&repetition(2, shift).expect("found before"), &Command::ALL);
+        let rolled = model.with_channel_shift(shift).expect("a sound model");
         assert_eq!(accuracy(&rolled, &turned), straight, "turned by {shift}");
         assert!(shift == 0 || accuracy(&model, &turned) < straight);
         // Back again it is the model that it was.
-        assert_eq!(rolled.rolled(8 - shift).expect("a sound model"), model);
+        assert_eq!(rolled.with_channel_shift(8 - shift).expect("a sound model"), model);
     }
 }
 
@@ -124,7 +125,7 @@ fn a_repetition_taken_with_a_turned_band_is_an_outlier_and_the_others_are_not() 
     let distances = |r: &proact_emg::CalibrationReport| {
         r.repetitions
             .iter()
-            .map(|r| format!("{} {}: {:.2} {:.2}", r.gesture, r.repetition, r.distance, r.recognised))
+            .map(|r| format!("{} {}: {:.2} {:.2}", r.gesture, r.repetition, r.distance, r.recognized_share))
             .collect::<Vec<_>>()
     };
     println!("accuracy {:.4} {:#?}", report.accuracy, distances(&report));
@@ -145,11 +146,11 @@ fn a_model_survives_its_file_and_refuses_other_streams_with_reasons() {
     let medians: Vec<f64> = model.channels.iter().map(|c| c.rest_median).collect();
     let stream =
         StreamFormat { rate_hz: 199.0, channels: 8, rest_medians: Some(medians.clone()), imu: Vec::new() };
-    assert_eq!(read.check_fits(&stream), Ok(()));
+    assert_eq!(read.check_stream_format(&stream), Ok(()));
     let refused = |change: fn(&mut StreamFormat)| {
         let mut stream = stream.clone();
         change(&mut stream);
-        read.check_fits(&stream).expect_err("must be refused").to_string()
+        read.check_stream_format(&stream).expect_err("must be refused").to_string()
     };
     assert!(refused(|s| s.rate_hz = 1000.0).contains("trained at 200 Hz, the stream has 1000 Hz"));
     assert!(refused(|s| s.rate_hz = f64::NAN).contains("NaN Hz"));
@@ -165,6 +166,17 @@ fn a_model_survives_its_file_and_refuses_other_streams_with_reasons() {
     assert!(broken("\"HTD\"", "\"LS4,ZC\"").contains("does not fit"));
     assert!(broken("\"channels\": 8", "\"channels\": 7").contains("does not fit"));
     assert!(broken("\"intercepts\": [", "\"intercepts\": [ 1.0,").contains("does not fit"));
+    // A file of before the keys of its settings were renamed.
+    let old = json.replacen("\"consecutive_decisions\"", "\"required\"", 1);
+    let old = old.replacen("\"gap_interpolation\"", "\"bridge\"", 1).replacen(
+        "\"max_gap_ms\"",
+        "\"longest_ms\"",
+        1,
+    );
+    assert_eq!(EmgModel::from_json(&old), Ok(read));
+    let both = json.replacen("\"consecutive_decisions\"", "\"required\": 3, \"consecutive_decisions\"", 1);
+    let error = EmgModel::from_json(&both).expect_err("both names").to_string();
+    assert!(error.contains("emg.required is the old name of emg.consecutive_decisions"), "{error}");
     assert!(EmgModel::from_json(&json[..json.len() / 2]).is_err());
     assert!(EmgModel::from_json("").is_err());
 }
@@ -184,11 +196,11 @@ fn raw_codes_with_zero_levels_give_the_model_of_the_centred_stream() {
         let slices: Vec<_> = recordings.iter().map(|(g, s)| (*g, s.as_slice())).collect();
         EmgModel::train(&config(), &[zero; 8], &slices).expect("good recordings")
     };
-    let (centred, model) = (train(&recordings, 0.0), train(&raw, 128.0));
-    assert_eq!(model.classifier, centred.classifier);
-    assert_eq!(model.centred(&raw[0].1[7]), recordings[0].1[7]);
-    assert!(EmgModel::train::<Gesture>(&config(), &[0.0; 3], &[]).is_err());
-    assert!(EmgModel::train::<Gesture>(&config(), &[0.0; 8], &[]).is_err());
+    let (centered, model) = (train(&recordings, 0.0), train(&raw, 128.0));
+    assert_eq!(model.classifier, centered.classifier);
+    assert_eq!(model.subtract_dc_offset(&raw[0].1[7]), recordings[0].1[7]);
+    assert!(EmgModel::train::<Command>(&config(), &[0.0; 3], &[]).is_err());
+    assert!(EmgModel::train::<Command>(&config(), &[0.0; 8], &[]).is_err());
 }
 
 #[test]
@@ -199,7 +211,7 @@ fn a_good_recording_shows_no_red_light() {
         let mut monitor = QualityMonitor::new(config.clone(), 200.0, 8, &model.channels);
         for sample in &samples {
             monitor.push(SimTime(sample.counter * 5), sample);
-            assert_ne!(monitor.light(), Light::Red, "{gesture:?} {:?}", monitor.channels());
+            assert_ne!(monitor.status(), ChannelStatus::Red, "{gesture:?} {:?}", monitor.channels());
         }
     }
 }
@@ -212,7 +224,7 @@ fn adaptation_follows_a_changed_signal_freezes_and_rolls_back() {
         samples.iter_mut().for_each(|s| s.channels.iter_mut().for_each(|v| *v *= 0.67));
         (g, samples)
     });
-    let windows = windows(&weaker.collect(), &Gesture::ALL);
+    let windows = windows(&weaker.collect(), &Command::ALL);
     let mut adaptation = Adaptation::new(AdaptationConfig::default(), &model).expect("good settings");
     assert_eq!((adaptation.classifier(), adaptation.drift()), (&model.classifier, 0.0));
     let mut used = 0;
@@ -236,9 +248,9 @@ fn adaptation_follows_a_changed_signal_freezes_and_rolls_back() {
 fn no_pair_of_gestures_proposes_a_wrong_turn_and_rest_is_no_evidence() {
     let Some(model) = model(&[0, 1]) else { return };
     let (straight, turned) = (repetition(2, 0).expect("found"), repetition(3, 0).expect("found"));
-    let moving: Vec<Gesture> = Gesture::ALL.into_iter().filter(|g| *g != Gesture::NoMotion).collect();
+    let moving: Vec<Command> = Command::ALL.into_iter().filter(|g| *g != Command::NoMotion).collect();
     let check =
-        |recordings: &Recordings, pair: &[Gesture]| check_rotation(&model, &windows(recordings, pair));
+        |recordings: &Recordings, pair: &[Command]| check_rotation(&model, &windows(recordings, pair));
     let mut found = 0;
     for (k, a) in moving.iter().enumerate() {
         for b in &moving[k + 1..] {
@@ -248,7 +260,7 @@ fn no_pair_of_gestures_proposes_a_wrong_turn_and_rest_is_no_evidence() {
             assert!(matches!(proposal, BandProposal::Roll(3) | BandProposal::Recalibrate), "{a:?} {b:?}");
             found += u32::from(proposal == BandProposal::Roll(3));
         }
-        let error = check(&straight, &[*a, Gesture::NoMotion]).expect_err("one moving gesture").to_string();
+        let error = check(&straight, &[*a, Command::NoMotion]).expect_err("one moving gesture").to_string();
         assert!(error.contains("got 1 gesture besides no motion"), "{error}");
     }
     assert!(found >= 4, "{found} of 6 pairs find the turn");
@@ -258,7 +270,7 @@ fn no_pair_of_gestures_proposes_a_wrong_turn_and_rest_is_no_evidence() {
 #[test]
 fn two_electrodes_that_changed_places_are_named_and_never_taken_for_a_turn() {
     let Some(model) = model(&[0, 1]) else { return };
-    let two = [Gesture::WristExtension, Gesture::WristFlexion];
+    let two = [Command::WristExtension, Command::WristFlexion];
     let straight = repetition(2, 0).expect("found before");
     for (a, b) in (0..8).flat_map(|a| (a + 1..8).map(move |b| (a, b))) {
         let mut swapped = straight.clone();

@@ -4,11 +4,11 @@ use proact_emg::{
     CalibrationConfig, ClassifierKind, EmgConfig, EmgError, EmgModel, EmgOutput, EmgPipeline,
     RegressionConfig, cross_validate,
 };
-use proact_types::{DegreeOfFreedom, EmgSample, Gesture, SimTime};
+use proact_types::{Command, DegreeOfFreedom, EmgSample, SimTime};
 
 /// One muscle below a channel for each of the four gestures.
-const MUSCLES: [Gesture; 4] =
-    [Gesture::WristExtension, Gesture::WristFlexion, Gesture::HandOpen, Gesture::HandClose];
+const MUSCLES: [Command; 4] =
+    [Command::WristExtension, Command::WristFlexion, Command::HandOpen, Command::HandClose];
 
 fn config() -> EmgConfig {
     EmgConfig {
@@ -29,11 +29,11 @@ fn sample(k: u64, efforts: [f64; 4]) -> EmgSample {
     EmgSample { counter: k, channels: efforts.into_iter().enumerate().map(value).collect() }
 }
 
-fn recordings() -> Vec<(Gesture, Vec<EmgSample>)> {
-    let efforts = |gesture: Gesture| MUSCLES.map(|muscle| f64::from(u8::from(muscle == gesture)));
+fn recordings() -> Vec<(Command, Vec<EmgSample>)> {
+    let efforts = |gesture: Command| MUSCLES.map(|muscle| f64::from(u8::from(muscle == gesture)));
     let take =
         |gesture, from: u64| (gesture, (from..from + 400).map(|k| sample(k, efforts(gesture))).collect());
-    (0..3).flat_map(|rep| Gesture::ALL.map(|gesture| take(gesture, 1000 * rep))).collect()
+    (0..3).flat_map(|rep| Command::ALL.map(|gesture| take(gesture, 1000 * rep))).collect()
 }
 
 fn model(config: &EmgConfig) -> EmgModel {
@@ -90,8 +90,9 @@ fn dead_band_and_smoothing_of_the_settings_are_those_that_act_whatever_the_train
     };
     let wide = RegressionConfig { dead_band: 0.7, ..RegressionConfig::default() };
     let outputs = run(&mut with(wide), 0, 500, [0.6, 0.0, 0.0, 0.0], |_| false);
-    assert_eq!((drives(&outputs), outputs[0].window_class), ([0.0; 2], Gesture::NoMotion.into()));
-    let slow = RegressionConfig { smoothing_ms: 150.0, dead_band: 0.0, ..RegressionConfig::default() };
+    assert_eq!((drives(&outputs), outputs[0].window_class), ([0.0; 2], Command::NoMotion.into()));
+    let slow =
+        RegressionConfig { smoothing_time_constant_ms: 150.0, dead_band: 0.0, ..RegressionConfig::default() };
     let outputs = run(&mut with(slow), 0, 400, [1.0, 0.0, 0.0, 0.0], |_| false);
     let wrist: Vec<f64> = outputs.iter().map(|output| output.drives[0]).collect();
     for (k, drive) in (1..).zip(&wrist) {
@@ -108,13 +109,13 @@ fn nothing_is_driven_after_a_silence_until_the_hand_relaxes_nor_in_a_window_with
     let outputs = run(&mut pipeline, 500, 300, wrist, |tick| (560..570).contains(&tick));
     let zero = outputs.iter().filter(|output| output.drives[0] == 0.0).count();
     assert_eq!((outputs.len(), zero), (6, 2), "{outputs:?}");
-    assert!(outputs.iter().all(|output| output.gesture == Gesture::WristExtension));
+    assert!(outputs.iter().all(|output| output.gesture == Command::WristExtension));
 
     let silent = run(&mut pipeline, 800, 300, wrist, |_| true);
     assert_eq!((silent.len(), silent[0].stale, drives(&silent)), (1, true, [0.0; 2]));
     let held = run(&mut pipeline, 1100, 500, wrist, |_| false);
     assert!(held.iter().all(|output| output.drives.iter().all(|drive| *drive == 0.0)), "{held:?}");
-    assert_eq!(held.last().map(|output| output.window_class), Some(Gesture::WristExtension.into()));
+    assert_eq!(held.last().map(|output| output.window_class), Some(Command::WristExtension.into()));
     run(&mut pipeline, 1600, 300, [0.0; 4], |_| false);
     assert!(drives(&run(&mut pipeline, 1900, 300, wrist, |_| false))[0] > 0.9);
 }
@@ -140,9 +141,14 @@ fn a_model_of_a_regressor_is_read_as_it_was_written_and_cross_validated_by_degre
 fn settings_of_a_classifier_and_a_regressor_do_not_go_together() {
     let lda = EmgConfig { classifier: ClassifierKind::Lda, ..config() };
     let error = EmgPipeline::new(&lda, model(&config()).classifier).map(|_| ()).expect_err("another kind");
-    let expected = EmgError::OtherDecoder { asked: ClassifierKind::Lda, trained: ClassifierKind::Linear };
+    let expected =
+        EmgError::ClassifierMismatch { requested: ClassifierKind::Lda, trained: ClassifierKind::Linear };
     assert_eq!(error, expected);
-    let rejecting = EmgConfig { rejection: Some(0.9), ..config() };
-    assert!(rejecting.check().is_err_and(|e| e.to_string().contains("emg.rejection is set, but linear")));
-    assert!(EmgModel::train::<Gesture>(&config(), &[0.0; 4], &[]).is_err());
+    let rejecting = EmgConfig { rejection_threshold: Some(0.9), ..config() };
+    assert!(
+        rejecting
+            .check()
+            .is_err_and(|e| e.to_string().contains("emg.rejection_threshold is set, but linear"))
+    );
+    assert!(EmgModel::train::<Command>(&config(), &[0.0; 4], &[]).is_err());
 }

@@ -1,7 +1,7 @@
 use crate::{
     WriteError,
-    output::{PREFIX, SUFFIX, temporary_in},
-    place::{Found, folder_of, follow},
+    atomic_file::{PREFIX, SUFFIX, create_temp_file_in},
+    write_target::{LinkTarget, folder_of, follow},
 };
 use std::{
     fs, io,
@@ -16,7 +16,7 @@ pub fn make_folder(path: &Path) -> Result<(), WriteError> {
     let make = || {
         let (target, _) = follow(path)?;
         fs::create_dir_all(&target)?;
-        probe(&target)
+        check_writable(&target)
     };
     make().map_err(WriteError::at(path))
 }
@@ -29,7 +29,7 @@ pub fn check_folder(path: &Path) -> Result<(), WriteError> {
     let check = || {
         let (mut target, mut found) = follow(path)?;
         // What is not there yet is made in the nearest folder that is.
-        while matches!(found, Found::Nothing) {
+        while matches!(found, LinkTarget::Missing) {
             let above: PathBuf = folder_of(&target).to_owned();
             if above == target {
                 break;
@@ -37,7 +37,7 @@ pub fn check_folder(path: &Path) -> Result<(), WriteError> {
             (target, found) = follow(&above)?;
         }
         match target.is_dir() {
-            true => probe(&target),
+            true => check_writable(&target),
             false => {
                 let what = format!("{} is no folder, expected one", target.display());
                 Err(io::Error::new(io::ErrorKind::NotADirectory, what))
@@ -51,19 +51,19 @@ pub fn check_folder(path: &Path) -> Result<(), WriteError> {
 ///
 /// # Errors
 /// [`WriteError::Io`]: links in a circle.
-pub fn followed(path: &Path) -> Result<PathBuf, WriteError> {
+pub fn resolve_links(path: &Path) -> Result<PathBuf, WriteError> {
     follow(path).map(|(target, _)| target).map_err(WriteError::at(path))
 }
 
-fn probe(folder: &Path) -> io::Result<()> {
-    temporary_in(folder, 0o600).map(drop)
+fn check_writable(folder: &Path) -> io::Result<()> {
+    create_temp_file_in(folder, 0o600).map(drop)
 }
 
-/// Refuses a folder that [`claim_folder`] would not take. Nothing is left there.
+/// Refuses a folder that [`claim_output_dir`] would not take. Nothing is left there.
 ///
 /// # Errors
-/// As [`claim_folder`].
-pub fn check_claim(path: &Path, first: &str, holds: &str) -> Result<(), WriteError> {
+/// As [`claim_output_dir`].
+pub fn check_output_dir_claim(path: &Path, first: &str, contents: &str) -> Result<(), WriteError> {
     let failed = WriteError::at(path);
     let (target, _) = follow(path).map_err(&failed)?;
     if !target.is_dir() {
@@ -78,15 +78,15 @@ pub fn check_claim(path: &Path, first: &str, holds: &str) -> Result<(), WriteErr
     // A program that was killed in its first file leaves a temporary one alone.
     match only_partial || target.join(first).is_file() {
         true => check_folder(path),
-        false => Err(WriteError::Foreign { path: path.to_owned(), holds: holds.to_owned() }),
+        false => Err(WriteError::DirInUse { path: path.to_owned(), holds: contents.to_owned() }),
     }
 }
 
 /// Makes a folder for our files, or takes one that we wrote before, known by the file that is always written first.
 ///
 /// # Errors
-/// [`WriteError::Foreign`] for a folder that has something in it and not that file; [`WriteError::Io`].
-pub fn claim_folder(path: &Path, first: &str, holds: &str) -> Result<(), WriteError> {
-    check_claim(path, first, holds)?;
+/// [`WriteError::DirInUse`] for a folder that has something in it and not that file; [`WriteError::Io`].
+pub fn claim_output_dir(path: &Path, first: &str, contents: &str) -> Result<(), WriteError> {
+    check_output_dir_claim(path, first, contents)?;
     make_folder(path)
 }

@@ -8,24 +8,24 @@
 //! | a pipe, a device, `/dev/stdout` | the bytes are written through it once all of them are known; the node stays |
 //! | a folder, a link without an end | an error |
 //!
-//! A command that works for long before it writes calls [`check_output`], [`check_folder`] or [`check_claim`] first, so that
+//! A command that works for long before it writes calls [`check_output`], [`check_folder`] or [`check_output_dir_claim`] first, so that
 //! a path that cannot be written is refused before the work. This crate reads no clock and no configuration.
 //!
 //! ```
 //! # let folder = tempfile::tempdir()?;
 //! let path = folder.path().join("model.json");
 //! proact_files::check_output(&path)?;
-//! proact_files::write_whole(&path, "{}")?;
+//! proact_files::write_atomically(&path, "{}")?;
 //! assert_eq!(std::fs::read_to_string(&path)?, "{}");
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod atomic_file;
 mod folder;
-mod output;
-mod place;
+mod write_target;
 
-pub use folder::{check_claim, check_folder, claim_folder, followed, make_folder};
-pub use output::{OutputFile, check_output, create_growing, is_replaced, write_whole};
+pub use atomic_file::{OutputFile, check_output, create_in_place, is_regular_or_missing, write_atomically};
+pub use folder::{check_folder, check_output_dir_claim, claim_output_dir, make_folder, resolve_links};
 
 use std::{
     io,
@@ -52,7 +52,7 @@ pub enum WriteError {
     },
     /// The folder is in use for something else.
     #[error("{} is not empty, and is no earlier {holds}; name a new folder with --out", path.display())]
-    Foreign {
+    DirInUse {
         /// The folder.
         path: PathBuf,
         /// What it was to hold.
@@ -77,7 +77,7 @@ impl From<WriteError> for io::Error {
     fn from(error: WriteError) -> io::Error {
         match error {
             WriteError::Io { source, .. } => source,
-            WriteError::Exists { .. } | WriteError::Foreign { .. } => {
+            WriteError::Exists { .. } | WriteError::DirInUse { .. } => {
                 io::Error::new(io::ErrorKind::AlreadyExists, error)
             }
         }

@@ -3,8 +3,8 @@
 
 use nix::{sys::stat::Mode, unistd::mkfifo};
 use proact_files::{
-    OutputFile, WriteError, check_claim, check_folder, check_output, claim_folder, create_growing,
-    make_folder, write_whole,
+    OutputFile, WriteError, check_folder, check_output, check_output_dir_claim, claim_output_dir,
+    create_in_place, make_folder, write_atomically,
 };
 use std::{
     fs,
@@ -39,7 +39,7 @@ fn links_stay_and_what_they_lead_to_is_written() {
     {
         let text = format!("through {name}");
         check_output(&at(name)).unwrap();
-        write_whole(&at(name), &text).unwrap();
+        write_atomically(&at(name), &text).unwrap();
         assert_eq!(fs::read_to_string(at("elsewhere").join(target)).unwrap(), text);
     }
     for link in ["link", "chain", "dangling", "folder"] {
@@ -61,7 +61,7 @@ fn folders_and_links_without_an_end_are_refused_by_name() {
     {
         let error = check_output(&at(name)).unwrap_err().to_string();
         assert!(error.contains(name) && error.contains(why), "{error}");
-        assert_eq!(write_whole(&at(name), "x").unwrap_err().to_string(), error);
+        assert_eq!(write_atomically(&at(name), "x").unwrap_err().to_string(), error);
     }
     assert_eq!(names(folder.path()), ["here", "self", "there"]);
 }
@@ -81,14 +81,14 @@ fn a_pipe_is_written_through_and_stays_a_pipe() {
             let pipe = pipe.clone();
             move || fs::read_to_string(pipe).unwrap()
         });
-        write_whole(path, &text).unwrap();
+        write_atomically(path, &text).unwrap();
         assert!(read.join().unwrap() == text, "{}", path.display());
     }
     let read = thread::spawn({
         let pipe = pipe.clone();
         move || fs::read_to_string(pipe).unwrap()
     });
-    create_growing(&pipe).unwrap().write_all(b"piece by piece").unwrap();
+    create_in_place(&pipe).unwrap().write_all(b"piece by piece").unwrap();
     assert_eq!(read.join().unwrap(), "piece by piece");
     assert!(fs::metadata(&pipe).unwrap().file_type().is_fifo());
 }
@@ -96,9 +96,9 @@ fn a_pipe_is_written_through_and_stays_a_pipe() {
 #[test]
 fn devices_are_written_through_and_stay_devices() {
     // As root this replaced /dev/full by a regular file.
-    let error = write_whole(Path::new("/dev/full"), "text").unwrap_err();
+    let error = write_atomically(Path::new("/dev/full"), "text").unwrap_err();
     assert!(error.to_string().contains("/dev/full: No space left"), "{error}");
-    write_whole(Path::new("/dev/null"), "text").unwrap();
+    write_atomically(Path::new("/dev/null"), "text").unwrap();
     for device in ["/dev/full", "/dev/null"] {
         assert!(fs::metadata(device).unwrap().file_type().is_char_device(), "{device}");
     }
@@ -111,7 +111,7 @@ fn devices_are_written_through_and_stay_devices() {
         return;
     }
     let before = fs::metadata(&node).unwrap();
-    write_whole(&node, "text").unwrap();
+    write_atomically(&node, "text").unwrap();
     let after = fs::metadata(&node).unwrap();
     assert!(after.file_type().is_char_device());
     assert_eq!((before.ino(), before.rdev()), (after.ino(), after.rdev()));
@@ -129,13 +129,13 @@ fn owner_and_mode_of_a_file_stay() {
         eprintln!("skipped: only root can give a file to another owner");
     }
     let before = fs::metadata(&path).unwrap();
-    write_whole(&path, "new").unwrap();
+    write_atomically(&path, "new").unwrap();
     let after = fs::metadata(&path).unwrap();
     assert_eq!(fs::read_to_string(&path).unwrap(), "new");
     assert_eq!((before.mode(), before.uid(), before.gid()), (after.mode(), after.uid(), after.gid()));
     // A new one is as any that this user makes.
     fs::write(folder.path().join("plain"), "").unwrap();
-    write_whole(&folder.path().join("whole"), "").unwrap();
+    write_atomically(&folder.path().join("whole"), "").unwrap();
     let mode = |name: &str| fs::metadata(folder.path().join(name)).unwrap().mode();
     assert_eq!(mode("whole"), mode("plain"));
 }
@@ -164,7 +164,7 @@ fn a_file_that_is_to_be_new_is_never_replaced() {
     file.finish().unwrap();
     assert!(matches!(OutputFile::create_new(&link), Err(WriteError::Exists { .. })));
     assert!(matches!(late.finish(), Err(WriteError::Exists { .. })), "it came meanwhile");
-    assert_eq!(create_growing(&link).unwrap_err().kind(), ErrorKind::AlreadyExists);
+    assert_eq!(create_in_place(&link).unwrap_err().kind(), ErrorKind::AlreadyExists);
     let mut text = String::new();
     fs::File::open(&path).unwrap().read_to_string(&mut text).unwrap();
     assert_eq!(text, "first");
@@ -174,8 +174,8 @@ fn a_file_that_is_to_be_new_is_never_replaced() {
 #[test]
 fn a_name_as_long_as_the_system_allows_is_written() {
     let folder = tempfile::tempdir().unwrap();
-    write_whole(&folder.path().join("x".repeat(255)), "text").unwrap();
-    assert!(write_whole(&folder.path().join("x".repeat(256)), "text").is_err());
+    write_atomically(&folder.path().join("x".repeat(255)), "text").unwrap();
+    assert!(write_atomically(&folder.path().join("x".repeat(256)), "text").is_err());
 }
 
 #[test]
@@ -202,13 +202,13 @@ fn folders_are_made_where_links_lead_and_checked_without_a_trace() {
 fn a_folder_is_claimed_only_if_it_is_empty_or_ours() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
-    claim_folder(&out, "first.csv", "export").unwrap();
+    claim_output_dir(&out, "first.csv", "export").unwrap();
     // What a kill in the first file leaves.
     fs::write(out.join(".proact-x1.partial"), "half").unwrap();
-    claim_folder(&out, "first.csv", "export").unwrap();
+    claim_output_dir(&out, "first.csv", "export").unwrap();
     fs::write(out.join("thesis.txt"), "all of it").unwrap();
-    let error = check_claim(&out, "first.csv", "export").unwrap_err();
+    let error = check_output_dir_claim(&out, "first.csv", "export").unwrap_err();
     assert!(error.to_string().contains("is not empty, and is no earlier export"), "{error}");
     fs::write(out.join("first.csv"), "").unwrap();
-    claim_folder(&out, "first.csv", "export").unwrap();
+    claim_output_dir(&out, "first.csv", "export").unwrap();
 }

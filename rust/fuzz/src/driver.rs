@@ -1,6 +1,6 @@
 //! Hands inputs to a child, and finds out why it ended.
 
-use crate::{Args, child::DONE, mutate::Mutator, targets::Target};
+use crate::{Args, child::DONE_LINE, mutate::Mutator, targets::FuzzTarget};
 use std::{
     collections::BTreeSet,
     error::Error,
@@ -14,40 +14,41 @@ use std::{
 };
 
 /// A child that cannot begin within this time has a fault of its own.
-const LONGEST_START: Duration = Duration::from_secs(120);
+const START_TIMEOUT: Duration = Duration::from_secs(120);
 /// A machine under load may take so many times as long as the processor.
-const MOST_LOAD: u32 = 10;
+const MAX_LOAD_FACTOR: u32 = 10;
 /// After so many different findings a target has enough of them.
-const MOST_FINDINGS: usize = 10;
+const MAX_FINDINGS: usize = 10;
 /// So much of what a child said is looked at, bytes.
-const MOST_SAID: u64 = 1 << 20;
+const MAX_STDERR_BYTES: u64 = 1 << 20;
 /// Clock ticks of `/proc/PID/stat` in a second, on every Linux.
 const TICKS_PER_SECOND: f64 = 100.0;
 
 /// Runs all targets; how many findings there were.
-pub(crate) fn run(targets: &[&'static Target], args: &Args) -> Result<usize, Box<dyn Error>> {
+pub(crate) fn run(targets: &[&'static FuzzTarget], args: &Args) -> Result<usize, Box<dyn Error>> {
     let mut found = 0;
     for target in targets {
-        found += one(target, args)?;
+        found += run_target(target, args)?;
     }
     let findings = if found == 1 { "1 finding".to_owned() } else { format!("{found} findings") };
     println!("{} targets, {findings}", targets.len());
     Ok(found)
 }
 
-fn one(target: &'static Target, args: &Args) -> Result<usize, Box<dyn Error>> {
+fn run_target(target: &'static FuzzTarget, args: &Args) -> Result<usize, Box<dyn Error>> {
     let began = Instant::now();
-    let mut session = Session { target, out: &args.out, child: None, inputs: 0, kinds: BTreeSet::new() };
+    let mut fuzz_run =
+        FuzzRun { target, out: &args.out, child: None, inputs: 0, finding_kinds: BTreeSet::new() };
     if !args.input.is_empty() {
         for path in &args.input {
             let bytes = fs::read(path).map_err(|error| format!("{}: {error}", path.display()))?;
-            session.try_one(&bytes, Some(path))?;
+            fuzz_run.run_input(&bytes, Some(path))?;
         }
-        return Ok(session.told(began, &[]));
+        return Ok(fuzz_run.print_report(began, &[]));
     }
-    let corpus = corpus(&args.corpus.join(target.name))?;
-    let place = tempfile::tempdir()?;
-    let seeds = (target.seeds)(place.path());
+    let corpus = read_corpus(&args.corpus.join(target.name))?;
+    let temp_dir = tempfile::tempdir()?;
+    let seeds = (target.seed_inputs)(temp_dir.path());
     if corpus.is_empty() && seeds.is_empty() && !target.is_planted {
         return Err(format!(
             "{} holds no input for {}; name another folder with --corpus",
@@ -57,27 +58,27 @@ fn one(target: &'static Target, args: &Args) -> Result<usize, Box<dyn Error>> {
         .into());
     }
     for (path, bytes) in &corpus {
-        session.try_one(bytes, Some(path))?;
+        fuzz_run.run_input(bytes, Some(path))?;
     }
     for bytes in &seeds {
-        session.try_one(bytes, None)?;
+        fuzz_run.run_input(bytes, None)?;
     }
     let end = Instant::now() + Duration::from_secs_f64(args.seconds);
     let mut mutator =
         Mutator::new(corpus.iter().map(|(_, bytes)| bytes.clone()).chain(seeds).collect(), args.seed);
-    while Instant::now() < end && session.kinds.len() < MOST_FINDINGS {
-        let mut input = mutator.next();
-        (target.mend)(&mut input);
-        session.try_one(&input, None)?;
+    while Instant::now() < end && fuzz_run.finding_kinds.len() < MAX_FINDINGS {
+        let mut input = mutator.next_input();
+        (target.repair_checksums)(&mut input);
+        fuzz_run.run_input(&input, None)?;
     }
-    Ok(session.told(began, &corpus))
+    Ok(fuzz_run.print_report(began, &corpus))
 }
 
 /// A file and what is in it.
-type Input = (PathBuf, Vec<u8>);
+type CorpusFile = (PathBuf, Vec<u8>);
 
 /// The inputs in a folder, by name; none if it is not there.
-fn corpus(folder: &Path) -> Result<Vec<Input>, Box<dyn Error>> {
+fn read_corpus(folder: &Path) -> Result<Vec<CorpusFile>, Box<dyn Error>> {
     let Ok(entries) = fs::read_dir(folder) else { return Ok(Vec::new()) };
     let mut paths: Vec<PathBuf> =
         entries.map(|entry| Ok(entry?.path())).collect::<Result<_, std::io::Error>>()?;
@@ -86,28 +87,28 @@ fn corpus(folder: &Path) -> Result<Vec<Input>, Box<dyn Error>> {
 }
 
 /// A target on its way through its inputs.
-struct Session<'a> {
-    target: &'static Target,
+struct FuzzRun<'a> {
+    target: &'static FuzzTarget,
     out: &'a Path,
-    child: Option<Running>,
+    child: Option<FuzzChild>,
     inputs: u64,
     /// What was found already; the same again is not told again.
-    kinds: BTreeSet<String>,
+    finding_kinds: BTreeSet<String>,
 }
 
-impl Session<'_> {
+impl FuzzRun<'_> {
     /// Hands one input over; `path` if it is a file already.
-    fn try_one(&mut self, bytes: &[u8], path: Option<&Path>) -> Result<(), Box<dyn Error>> {
+    fn run_input(&mut self, bytes: &[u8], path: Option<&Path>) -> Result<(), Box<dyn Error>> {
         self.inputs += 1;
         let mut child = match self.child.take() {
             Some(child) => child,
-            None => Running::start(self.target)?,
+            None => FuzzChild::start(self.target)?,
         };
         let Some(end) = child.run(bytes, Duration::from_secs_f64(self.target.limit_secs)) else {
             self.child = Some(child);
             return Ok(());
         };
-        if !self.kinds.insert(end.kind.clone()) {
+        if !self.finding_kinds.insert(end.kind.clone()) {
             return Ok(());
         }
         let path = match path {
@@ -135,37 +136,37 @@ impl Session<'_> {
         Ok(())
     }
 
-    fn told(&self, began: Instant, corpus: &[Input]) -> usize {
+    fn print_report(&self, began: Instant, corpus: &[CorpusFile]) -> usize {
         println!(
             "{:<18} {:>4} files, {:>8} inputs, {:>6.1} s, {} found",
             self.target.name,
             corpus.len(),
             self.inputs,
             began.elapsed().as_secs_f64(),
-            self.kinds.len()
+            self.finding_kinds.len()
         );
-        self.kinds.len()
+        self.finding_kinds.len()
     }
 }
 
 /// Why a child ended: one line that tells kinds of findings apart, and what it said last.
-struct End {
+struct ChildFailure {
     kind: String,
     text: String,
 }
 
 /// A child that waits for an input.
-struct Running {
+struct FuzzChild {
     child: Child,
     input: ChildStdin,
     done: Receiver<()>,
-    said: tempfile::TempDir,
+    stderr_dir: tempfile::TempDir,
 }
 
-impl Running {
-    fn start(target: &Target) -> Result<Running, Box<dyn Error>> {
-        let said = tempfile::tempdir()?;
-        let scratch = said.path().join("scratch");
+impl FuzzChild {
+    fn start(target: &FuzzTarget) -> Result<FuzzChild, Box<dyn Error>> {
+        let stderr_dir = tempfile::tempdir()?;
+        let scratch = stderr_dir.path().join("scratch");
         fs::create_dir(&scratch)?;
         let mut child = Command::new(std::env::current_exe()?)
             .args([target.name, "--child"])
@@ -174,7 +175,7 @@ impl Running {
             .env("RUST_BACKTRACE", "0")
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
-            .stderr(File::create(said.path().join("said"))?)
+            .stderr(File::create(stderr_dir.path().join("said"))?)
             .spawn()?;
         let (tell, done) = channel();
         let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
@@ -183,20 +184,20 @@ impl Running {
         thread::spawn(move || {
             for line in BufReader::new(output).split(b'\n').map_while(Result::ok) {
                 // A library may have left half a line before it.
-                if line.ends_with(DONE.as_bytes()) && tell.send(()).is_err() {
+                if line.ends_with(DONE_LINE.as_bytes()) && tell.send(()).is_err() {
                     return;
                 }
             }
         });
-        let mut running = Running { child, input, done, said };
-        match running.wait(LONGEST_START) {
+        let mut running = FuzzChild { child, input, done, stderr_dir };
+        match running.wait(START_TIMEOUT) {
             None => Ok(running),
             Some(end) => Err(format!("{} does not begin: {}\n{}", target.name, end.kind, end.text).into()),
         }
     }
 
     /// Why the child ended on this input; nothing if it goes on.
-    fn run(&mut self, bytes: &[u8], limit: Duration) -> Option<End> {
+    fn run(&mut self, bytes: &[u8], limit: Duration) -> Option<ChildFailure> {
         let length = u32::try_from(bytes.len()).unwrap_or(u32::MAX).to_le_bytes();
         // A child that has ended does not listen; why is asked below.
         let _ = self
@@ -207,20 +208,20 @@ impl Running {
         self.wait(limit)
     }
 
-    fn wait(&mut self, limit: Duration) -> Option<End> {
+    fn wait(&mut self, limit: Duration) -> Option<ChildFailure> {
         let (began, cpu_before) = (Instant::now(), self.cpu_secs());
         loop {
             match self.done.recv_timeout(limit) {
                 Ok(()) => return None,
-                Err(RecvTimeoutError::Disconnected) => return Some(self.ended()),
+                Err(RecvTimeoutError::Disconnected) => return Some(self.failure_of_child()),
                 Err(RecvTimeoutError::Timeout) => {
                     // Where others have the processor the clock tells little.
                     let busy = self.cpu_secs() - cpu_before >= 0.8 * limit.as_secs_f64();
-                    if busy || began.elapsed() > limit * MOST_LOAD {
+                    if busy || began.elapsed() > limit * MAX_LOAD_FACTOR {
                         let _ = self.child.kill();
                         let _ = self.child.wait();
                         let kind = format!("no end within {} s", limit.as_secs_f64());
-                        return Some(End { kind, text: self.last_words() });
+                        return Some(ChildFailure { kind, text: self.stderr_text() });
                     }
                 }
             }
@@ -235,9 +236,9 @@ impl Running {
         words.skip(11).take(2).filter_map(|word| word.parse::<f64>().ok()).sum::<f64>() / TICKS_PER_SECOND
     }
 
-    fn ended(&mut self) -> End {
+    fn failure_of_child(&mut self) -> ChildFailure {
         let status = self.child.wait().map_or_else(|error| error.to_string(), |status| status.to_string());
-        let text = self.last_words();
+        let text = self.stderr_text();
         let telling = [
             "panicked at",
             "stack overflow",
@@ -257,19 +258,19 @@ impl Running {
         } else {
             line.chars().take(160).collect()
         };
-        End { kind: format!("{status}: {}", plain.trim()), text }
+        ChildFailure { kind: format!("{status}: {}", plain.trim()), text }
     }
 
-    fn last_words(&self) -> String {
+    fn stderr_text(&self) -> String {
         // The line that tells stands in front of a value that may be long.
         let mut bytes = Vec::new();
-        let said = File::open(self.said.path().join("said"));
-        let _ = said.and_then(|file| file.take(MOST_SAID).read_to_end(&mut bytes));
+        let stderr_file = File::open(self.stderr_dir.path().join("said"));
+        let _ = stderr_file.and_then(|file| file.take(MAX_STDERR_BYTES).read_to_end(&mut bytes));
         String::from_utf8_lossy(&bytes).into_owned()
     }
 }
 
-impl Drop for Running {
+impl Drop for FuzzChild {
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();

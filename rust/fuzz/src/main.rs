@@ -50,7 +50,7 @@ struct Args {
 
 fn main() -> ExitCode {
     let args = Args::parse();
-    let chosen = match targets::named(&args.targets) {
+    let chosen = match targets::targets_by_name(&args.targets) {
         Ok(chosen) => chosen,
         Err(unknown) => {
             eprintln!("proact-fuzz: {unknown}");
@@ -62,7 +62,7 @@ fn main() -> ExitCode {
         return ExitCode::SUCCESS;
     }
     let done = match (&args.child, chosen.as_slice()) {
-        (Some(scratch), [target]) => child::serve(target, scratch).map(|()| 0),
+        (Some(scratch), [target]) => child::run_inputs(target, scratch).map(|()| 0),
         (Some(_), _) => Err("a child runs one target".into()),
         (None, _) => driver::run(&chosen, &args),
     };

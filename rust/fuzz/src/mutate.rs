@@ -7,14 +7,14 @@ use rand_chacha::ChaCha8Rng;
 use std::{collections::BTreeSet, ops::Range};
 
 /// Longest input, bytes. Long ones are slow, and bounds on lengths have tests of their own.
-const LONGEST: usize = 256 << 10;
+const MAX_INPUT_BYTES: usize = 256 << 10;
 /// Most mutations of one input.
-const MOST_AT_ONCE: usize = 6;
+const MAX_MUTATIONS: usize = 6;
 /// Longest piece that is copied, cut out or doubled, bytes.
-const LONGEST_PIECE: usize = 512;
+const MAX_SLICE_BYTES: usize = 512;
 
 /// Numbers as text that readers stumble over.
-const NUMBERS: [&str; 18] = [
+const BOUNDARY_NUMBERS: [&str; 18] = [
     "0",
     "-0.0",
     "1",
@@ -35,7 +35,7 @@ const NUMBERS: [&str; 18] = [
     "18446744073709551616",
 ];
 /// The same as bytes.
-const MAGIC: [&[u8]; 12] = [
+const BOUNDARY_BYTES: [&[u8]; 12] = [
     &[0],
     &[0xff],
     &[0x7f],
@@ -72,7 +72,7 @@ const TOKENS: [&str; 16] = [
 pub(crate) struct Mutator {
     random: ChaCha8Rng,
     corpus: Vec<Vec<u8>>,
-    words: Vec<Vec<u8>>,
+    tokens: Vec<Vec<u8>>,
 }
 
 impl Mutator {
@@ -81,30 +81,30 @@ impl Mutator {
         if corpus.is_empty() {
             corpus.push(Vec::new());
         }
-        let words: BTreeSet<&[u8]> = corpus.iter().flat_map(|file| words(file)).collect();
+        let words: BTreeSet<&[u8]> = corpus.iter().flat_map(|file| split_tokens(file)).collect();
         let words = words.into_iter().map(<[u8]>::to_vec).collect();
-        Mutator { random: ChaCha8Rng::seed_from_u64(seed), corpus, words }
+        Mutator { random: ChaCha8Rng::seed_from_u64(seed), corpus, tokens: words }
     }
 
     /// The next input.
-    pub(crate) fn next(&mut self) -> Vec<u8> {
-        let mut input = self.other();
-        for _ in 0..self.random.random_range(1..=MOST_AT_ONCE) {
+    pub(crate) fn next_input(&mut self) -> Vec<u8> {
+        let mut input = self.random_corpus_input();
+        for _ in 0..self.random.random_range(1..=MAX_MUTATIONS) {
             self.mutate(&mut input);
         }
-        input.truncate(LONGEST);
+        input.truncate(MAX_INPUT_BYTES);
         input
     }
 
-    fn other(&mut self) -> Vec<u8> {
+    fn random_corpus_input(&mut self) -> Vec<u8> {
         self.corpus.choose(&mut self.random).cloned().unwrap_or_default()
     }
 
     /// A piece of `0..length`.
-    fn piece(&mut self, length: usize) -> Range<usize> {
+    fn random_range(&mut self, length: usize) -> Range<usize> {
         let start = self.random.random_range(0..=length);
-        let most = (length - start).min(LONGEST_PIECE);
-        start..start + self.random.random_range(0..=most)
+        let max_length = (length - start).min(MAX_SLICE_BYTES);
+        start..start + self.random.random_range(0..=max_length)
     }
 
     fn mutate(&mut self, input: &mut Vec<u8>) {
@@ -116,29 +116,29 @@ impl Mutator {
             }
             1 if length > 0 => input[self.random.random_range(0..length)] = self.random.random(),
             2 => input.truncate(self.random.random_range(0..=length)),
-            3 => drop(input.drain(self.piece(length))),
+            3 => drop(input.drain(self.random_range(length))),
             4 => {
-                let doubled = input[self.piece(length)].to_vec();
+                let doubled = input[self.random_range(length)].to_vec();
                 let at = self.random.random_range(0..=length);
                 let times = *[1, 1, 2, 30, 300].choose(&mut self.random).unwrap_or(&1);
                 drop(input.splice(at..at, doubled.repeat(times)));
             }
             5 => {
                 // From anywhere in another file to anywhere in this one.
-                let other = self.other();
-                let piece = self.piece(other.len());
-                let place = self.piece(length);
-                drop(input.splice(place, other[piece].iter().copied()));
+                let other = self.random_corpus_input();
+                let piece = self.random_range(other.len());
+                let offset = self.random_range(length);
+                drop(input.splice(offset, other[piece].iter().copied()));
             }
             6 => {
-                let other = self.other();
+                let other = self.random_corpus_input();
                 let (here, there) =
                     (self.random.random_range(0..=length), self.random.random_range(0..=other.len()));
                 input.truncate(here);
                 input.extend_from_slice(&other[there..]);
             }
             7 | 8 => {
-                let magic = MAGIC.choose(&mut self.random).copied().unwrap_or_default();
+                let magic = BOUNDARY_BYTES.choose(&mut self.random).copied().unwrap_or_default();
                 let at = self.random.random_range(0..=length);
                 let end = (at + magic.len()).min(length);
                 drop(input.splice(at..end, magic.iter().copied()));
@@ -149,18 +149,19 @@ impl Mutator {
                 drop(input.splice(at..at, token.bytes()));
             }
             10 => {
-                let word = self.words.choose(&mut self.random).cloned().unwrap_or_default();
-                let place = self.random.random_range(0..=length);
-                let place = words(input).into_iter().map(|w| range_in(input, w)).find(|r| r.start >= place);
-                if let Some(place) = place {
-                    drop(input.splice(place, word));
+                let word = self.tokens.choose(&mut self.random).cloned().unwrap_or_default();
+                let offset = self.random.random_range(0..=length);
+                let offset =
+                    split_tokens(input).into_iter().map(|w| range_in(input, w)).find(|r| r.start >= offset);
+                if let Some(offset) = offset {
+                    drop(input.splice(offset, word));
                 }
             }
             _ => {
                 let from = self.random.random_range(0..=length);
-                if let Some(place) = number_from(input, from) {
-                    let number = NUMBERS.choose(&mut self.random).copied().unwrap_or_default();
-                    drop(input.splice(place, number.bytes()));
+                if let Some(offset) = find_number(input, from) {
+                    let number = BOUNDARY_NUMBERS.choose(&mut self.random).copied().unwrap_or_default();
+                    drop(input.splice(offset, number.bytes()));
                 }
             }
         }
@@ -168,7 +169,7 @@ impl Mutator {
 }
 
 /// Runs of letters, digits and what else stands in names.
-fn words(bytes: &[u8]) -> Vec<&[u8]> {
+fn split_tokens(bytes: &[u8]) -> Vec<&[u8]> {
     bytes
         .split(|b| !(b.is_ascii_alphanumeric() || b"_-/.:".contains(b)))
         .filter(|word| (2..40).contains(&word.len()))
@@ -181,7 +182,7 @@ fn range_in(whole: &[u8], part: &[u8]) -> Range<usize> {
 }
 
 /// The first number written in digits at or behind `from`.
-fn number_from(bytes: &[u8], from: usize) -> Option<Range<usize>> {
+fn find_number(bytes: &[u8], from: usize) -> Option<Range<usize>> {
     let is_number = |b: &u8| b.is_ascii_digit() || b"+-.eE".contains(b);
     let start = from + bytes[from..].iter().position(u8::is_ascii_digit)?;
     let before = bytes[..start].iter().rev().take_while(|b| is_number(b)).count();
@@ -198,7 +199,7 @@ mod tests {
         let corpus = vec![b"<limit lower=\"-1.5\"/>".to_vec(), b"name 7".to_vec()];
         let inputs = |seed| {
             let mut mutator = Mutator::new(corpus.clone(), seed);
-            (0..500).map(|_| mutator.next()).collect::<Vec<_>>()
+            (0..500).map(|_| mutator.next_input()).collect::<Vec<_>>()
         };
         assert_eq!(inputs(1), inputs(1));
         assert_ne!(inputs(1), inputs(2));
@@ -211,8 +212,8 @@ mod tests {
     #[test]
     fn a_number_is_found_with_its_sign_and_exponent() {
         let text = b"a=\"-1.5e3\" b";
-        assert_eq!(number_from(text, 0).map(|range| &text[range]), Some(&b"-1.5e3"[..]));
-        assert_eq!(number_from(text, 5).map(|range| &text[range]), Some(&b"-1.5e3"[..]));
-        assert_eq!(number_from(text, 11), None);
+        assert_eq!(find_number(text, 0).map(|range| &text[range]), Some(&b"-1.5e3"[..]));
+        assert_eq!(find_number(text, 5).map(|range| &text[range]), Some(&b"-1.5e3"[..]));
+        assert_eq!(find_number(text, 11), None);
     }
 }

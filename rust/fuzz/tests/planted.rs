@@ -6,21 +6,21 @@ use std::{
     process::{Command, Output},
 };
 
-fn fuzz(words: &[&str], place: &std::path::Path) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_proact-fuzz")).args(words).current_dir(place).output().unwrap()
+fn fuzz(words: &[&str], dir: &std::path::Path) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_proact-fuzz")).args(words).current_dir(dir).output().unwrap()
 }
 
 /// Runs a planted fault, which must be found as `kind`; then its input again.
 fn found(target: &str, kind: &str) {
-    let place = tempfile::tempdir().unwrap();
-    let output = fuzz(&[target, "--seconds", "1"], place.path());
+    let temp_dir = tempfile::tempdir().unwrap();
+    let output = fuzz(&[target, "--seconds", "1"], temp_dir.path());
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(!output.status.success(), "{target} is found: {text}");
     assert!(text.contains(&format!("FOUND {target}")) && text.contains(kind), "{text}");
     let again = text.lines().find_map(|line| line.trim().strip_prefix("again: proact-fuzz ")).unwrap();
     let words: Vec<&str> = again.split(' ').collect();
-    assert!(place.path().join(words[2]).is_file(), "{again}");
-    assert!(!fuzz(&words, place.path()).status.success(), "{again}");
+    assert!(temp_dir.path().join(words[2]).is_file(), "{again}");
+    assert!(!fuzz(&words, temp_dir.path()).status.success(), "{again}");
 }
 
 #[test]
@@ -50,14 +50,14 @@ fn a_planted_allocation_without_bound_is_found() {
 
 #[test]
 fn a_target_without_a_fault_passes_and_one_without_a_corpus_is_refused() {
-    let place = tempfile::tempdir().unwrap();
-    let refused = fuzz(&["udp_libemg"], place.path());
+    let temp_dir = tempfile::tempdir().unwrap();
+    let refused = fuzz(&["udp_libemg"], temp_dir.path());
     assert!(!refused.status.success());
     assert!(String::from_utf8_lossy(&refused.stderr).contains("--corpus"));
-    let folder = place.path().join("tests/fuzz/corpus/udp_libemg");
+    let folder = temp_dir.path().join("tests/fuzz/corpus/udp_libemg");
     fs::create_dir_all(&folder).unwrap();
     fs::write(folder.join("class.txt"), "2 0.75\n").unwrap();
-    let passed = fuzz(&["udp_libemg", "--seconds", "0.2"], place.path());
+    let passed = fuzz(&["udp_libemg", "--seconds", "0.2"], temp_dir.path());
     assert!(passed.status.success(), "{}", String::from_utf8_lossy(&passed.stdout));
-    assert!(!fuzz(&["no_such_target"], place.path()).status.success());
+    assert!(!fuzz(&["no_such_target"], temp_dir.path()).status.success());
 }

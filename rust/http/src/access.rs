@@ -5,12 +5,12 @@
 //! | visitor | may |
 //! |---|---|
 //! | shows the token, in the address or as `Authorization: Bearer`; or the browser keeps it in the cookie of this port | act |
-//! | comes from a listed address | what the list says: [`Right::Watch`] or [`Right::Act`] |
+//! | comes from a listed address | what the list says: [`AccessRight::View`] or [`AccessRight::Control`] |
 //! | comes from this machine (peer address 127.0.0.0/8 or ::1), and there is no token | act |
 //!
 //! Whoever is known must then pass these; who does not gets 403.
 //!
-//! | | [`Pages::Own`] (the pages) | [`Pages::OfThisHost`] (rosbridge) |
+//! | | [`AllowedOrigins::SameServer`] (the pages) | [`AllowedOrigins::SameHost`] (rosbridge) |
 //! |---|---|---|
 //! | right | `Watch` sees everything, and what it sends is refused | `Act` only: every client of rosbridge can publish and call |
 //! | host name in the request, unless the token is in the address or header | one of ours, see below | the same; programs, whose WebSockets have no origin, may use any |
@@ -19,7 +19,7 @@
 //! | token in the address of a page | the browser gets the cookie and is sent to the same address without the token; the host must be ours | there are no pages |
 //!
 //! Ours are `localhost` and loopback addresses for a peer on this machine, the address at which the connection came in, the
-//! machine's name (also as `NAME.local`), and what [`Access::host_names`] lists. This stops DNS rebinding: the browser of
+//! machine's name (also as `NAME.local`), and what [`AccessConfig::host_names`] lists. This stops DNS rebinding: the browser of
 //! somebody who may come in runs a page of another site, whose name was made to lead here. Neither a listed address nor the
 //! cookie vouches for that page; it cannot know the token. A WebSocket without an origin is no browser's.
 //!
@@ -33,9 +33,9 @@ use std::net::IpAddr;
 
 /// Who may connect, and how. By default this machine alone.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Access {
+pub struct AccessConfig {
     /// Addresses that need no token.
-    pub listed: Vec<Listed>,
+    pub allowed_addresses: Vec<AllowedAddress>,
     /// What everybody else must send: in the address as `?token=..`, or as `Authorization: Bearer ..`. A browser keeps it
     /// once it was in the address of a page.
     pub token: Option<String>,
@@ -45,37 +45,37 @@ pub struct Access {
 
 /// An address that needs no token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Listed {
+pub struct AllowedAddress {
     /// Whose.
     pub address: IpAddr,
     /// What may be done from there.
-    pub right: Right,
+    pub right: AccessRight,
 }
 
 /// What somebody who may connect may do, as handlers get it in an extension of the request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Right {
+pub enum AccessRight {
     /// See everything.
-    Watch,
+    View,
     /// Drive, pause, end.
-    Act,
+    Control,
 }
 
 /// Which pages may ask for anything, in the browser of somebody who may connect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Pages {
+pub enum AllowedOrigins {
     /// Those that this server sent.
-    Own,
+    SameServer,
     /// Those of any server on the same host, and those that know the token. Programs that are no browsers too.
-    OfThisHost,
+    SameHost,
 }
 
 /// What is known of somebody who asks for something.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Visitor<'a> {
+pub(crate) struct RequestCredentials<'a> {
     pub(crate) peer: IpAddr,
     /// The address of ours at which the connection came in.
-    pub(crate) at: IpAddr,
+    pub(crate) local_address: IpAddr,
     pub(crate) host: Option<&'a str>,
     pub(crate) origin: Option<&'a str>,
     pub(crate) query: Option<&'a str>,
@@ -88,27 +88,27 @@ pub(crate) struct Visitor<'a> {
 
 /// Why somebody is turned away: one sentence.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Refusal {
+pub(crate) enum AccessRefusal {
     /// It does not show what it needs.
-    Unknown(String),
+    Unauthorized(String),
     /// It may not, whatever it shows.
-    Foreign(String),
+    Forbidden(String),
 }
 
 /// Somebody is let in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Admission {
-    pub(crate) right: Right,
+pub(crate) struct AccessGrant {
+    pub(crate) right: AccessRight,
     /// The token was in the address.
     pub(crate) token_in_address: bool,
     /// The host name is one of ours: a browser can keep the token for it.
-    pub(crate) host_is_ours: bool,
+    pub(crate) is_own_host: bool,
 }
 
-impl Access {
+impl AccessConfig {
     /// True if nobody but this machine can ever get in.
-    pub(crate) fn local_only(&self) -> bool {
-        self.listed.is_empty() && self.token.is_none()
+    pub(crate) fn is_local_only(&self) -> bool {
+        self.allowed_addresses.is_empty() && self.token.is_none()
     }
 
     /// A token must survive an address unchanged and be too long to guess; a name must be one that browsers send.
@@ -117,92 +117,99 @@ impl Access {
         if let Some(token) = &self.token
             && !((8..=200).contains(&token.len()) && token.bytes().all(plain))
         {
-            return Err(ServeError::Token { length: token.chars().count() });
+            return Err(ServeError::InvalidToken { length: token.chars().count() });
         }
         for name in &self.host_names {
             let host = name.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"-._".contains(&byte));
             if name.is_empty() || !(host || name.parse::<IpAddr>().is_ok()) {
-                return Err(ServeError::HostName { name: name.clone() });
+                return Err(ServeError::InvalidHostName { name: name.clone() });
             }
         }
         Ok(())
     }
 
-    fn is_token<'a>(&self, given: impl IntoIterator<Item = &'a str>) -> bool {
+    fn matches_token<'a>(&self, given: impl IntoIterator<Item = &'a str>) -> bool {
         let Some(token) = &self.token else { return false };
-        given.into_iter().any(|given| same(given.as_bytes(), token.as_bytes()))
+        given.into_iter().any(|given| constant_time_eq(given.as_bytes(), token.as_bytes()))
     }
 
     /// What may be done from an address without a token.
-    fn listed_right(&self, peer: IpAddr) -> Option<Right> {
-        let from_there = self.listed.iter().filter(|listed| listed.address.to_canonical() == peer);
+    fn right_of_address(&self, peer: IpAddr) -> Option<AccessRight> {
+        let from_there = self.allowed_addresses.iter().filter(|listed| listed.address.to_canonical() == peer);
         from_there.map(|listed| listed.right).max()
     }
 }
 
-/// [`Access`] at one server.
+/// [`AccessConfig`] at one server.
 #[derive(Clone, Debug)]
-pub(crate) struct Rule {
-    pub(crate) access: Access,
-    pub(crate) pages: Pages,
+pub(crate) struct AccessPolicy {
+    pub(crate) access: AccessConfig,
+    pub(crate) allowed_origins: AllowedOrigins,
     /// Name of the cookie in which a browser keeps the token. Cookies have no ports: each server has a name of its own.
-    pub(crate) cookie: String,
+    pub(crate) cookie_name: String,
     /// What the machine calls itself.
     pub(crate) machine: Option<String>,
 }
 
-impl Rule {
-    pub(crate) fn new(access: Access, pages: Pages, port: u16, machine: Option<String>) -> Rule {
-        Rule { access, pages, cookie: format!("proact_token_{port}"), machine }
+impl AccessPolicy {
+    pub(crate) fn new(
+        access: AccessConfig,
+        pages: AllowedOrigins,
+        port: u16,
+        machine: Option<String>,
+    ) -> AccessPolicy {
+        AccessPolicy { access, allowed_origins: pages, cookie_name: format!("proact_token_{port}"), machine }
     }
 
     /// Whether the visitor may come in, and what it may do.
-    pub(crate) fn admit(&self, visitor: &Visitor<'_>) -> Result<Admission, Refusal> {
+    pub(crate) fn authorize(&self, visitor: &RequestCredentials<'_>) -> Result<AccessGrant, AccessRefusal> {
         let access = &self.access;
         let peer = visitor.peer.to_canonical();
-        let (local, listed) = (peer.is_loopback(), access.listed_right(peer));
-        let token_in_address = access.is_token(words_of(visitor.query, "token"));
+        let (local, listed) = (peer.is_loopback(), access.right_of_address(peer));
+        let token_in_address = access.matches_token(query_values(visitor.query, "token"));
         let shown = token_in_address
-            || access.is_token(visitor.authorization.and_then(|v| v.strip_prefix("Bearer ")));
+            || access.matches_token(visitor.authorization.and_then(|v| v.strip_prefix("Bearer ")));
         let right = match listed {
-            _ if shown || access.is_token(self.kept(visitor.cookies)) => Right::Act,
+            _ if shown || access.matches_token(self.cookie_tokens(visitor.cookies)) => AccessRight::Control,
             Some(right) => right,
-            None if local && access.token.is_none() => Right::Act,
-            None => return Err(unknown(peer, self.pages)),
+            None if local && access.token.is_none() => AccessRight::Control,
+            None => return Err(refuse_unauthorized(peer, self.allowed_origins)),
         };
         let program = visitor.websocket && visitor.origin.is_none();
-        if self.pages == Pages::OfThisHost && right < Right::Act {
-            return Err(Refusal::Foreign(format!("{peer} may watch only, and every client here can act")));
+        if self.allowed_origins == AllowedOrigins::SameHost && right < AccessRight::Control {
+            return Err(AccessRefusal::Forbidden(format!(
+                "{peer} may watch only, and every client here can act"
+            )));
         }
-        if program && self.pages == Pages::OfThisHost {
+        if program && self.allowed_origins == AllowedOrigins::SameHost {
             // Any browser sends the origin of a page that opens a WebSocket.
             return match local || listed.is_some() {
-                true => Ok(Admission { right, token_in_address, host_is_ours: false }),
-                false => Err(Refusal::Foreign(format!(
+                true => Ok(AccessGrant { right, token_in_address, is_own_host: false }),
+                false => Err(AccessRefusal::Forbidden(format!(
                     "no origin was sent, which is accepted from this machine and from listed addresses only; list it \
-                     with --allow {peer}"
+                     with --rosbridge-allow {peer}"
                 ))),
             };
         }
         let host = visitor.host.unwrap_or_default();
-        let host_is_ours = self.is_ours(name_of(host), local, visitor.at);
+        let host_is_ours = self.is_own_host_name(host_without_port(host), local, visitor.local_address);
         if !(shown || host_is_ours) {
-            return Err(foreign_host(host));
+            return Err(refuse_foreign_host(host));
         }
         if let Some(origin) = visitor.origin {
-            check_origin(self.pages, origin, host, local, shown)?;
+            check_origin(self.allowed_origins, origin, host, local, shown)?;
         }
-        Ok(Admission { right, token_in_address, host_is_ours })
+        Ok(AccessGrant { right, token_in_address, is_own_host: host_is_ours })
     }
 
     /// The values of our cookie.
-    fn kept<'a>(&'a self, cookies: &'a str) -> impl Iterator<Item = &'a str> {
+    fn cookie_tokens<'a>(&'a self, cookies: &'a str) -> impl Iterator<Item = &'a str> {
         let pairs = cookies.split(';');
-        pairs.filter_map(|pair| pair.trim().strip_prefix(self.cookie.as_str())?.strip_prefix('='))
+        pairs.filter_map(|pair| pair.trim().strip_prefix(self.cookie_name.as_str())?.strip_prefix('='))
     }
 
     /// Whether a host name in a request is one of this machine's.
-    fn is_ours(&self, name: &str, local: bool, at: IpAddr) -> bool {
+    fn is_own_host_name(&self, name: &str, local: bool, at: IpAddr) -> bool {
         let is = |ours: &str| name.eq_ignore_ascii_case(ours);
         if let Ok(address) = name.parse::<IpAddr>() {
             let is = |ours: IpAddr| address.to_canonical() == ours.to_canonical();
@@ -226,56 +233,62 @@ pub(crate) fn machine_name() -> Option<String> {
 }
 
 /// Why a host name is refused, and what helps.
-pub(crate) fn foreign_host(host: &str) -> Refusal {
-    let name = name_of(host);
-    Refusal::Foreign(format!(
+pub(crate) fn refuse_foreign_host(host: &str) -> AccessRefusal {
+    let name = host_without_port(host);
+    AccessRefusal::Forbidden(format!(
         "host {host:?} is not one of this machine's names; use the address that proact printed, or start proact with \
          --host-name {name} if this machine is called so"
     ))
 }
 
-fn unknown(peer: IpAddr, pages: Pages) -> Refusal {
-    let list = if pages == Pages::Own { "--page-allow" } else { "--allow" };
-    Refusal::Unknown(format!(
+fn refuse_unauthorized(peer: IpAddr, pages: AllowedOrigins) -> AccessRefusal {
+    let list = if pages == AllowedOrigins::SameServer { "--page-allow" } else { "--rosbridge-allow" };
+    AccessRefusal::Unauthorized(format!(
         "{peer} needs the token: open the address that proact printed, with ?token=.., or list the address with {list} \
          {peer}"
     ))
 }
 
-fn check_origin(pages: Pages, origin: &str, host: &str, local: bool, shown: bool) -> Result<(), Refusal> {
+fn check_origin(
+    pages: AllowedOrigins,
+    origin: &str,
+    host: &str,
+    local: bool,
+    shown: bool,
+) -> Result<(), AccessRefusal> {
     let page = origin.split_once("://").map(|(_, rest)| rest).unwrap_or_default();
     let ours = match pages {
-        Pages::Own => {
+        AllowedOrigins::SameServer => {
             let web = origin.starts_with("http://") || origin.starts_with("https://");
             web && !page.is_empty() && page == host
         }
         // A foreign page does not know the token.
-        Pages::OfThisHost if shown => true,
-        Pages::OfThisHost => {
-            let (page, host) = (name_of(page), name_of(host));
+        AllowedOrigins::SameHost if shown => true,
+        AllowedOrigins::SameHost => {
+            let (page, host) = (host_without_port(page), host_without_port(host));
             !page.is_empty() && (page == host || (local && is_local_name(page)))
         }
     };
     if ours {
         return Ok(());
     }
-    let hint = if pages == Pages::OfThisHost { "; give the page the token" } else { "" };
-    Err(Refusal::Foreign(format!("origin {origin:?} is another site than {host:?}{hint}")))
+    let hint = if pages == AllowedOrigins::SameHost { "; give the page the token" } else { "" };
+    Err(AccessRefusal::Forbidden(format!("origin {origin:?} is another site than {host:?}{hint}")))
 }
 
 /// The values of a name in a query.
-fn words_of<'a>(query: Option<&'a str>, name: &'static str) -> impl Iterator<Item = &'a str> {
+fn query_values<'a>(query: Option<&'a str>, name: &'static str) -> impl Iterator<Item = &'a str> {
     let pairs = query.unwrap_or_default().split('&');
     pairs.filter_map(move |pair| pair.strip_prefix(name)?.strip_prefix('='))
 }
 
 /// Compares in a time that does not tell how far they agree.
-fn same(a: &[u8], b: &[u8]) -> bool {
+fn constant_time_eq(a: &[u8], b: &[u8]) -> bool {
     a.len() == b.len() && a.iter().zip(b).fold(0, |all, (a, b)| all | (a ^ b)) == 0
 }
 
 /// The name without the port, brackets or path.
-fn name_of(host: &str) -> &str {
+fn host_without_port(host: &str) -> &str {
     let host = host.split('/').next().unwrap_or_default();
     match host.strip_prefix('[') {
         Some(rest) => rest.split(']').next().unwrap_or_default(),

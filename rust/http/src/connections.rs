@@ -22,141 +22,150 @@ use tokio::{
 
 /// How long a connection may dawdle, and how many there may be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Limits {
+pub struct ConnectionLimits {
     /// For a TLS handshake, for the head of a request, and between two requests.
-    pub request: Duration,
+    pub request_timeout: Duration,
     /// A client that takes no byte for so long is dropped.
-    pub stall: Duration,
+    pub write_timeout: Duration,
     /// A WebSocket from which nothing comes for so long, not even the answer to a ping, is dropped.
-    pub silence: Duration,
+    pub websocket_timeout: Duration,
     /// Most connections that are no WebSockets.
-    pub connections: usize,
+    pub max_connections: usize,
     /// Most strangers of one address among them.
-    pub strangers: usize,
+    pub max_unauthorized_per_address: usize,
 }
 
-impl Default for Limits {
+impl Default for ConnectionLimits {
     fn default() -> Self {
-        Limits {
-            request: Duration::from_secs(10),
-            stall: Duration::from_secs(30),
-            silence: Duration::from_secs(35),
-            connections: 256,
+        ConnectionLimits {
+            request_timeout: Duration::from_secs(10),
+            write_timeout: Duration::from_secs(30),
+            websocket_timeout: Duration::from_secs(35),
+            max_connections: 256,
             // A browser has six, its user perhaps some tabs, and 64 clients may begin at once.
-            strangers: 128,
+            max_unauthorized_per_address: 128,
         }
     }
 }
 
 /// The connections of a server that are no WebSockets.
 #[derive(Debug)]
-pub(crate) struct Connections {
-    limits: Limits,
-    open: Mutex<Open>,
+pub(crate) struct ConnectionTable {
+    limits: ConnectionLimits,
+    open: Mutex<OpenConnections>,
 }
 
 #[derive(Debug, Default)]
-struct Open {
-    next: u64,
+struct OpenConnections {
+    next_number: u64,
     /// By the order in which they came.
-    places: BTreeMap<u64, Held>,
+    slots: BTreeMap<u64, SlotHolder>,
 }
 
 #[derive(Debug)]
-struct Held {
+struct SlotHolder {
     peer: IpAddr,
-    stranger: bool,
-    end: Arc<Notify>,
+    is_unauthorized: bool,
+    evicted: Arc<Notify>,
 }
 
-impl Connections {
-    pub(crate) fn new(limits: Limits) -> Arc<Connections> {
-        Arc::new(Connections { limits, open: Mutex::default() })
+impl ConnectionTable {
+    pub(crate) fn new(limits: ConnectionLimits) -> Arc<ConnectionTable> {
+        Arc::new(ConnectionTable { limits, open: Mutex::default() })
     }
 
-    fn lock(&self) -> MutexGuard<'_, Open> {
+    fn lock(&self) -> MutexGuard<'_, OpenConnections> {
         // No code that holds the lock can panic half way through a change.
         self.open.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// A place for a new connection; none if there is none to be had.
-    pub(crate) fn enter(self: &Arc<Self>, peer: IpAddr) -> Option<Arc<Place>> {
+    pub(crate) fn acquire_slot(self: &Arc<Self>, peer: IpAddr) -> Option<Arc<ConnectionSlot>> {
         let mut open = self.lock();
-        let of_peer = open.places.values().filter(|held| held.stranger && held.peer == peer).count();
-        let crowded = of_peer >= self.limits.strangers;
-        if crowded || open.places.len() >= self.limits.connections {
+        let of_peer = open.slots.values().filter(|held| held.is_unauthorized && held.peer == peer).count();
+        let crowded = of_peer >= self.limits.max_unauthorized_per_address;
+        if crowded || open.slots.len() >= self.limits.max_connections {
             let oldest = |of_peer: bool| {
-                let mut strangers = open.places.iter().filter(|(_, held)| held.stranger);
+                let mut strangers = open.slots.iter().filter(|(_, held)| held.is_unauthorized);
                 strangers.find(|(_, held)| !of_peer || held.peer == peer).map(|(&number, _)| number)
             };
             let number = oldest(true).or_else(|| oldest(false))?;
-            if let Some(held) = open.places.remove(&number) {
-                held.end.notify_one();
+            if let Some(held) = open.slots.remove(&number) {
+                held.evicted.notify_one();
             }
         }
-        let (number, end) = (open.next, Arc::new(Notify::new()));
-        open.next += 1;
-        open.places.insert(number, Held { peer, stranger: true, end: Arc::clone(&end) });
-        Some(Arc::new(Place { number, end, connections: Arc::clone(self) }))
+        let (number, end) = (open.next_number, Arc::new(Notify::new()));
+        open.next_number += 1;
+        open.slots.insert(number, SlotHolder { peer, is_unauthorized: true, evicted: Arc::clone(&end) });
+        Some(Arc::new(ConnectionSlot { number, evicted: end, connections: Arc::clone(self) }))
     }
 }
 
 /// A connection's place, as long as it has one.
 #[derive(Debug)]
-pub(crate) struct Place {
+pub(crate) struct ConnectionSlot {
     number: u64,
-    end: Arc<Notify>,
-    connections: Arc<Connections>,
+    evicted: Arc<Notify>,
+    connections: Arc<ConnectionTable>,
 }
 
-impl Place {
+impl ConnectionSlot {
     /// A request was let in.
-    pub(crate) fn is_welcome(&self) {
-        if let Some(held) = self.connections.lock().places.get_mut(&self.number) {
-            held.stranger = false;
+    pub(crate) fn mark_authorized(&self) {
+        if let Some(held) = self.connections.lock().slots.get_mut(&self.number) {
+            held.is_unauthorized = false;
         }
     }
 
     /// It became a WebSocket, or ended.
-    pub(crate) fn leave(&self) {
-        self.connections.lock().places.remove(&self.number);
+    pub(crate) fn release(&self) {
+        self.connections.lock().slots.remove(&self.number);
     }
 
     /// Until another connection needs the place.
-    pub(crate) async fn lost(&self) {
-        self.end.notified().await;
+    pub(crate) async fn wait_for_eviction(&self) {
+        self.evicted.notified().await;
     }
 }
 
-impl Drop for Place {
+impl Drop for ConnectionSlot {
     fn drop(&mut self) {
-        self.leave();
+        self.release();
     }
 }
 
 /// A stream that ends with an error when its client takes no byte for too long.
-pub(crate) struct Unstalled<S> {
+pub(crate) struct WriteTimeoutStream<S> {
     stream: S,
-    stall: Duration,
+    write_timeout: Duration,
     /// When it is given up; armed while a write waits.
     deadline: Pin<Box<Sleep>>,
-    waiting: bool,
+    is_write_pending: bool,
 }
 
-impl<S> Unstalled<S> {
+impl<S> WriteTimeoutStream<S> {
     pub(crate) fn new(stream: S, stall: Duration) -> Self {
-        Unstalled { stream, stall, deadline: Box::pin(sleep(stall)), waiting: false }
+        WriteTimeoutStream {
+            stream,
+            write_timeout: stall,
+            deadline: Box::pin(sleep(stall)),
+            is_write_pending: false,
+        }
     }
 
     /// Watches over what a write answers.
-    fn watch<T>(&mut self, context: &mut Context<'_>, written: Poll<Result<T>>) -> Poll<Result<T>> {
+    fn check_write_deadline<T>(
+        &mut self,
+        context: &mut Context<'_>,
+        written: Poll<Result<T>>,
+    ) -> Poll<Result<T>> {
         if written.is_ready() {
-            self.waiting = false;
+            self.is_write_pending = false;
             return written;
         }
-        if !self.waiting {
-            self.waiting = true;
-            self.deadline.as_mut().reset(Instant::now() + self.stall);
+        if !self.is_write_pending {
+            self.is_write_pending = true;
+            self.deadline.as_mut().reset(Instant::now() + self.write_timeout);
         }
         match self.deadline.as_mut().poll(context) {
             Poll::Ready(()) => Poll::Ready(Err(Error::new(ErrorKind::TimedOut, "the client takes no data"))),
@@ -165,7 +174,7 @@ impl<S> Unstalled<S> {
     }
 }
 
-impl<S: AsyncRead + Unpin> AsyncRead for Unstalled<S> {
+impl<S: AsyncRead + Unpin> AsyncRead for WriteTimeoutStream<S> {
     fn poll_read(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
@@ -175,10 +184,10 @@ impl<S: AsyncRead + Unpin> AsyncRead for Unstalled<S> {
     }
 }
 
-impl<S: AsyncWrite + Unpin> AsyncWrite for Unstalled<S> {
+impl<S: AsyncWrite + Unpin> AsyncWrite for WriteTimeoutStream<S> {
     fn poll_write(mut self: Pin<&mut Self>, context: &mut Context<'_>, data: &[u8]) -> Poll<Result<usize>> {
         let written = Pin::new(&mut self.stream).poll_write(context, data);
-        self.watch(context, written)
+        self.check_write_deadline(context, written)
     }
 
     fn poll_write_vectored(
@@ -187,7 +196,7 @@ impl<S: AsyncWrite + Unpin> AsyncWrite for Unstalled<S> {
         data: &[IoSlice<'_>],
     ) -> Poll<Result<usize>> {
         let written = Pin::new(&mut self.stream).poll_write_vectored(context, data);
-        self.watch(context, written)
+        self.check_write_deadline(context, written)
     }
 
     fn is_write_vectored(&self) -> bool {
@@ -196,12 +205,12 @@ impl<S: AsyncWrite + Unpin> AsyncWrite for Unstalled<S> {
 
     fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Result<()>> {
         let flushed = Pin::new(&mut self.stream).poll_flush(context);
-        self.watch(context, flushed)
+        self.check_write_deadline(context, flushed)
     }
 
     fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Result<()>> {
         let done = Pin::new(&mut self.stream).poll_shutdown(context);
-        self.watch(context, done)
+        self.check_write_deadline(context, done)
     }
 }
 
@@ -212,36 +221,40 @@ mod tests {
     const FLOOD: [u8; 4] = [192, 168, 1, 21];
     const OTHER: [u8; 4] = [192, 168, 1, 22];
 
-    fn connections(all: usize, strangers: usize) -> Arc<Connections> {
-        Connections::new(Limits { connections: all, strangers, ..Limits::default() })
+    fn connections(all: usize, strangers: usize) -> Arc<ConnectionTable> {
+        ConnectionTable::new(ConnectionLimits {
+            max_connections: all,
+            max_unauthorized_per_address: strangers,
+            ..ConnectionLimits::default()
+        })
     }
 
     /// Numbers of the places that are still held.
-    fn held(connections: &Connections) -> Vec<u64> {
-        connections.lock().places.keys().copied().collect()
+    fn open_slots(connections: &ConnectionTable) -> Vec<u64> {
+        connections.lock().slots.keys().copied().collect()
     }
 
     #[test]
     fn a_flood_from_one_address_pushes_out_its_own_and_nobody_elses() {
         let connections = connections(10, 4);
-        let mut places = vec![connections.enter(OTHER.into()).unwrap()];
-        places.extend((0..100).map(|_| connections.enter(FLOOD.into()).unwrap()));
-        assert_eq!(held(&connections), [0, 97, 98, 99, 100]);
+        let mut slots = vec![connections.acquire_slot(OTHER.into()).unwrap()];
+        slots.extend((0..100).map(|_| connections.acquire_slot(FLOOD.into()).unwrap()));
+        assert_eq!(open_slots(&connections), [0, 97, 98, 99, 100]);
     }
 
     #[test]
     fn the_oldest_stranger_goes_first_and_who_was_let_in_stays() {
         let connections = connections(4, 4);
-        let places: Vec<_> = (0..4).map(|n| connections.enter([10, 0, 0, n].into()).unwrap()).collect();
-        places[0].is_welcome();
-        places[3].is_welcome();
-        let newcomer = connections.enter(OTHER.into()).unwrap();
-        assert_eq!(held(&connections), [0, 2, 3, 4]);
-        places[2].is_welcome();
-        newcomer.is_welcome();
-        assert!(connections.enter(OTHER.into()).is_none(), "all have been let in");
+        let slots: Vec<_> = (0..4).map(|n| connections.acquire_slot([10, 0, 0, n].into()).unwrap()).collect();
+        slots[0].mark_authorized();
+        slots[3].mark_authorized();
+        let newcomer = connections.acquire_slot(OTHER.into()).unwrap();
+        assert_eq!(open_slots(&connections), [0, 2, 3, 4]);
+        slots[2].mark_authorized();
+        newcomer.mark_authorized();
+        assert!(connections.acquire_slot(OTHER.into()).is_none(), "all have been let in");
         // A WebSocket needs no place.
-        places[0].leave();
-        assert!(connections.enter(OTHER.into()).is_some());
+        slots[0].release();
+        assert!(connections.acquire_slot(OTHER.into()).is_some());
     }
 }

@@ -39,10 +39,10 @@ pub enum ServeError {
     },
     /// Other machines could connect, and nothing says which may.
     #[error(
-        "{name} would listen on {address} for other machines, and none of them may connect: list them (--allow ADDRESS, \
+        "{name} would listen on {address} for other machines, and none of them may connect: list them (--rosbridge-allow ADDRESS, \
          for pages --page-allow ADDRESS), set a token, or listen on 127.0.0.1"
     )]
-    Unguarded {
+    AccessNotConfigured {
         /// What is served.
         name: &'static str,
         /// The address asked for.
@@ -50,7 +50,7 @@ pub enum ServeError {
     },
     /// A token that could be guessed, or would not survive in an address.
     #[error("the token has {length} characters; expected 8 to 200 letters, digits, or - . _ ~")]
-    Token {
+    InvalidToken {
         /// How long it is.
         length: usize,
     },
@@ -58,15 +58,15 @@ pub enum ServeError {
     #[error(
         "the host name {name:?} cannot be one; expected a name or an address without port, such as lab.example.org"
     )]
-    HostName {
+    InvalidHostName {
         /// What was given.
         name: String,
     },
     /// The certificate for HTTPS cannot be made.
-    #[error("cannot make a certificate for HTTPS: {what}")]
+    #[error("cannot make a certificate for HTTPS: {reason}")]
     Certificate {
         /// The library's reason.
-        what: String,
+        reason: String,
     },
     /// The server's thread or its runtime could not be started.
     #[error("cannot start the thread of {name}: {source}")]

@@ -1,10 +1,10 @@
 //! A router in a thread of its own, behind the rule.
 
 use crate::{
-    Access, Limits, Pages, ServeError,
-    access::{Rule, machine_name},
-    connections::{Connections, Unstalled},
-    guard::{self, Guard},
+    AccessConfig, AllowedOrigins, ConnectionLimits, ServeError,
+    access::{AccessPolicy, machine_name},
+    connections::{ConnectionTable, WriteTimeoutStream},
+    guard::{self, AccessGuard},
     tls,
 };
 use axum::{Extension, Router, middleware};
@@ -29,15 +29,16 @@ use tokio::{
 use tokio_rustls::TlsAcceptor;
 
 /// Until the next try where the system has no handles left: some come free when clients go.
-const NO_HANDLES: Duration = Duration::from_millis(100);
+const ACCEPT_RETRY_DELAY: Duration = Duration::from_millis(100);
 
 /// The answer to whom there is no room for.
-const FULL: &[u8] = b"HTTP/1.1 503 Service Unavailable\r\nConnection: close\r\nContent-Length: 31\r\n\r\n\
+const SERVICE_UNAVAILABLE_RESPONSE: &[u8] =
+    b"HTTP/1.1 503 Service Unavailable\r\nConnection: close\r\nContent-Length: 31\r\n\r\n\
     too many connections, try again";
 
 /// Where to serve, and for whom.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Options {
+pub struct HttpServerOptions {
     /// What is served: the name of the thread.
     pub name: &'static str,
     /// TCP port; zero lets the system choose.
@@ -51,14 +52,14 @@ pub struct Options {
     /// Serve HTTPS with a certificate of our own making, which the person's folder for state keeps.
     pub https: bool,
     /// Who may connect.
-    pub access: Access,
+    pub access: AccessConfig,
     /// Pages of which servers may ask, in a browser.
-    pub pages: Pages,
+    pub allowed_origins: AllowedOrigins,
     /// What the system may hold back for one connection, bytes. With its own choice of megabytes a slow client would get
     /// everything many seconds late.
     pub send_buffer_bytes: u32,
     /// How long a connection may dawdle, and how many there may be.
-    pub limits: Limits,
+    pub limits: ConnectionLimits,
 }
 
 /// The ends of a connection, as handlers get them in an [`Extension`].
@@ -67,11 +68,11 @@ pub struct Peer {
     /// The other end.
     pub address: SocketAddr,
     /// The address of ours at which it came in.
-    pub at: IpAddr,
+    pub local_address: IpAddr,
 }
 
 /// A server. Runs in its own thread until it is dropped.
-pub struct Server {
+pub struct HttpServer {
     scheme: &'static str,
     address: SocketAddr,
     token: Option<String>,
@@ -79,24 +80,24 @@ pub struct Server {
     thread: Option<JoinHandle<()>>,
 }
 
-impl Server {
+impl HttpServer {
     /// Listens and begins to serve. `refused` is told of everybody who is turned away; `beside` runs along in the server's
     /// thread and ends with it.
     ///
     /// # Errors
     /// [`ServeError::PortTaken`] or [`ServeError::NoFreePort`] if somebody else listens there, [`ServeError::Listen`] if the
-    /// address is not ours or not allowed, [`ServeError::Unguarded`] if other machines could connect and nothing says
-    /// which, [`ServeError::Token`], [`ServeError::HostName`], [`ServeError::Certificate`], [`ServeError::Thread`].
+    /// address is not ours or not allowed, [`ServeError::AccessNotConfigured`] if other machines could connect and nothing says
+    /// which, [`ServeError::InvalidToken`], [`ServeError::InvalidHostName`], [`ServeError::Certificate`], [`ServeError::Thread`].
     pub fn start(
-        options: Options,
+        options: HttpServerOptions,
         router: Router,
         refused: impl Fn(String) + Send + Sync + 'static,
         beside: impl Future<Output = ()> + Send + 'static,
-    ) -> Result<Server, ServeError> {
-        let Options { name, bind, .. } = options;
+    ) -> Result<HttpServer, ServeError> {
+        let HttpServerOptions { name, bind, .. } = options;
         options.access.check()?;
-        if !bind.is_loopback() && options.access.local_only() {
-            return Err(ServeError::Unguarded { name, address: bind });
+        if !bind.is_loopback() && options.access.is_local_only() {
+            return Err(ServeError::AccessNotConfigured { name, address: bind });
         }
         let thread_failed = |source| ServeError::Thread { name, source };
         let runtime =
@@ -110,22 +111,26 @@ impl Server {
             .map_err(|source| ServeError::Listen { address: (bind, options.port).into(), source })?;
         let tls = match options.https {
             true => {
-                let acceptor = tls::acceptor(advertised(bind), tls::kept_folder().as_deref());
-                Some(acceptor.map_err(|what| ServeError::Certificate { what })?)
+                let acceptor = tls::load_or_create_acceptor(
+                    advertised_address(bind),
+                    tls::certificate_folder().as_deref(),
+                );
+                Some(acceptor.map_err(|what| ServeError::Certificate { reason: what })?)
             }
             false => None,
         };
         let (scheme, token) = (if options.https { "https" } else { "http" }, options.access.token.clone());
-        let rule = Rule::new(options.access, options.pages, address.port(), machine_name());
-        let guard = Guard { rule: Arc::new(rule), https: options.https, refused: Arc::new(refused) };
-        let router = router.layer(middleware::from_fn_with_state(guard, guard::admit));
-        let door = Door { tls, router, limits: options.limits };
+        let rule = AccessPolicy::new(options.access, options.allowed_origins, address.port(), machine_name());
+        let guard =
+            AccessGuard { policy: Arc::new(rule), https: options.https, report_refusal: Arc::new(refused) };
+        let router = router.layer(middleware::from_fn_with_state(guard, guard::check_access));
+        let handler = ConnectionHandler { tls, router, limits: options.limits };
         let (stop, stopped) = oneshot::channel();
         let thread = std::thread::Builder::new()
             .name(name.to_owned())
-            .spawn(move || run(&runtime, accept(listener, door), beside, stopped))
+            .spawn(move || run(&runtime, accept(listener, handler), beside, stopped))
             .map_err(thread_failed)?;
-        Ok(Server { scheme, address, token, stop: Some(stop), thread: Some(thread) })
+        Ok(HttpServer { scheme, address, token, stop: Some(stop), thread: Some(thread) })
     }
 
     /// Where it listens.
@@ -151,14 +156,14 @@ impl Server {
 
     /// What a browser on another machine opens, with the token that lets it in; none if it cannot connect.
     pub fn remote_url(&self) -> Option<String> {
-        let ip = advertised(self.address.ip());
+        let ip = advertised_address(self.address.ip());
         let token = self.token.as_ref()?;
         let authority = SocketAddr::new(ip, self.address.port());
         (!ip.is_loopback()).then(|| format!("{}://{authority}/?token={token}", self.scheme))
     }
 }
 
-impl Drop for Server {
+impl Drop for HttpServer {
     fn drop(&mut self) {
         if let Some(stop) = self.stop.take() {
             // An error means that the thread has ended already.
@@ -171,19 +176,19 @@ impl Drop for Server {
 }
 
 /// The address that other machines reach `bind` at: for "all addresses", the one of the way out.
-fn advertised(bind: IpAddr) -> IpAddr {
+fn advertised_address(bind: IpAddr) -> IpAddr {
     if !bind.is_unspecified() {
         return bind;
     }
     // Nothing is sent: connecting a datagram socket only chooses the way. The address is one set aside for examples.
-    let way_out = std::net::UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).and_then(|socket| {
+    let route_probe = std::net::UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).and_then(|socket| {
         socket.connect((Ipv4Addr::new(192, 0, 2, 1), 9))?;
         socket.local_addr()
     });
-    way_out.map_or(Ipv4Addr::LOCALHOST.into(), |address| address.ip())
+    route_probe.map_or(Ipv4Addr::LOCALHOST.into(), |address| address.ip())
 }
 
-fn listen(options: &Options) -> Result<TcpListener, ServeError> {
+fn listen(options: &HttpServerOptions) -> Result<TcpListener, ServeError> {
     let (first, address, option) = (options.port, options.bind, options.port_option);
     let last = first.saturating_add(options.further_ports);
     for port in first..=last {
@@ -235,62 +240,62 @@ fn run(
 
 /// What every connection comes to.
 #[derive(Clone)]
-struct Door {
+struct ConnectionHandler {
     tls: Option<TlsAcceptor>,
     router: Router,
-    limits: Limits,
+    limits: ConnectionLimits,
 }
 
-async fn accept(listener: TcpListener, door: Door) {
-    let connections = Connections::new(door.limits);
+async fn accept(listener: TcpListener, handler: ConnectionHandler) {
+    let connections = ConnectionTable::new(handler.limits);
     loop {
         let Ok((stream, address)) = listener.accept().await else {
-            time::sleep(NO_HANDLES).await;
+            time::sleep(ACCEPT_RETRY_DELAY).await;
             continue;
         };
         let Ok(at) = stream.local_addr() else { continue };
-        let Some(place) = connections.enter(address.ip().to_canonical()) else {
+        let Some(slot) = connections.acquire_slot(address.ip().to_canonical()) else {
             // What fits into the system's buffer goes out; nobody waits for the rest, and TLS clients see the end only.
-            let _ = stream.try_write(FULL);
+            let _ = stream.try_write(SERVICE_UNAVAILABLE_RESPONSE);
             continue;
         };
-        let peer = Peer { address, at: at.ip() };
-        let mut door = door.clone();
-        door.router = door.router.layer(Extension(peer)).layer(Extension(Arc::clone(&place)));
+        let peer = Peer { address, local_address: at.ip() };
+        let mut handler = handler.clone();
+        handler.router = handler.router.layer(Extension(peer)).layer(Extension(Arc::clone(&slot)));
         tokio::spawn(async move {
             tokio::select! {
-                () = attend(stream, door) => {}
-                () = place.lost() => {}
+                () = serve_connection(stream, handler) => {}
+                () = slot.wait_for_eviction() => {}
             }
-            place.leave();
+            slot.release();
         });
     }
 }
 
 /// Answers the requests of one connection until it ends or becomes a WebSocket.
-async fn attend(stream: TcpStream, door: Door) {
+async fn serve_connection(stream: TcpStream, handler: ConnectionHandler) {
     // Small messages must not wait for each other. Failing is no reason to refuse the client.
     let _ = stream.set_nodelay(true);
-    let Door { tls, router, limits } = door;
-    let stream = Unstalled::new(stream, limits.stall);
+    let ConnectionHandler { tls, router, limits } = handler;
+    let stream = WriteTimeoutStream::new(stream, limits.write_timeout);
     match tls {
-        None => requests(stream, router, limits).await,
+        None => serve_requests(stream, router, limits).await,
         Some(acceptor) => {
-            if let Ok(Ok(stream)) = time::timeout(limits.request, acceptor.accept(stream)).await {
-                requests(stream, router, limits).await;
+            if let Ok(Ok(stream)) = time::timeout(limits.request_timeout, acceptor.accept(stream)).await {
+                serve_requests(stream, router, limits).await;
             }
         }
     }
 }
 
-async fn requests(
+async fn serve_requests(
     stream: impl AsyncRead + AsyncWrite + Send + Unpin + 'static,
     router: Router,
-    limits: Limits,
+    limits: ConnectionLimits,
 ) {
     let connection = http1::Builder::new()
         .timer(TokioTimer::new())
-        .header_read_timeout(limits.request)
+        .header_read_timeout(limits.request_timeout)
         .serve_connection(TokioIo::new(stream), TowerToHyperService::new(router))
         .with_upgrades();
     // It ends with an error when the client breaks off, which is the client's matter.

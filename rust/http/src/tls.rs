@@ -20,11 +20,11 @@ use tokio_rustls::{
 };
 
 /// Longest file that is taken for a certificate with its key, bytes. One has about 900.
-const MOST_BYTES: u64 = 16 * 1024;
+const MAX_PEM_BYTES: u64 = 16 * 1024;
 
 /// Where certificates are kept from start to start: `proact` in the person's folder for state, as the XDG Base Directory
 /// Specification names it; none where there is no home.
-pub(crate) fn kept_folder() -> Option<PathBuf> {
+pub(crate) fn certificate_folder() -> Option<PathBuf> {
     let absolute = |path: PathBuf| path.is_absolute().then_some(path);
     let state = env::var_os("XDG_STATE_HOME").map(PathBuf::from).and_then(absolute);
     let home = || env::var_os("HOME").map(PathBuf::from).and_then(absolute);
@@ -33,9 +33,11 @@ pub(crate) fn kept_folder() -> Option<PathBuf> {
 
 /// With the certificate that `folder` keeps for this machine's names, or a new one, which is then kept there: browsers ask
 /// once whether to trust it. Without a folder that can be written it is good as long as the process runs.
-pub(crate) fn acceptor(address: IpAddr, folder: Option<&Path>) -> Result<TlsAcceptor, String> {
+pub(crate) fn load_or_create_acceptor(address: IpAddr, folder: Option<&Path>) -> Result<TlsAcceptor, String> {
     let file = folder.map(|folder| folder.join(format!("https-{address}.pem")));
-    if let Some(kept) = file.as_deref().and_then(|file| serve(&read(file).ok()?).ok()) {
+    if let Some(kept) =
+        file.as_deref().and_then(|file| acceptor_from_pem(&read_private_file(file).ok()?).ok())
+    {
         return Ok(kept);
     }
     let mut names = vec!["localhost".to_owned(), "127.0.0.1".to_owned()];
@@ -44,23 +46,24 @@ pub(crate) fn acceptor(address: IpAddr, folder: Option<&Path>) -> Result<TlsAcce
     }
     let CertifiedKey { cert, signing_key } =
         generate_simple_self_signed(names).map_err(|error| error.to_string())?;
-    let pem = pem("CERTIFICATE", cert.der()) + &pem("PRIVATE KEY", &signing_key.serialize_der());
+    let pem =
+        encode_pem("CERTIFICATE", cert.der()) + &encode_pem("PRIVATE KEY", &signing_key.serialize_der());
     if let Some(file) = file {
         // What cannot be kept is made anew at the next start, as before there was a place for it.
-        let _ = keep(&file, &pem);
+        let _ = store_private_file(&file, &pem);
     }
-    serve(&pem)
+    acceptor_from_pem(&pem)
 }
 
 /// Bytes as text, RFC 7468.
-fn pem(label: &str, bytes: &[u8]) -> String {
+fn encode_pem(label: &str, bytes: &[u8]) -> String {
     let text = STANDARD.encode(bytes);
     let lines: Vec<&str> = (0..text.len()).step_by(64).map(|k| &text[k..text.len().min(k + 64)]).collect();
     format!("-----BEGIN {label}-----\n{}\n-----END {label}-----\n", lines.join("\n"))
 }
 
 /// Serves with the certificate and the key in `pem`.
-fn serve(pem: &str) -> Result<TlsAcceptor, String> {
+fn acceptor_from_pem(pem: &str) -> Result<TlsAcceptor, String> {
     let certificate = CertificateDer::from_pem_slice(pem.as_bytes()).map_err(|error| error.to_string())?;
     let key = PrivateKeyDer::from_pem_slice(pem.as_bytes()).map_err(|error| error.to_string())?;
     let mut config = ServerConfig::builder_with_provider(Arc::new(ring::default_provider()))
@@ -73,18 +76,18 @@ fn serve(pem: &str) -> Result<TlsAcceptor, String> {
 }
 
 /// A key that others may read is no key.
-fn read(file: &Path) -> io::Result<String> {
+fn read_private_file(file: &Path) -> io::Result<String> {
     let opened = fs::File::open(file)?;
     if opened.metadata()?.permissions().mode() & 0o077 != 0 {
         return Err(io::ErrorKind::PermissionDenied.into());
     }
     let mut text = String::new();
-    opened.take(MOST_BYTES).read_to_string(&mut text)?;
+    opened.take(MAX_PEM_BYTES).read_to_string(&mut text)?;
     Ok(text)
 }
 
 /// Written whole before it has its name: a start that is killed leaves no half of it.
-fn keep(file: &Path, pem: &str) -> io::Result<()> {
+fn store_private_file(file: &Path, pem: &str) -> io::Result<()> {
     if let Some(folder) = file.parent() {
         fs::DirBuilder::new().recursive(true).mode(0o700).create(folder)?;
     }
@@ -102,17 +105,17 @@ mod tests {
 
     const ADDRESS: IpAddr = IpAddr::V4(Ipv4Addr::new(192, 168, 7, 5));
 
-    fn kept(folder: &Path) -> String {
-        acceptor(ADDRESS, Some(folder)).map(|_| ()).unwrap();
-        read(&folder.join("https-192.168.7.5.pem")).unwrap()
+    fn stored_certificate(folder: &Path) -> String {
+        load_or_create_acceptor(ADDRESS, Some(folder)).map(|_| ()).unwrap();
+        read_private_file(&folder.join("https-192.168.7.5.pem")).unwrap()
     }
 
     #[test]
     fn the_certificate_is_the_same_at_the_next_start() {
         let home = tempfile::tempdir().unwrap();
         let folder = home.path().join("state/proact");
-        let first = kept(&folder);
-        assert_eq!(kept(&folder), first);
+        let first = stored_certificate(&folder);
+        assert_eq!(stored_certificate(&folder), first);
         let mode = fs::metadata(folder.join("https-192.168.7.5.pem")).unwrap().permissions().mode();
         assert_eq!(mode & 0o777, 0o600, "the key is the person's own");
     }
@@ -120,18 +123,18 @@ mod tests {
     #[test]
     fn what_is_broken_or_readable_by_others_is_made_anew() {
         let home = tempfile::tempdir().unwrap();
-        let first = kept(home.path());
+        let first = stored_certificate(home.path());
         let file = home.path().join("https-192.168.7.5.pem");
-        keep(&file, &first[..200]).unwrap();
-        let second = kept(home.path());
+        store_private_file(&file, &first[..200]).unwrap();
+        let second = stored_certificate(home.path());
         assert_ne!(second, first);
         fs::set_permissions(&file, fs::Permissions::from_mode(0o644)).unwrap();
-        assert_ne!(kept(home.path()), second);
+        assert_ne!(stored_certificate(home.path()), second);
     }
 
     #[test]
     fn without_a_place_to_keep_it_there_is_a_certificate_all_the_same() {
-        assert!(acceptor(ADDRESS, None).is_ok());
-        assert!(acceptor(ADDRESS, Some(Path::new("/proc/no/such/place"))).is_ok());
+        assert!(load_or_create_acceptor(ADDRESS, None).is_ok());
+        assert!(load_or_create_acceptor(ADDRESS, Some(Path::new("/proc/no/such/place"))).is_ok());
     }
 }

@@ -6,7 +6,7 @@ mod common;
 
 use axum::{Router, body::Body, routing::get};
 use common::{ask, options, status};
-use proact_http::{Limits, Options, Pages, Server};
+use proact_http::{AllowedOrigins, ConnectionLimits, HttpServer, HttpServerOptions};
 use std::{
     io::{ErrorKind, Read, Write},
     net::TcpStream,
@@ -19,18 +19,19 @@ const LIMIT: Duration = Duration::from_secs(20);
 /// Short enough to wait for.
 const SHORT: Duration = Duration::from_millis(300);
 
-fn start(options: Options) -> Server {
+fn start(options: HttpServerOptions) -> HttpServer {
     let large = || async { Body::from(vec![0_u8; 64_000_000]) };
     let router = Router::new().route("/", get(|| async { "hello" })).route("/large", get(large));
-    Server::start(options, router, |_| {}, std::future::pending()).unwrap()
+    HttpServer::start(options, router, |_| {}, std::future::pending()).unwrap()
 }
 
-fn impatient() -> Options {
-    let limits = Limits { request: SHORT, stall: SHORT, ..Limits::default() };
-    Options { limits, ..options(Pages::Own) }
+fn impatient() -> HttpServerOptions {
+    let limits =
+        ConnectionLimits { request_timeout: SHORT, write_timeout: SHORT, ..ConnectionLimits::default() };
+    HttpServerOptions { limits, ..options(AllowedOrigins::SameServer) }
 }
 
-fn connect(server: &Server) -> TcpStream {
+fn connect(server: &HttpServer) -> TcpStream {
     let stream = TcpStream::connect(server.address()).unwrap();
     stream.set_read_timeout(Some(LIMIT)).unwrap();
     stream
@@ -90,7 +91,7 @@ fn a_connection_that_asked_once_and_falls_silent_is_closed() {
 
 #[test]
 fn a_handshake_that_is_not_finished_is_given_up() {
-    let server = start(Options { https: true, ..impatient() });
+    let server = start(HttpServerOptions { https: true, ..impatient() });
     let idle = connect(&server);
     let mut half = connect(&server);
     half.write_all(&[22, 3, 1, 2, 0, 1]).unwrap();
@@ -119,37 +120,37 @@ fn beside_fifteen_hundred_half_open_connections_a_page_still_comes_in() {
     let raised =
         Command::new("prlimit").args(["--nofile=4096:", "--pid", &std::process::id().to_string()]).status();
     assert!(raised.unwrap().success(), "prlimit of util-linux raises the number of handles");
-    let server = start(options(Pages::Own));
-    let mut crowd = Vec::new();
+    let server = start(options(AllowedOrigins::SameServer));
+    let mut streams = Vec::new();
     for n in 0..1500 {
         let mut stream = connect(&server);
         if n % 2 == 0 {
             // An error means that it was hung up on already.
             let _ = stream.write_all(b"GET / HTTP/1.1\r\nHost: ");
         }
-        crowd.push(stream);
+        streams.push(stream);
         if n % 100 == 99 {
             assert_eq!(status(&ask(&server, "/", &["Host: localhost"])), "200", "beside {n}");
         }
     }
     // Those that had to go were hung up on, and the rest is no more than are allowed.
     let mut open = 0;
-    for stream in &mut crowd {
+    for stream in &mut streams {
         stream.set_nonblocking(true).unwrap();
         let mut byte = [0];
         open += usize::from(
             matches!(stream.read(&mut byte), Err(error) if error.kind() == ErrorKind::WouldBlock),
         );
     }
-    assert!(open <= Limits::default().strangers, "{open} are open");
-    drop(crowd);
+    assert!(open <= ConnectionLimits::default().max_unauthorized_per_address, "{open} are open");
+    drop(streams);
     assert_eq!(status(&ask(&server, "/", &["Host: localhost"])), "200");
 }
 
 #[test]
 fn where_everybody_was_let_in_the_next_one_is_told_that_there_is_no_room() {
-    let limits = Limits { connections: 3, ..Limits::default() };
-    let server = start(Options { limits, ..options(Pages::Own) });
+    let limits = ConnectionLimits { max_connections: 3, ..ConnectionLimits::default() };
+    let server = start(HttpServerOptions { limits, ..options(AllowedOrigins::SameServer) });
     let mut kept: Vec<TcpStream> = (0..3).map(|_| connect(&server)).collect();
     for stream in &mut kept {
         write!(stream, "GET / HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();

@@ -5,7 +5,9 @@ mod common;
 
 use axum::{Router, response::Html, routing::get};
 use common::{ask, options, status};
-use proact_http::{Access, Listed, Options, Pages, Right, ServeError, Server};
+use proact_http::{
+    AccessConfig, AccessRight, AllowedAddress, AllowedOrigins, HttpServer, HttpServerOptions, ServeError,
+};
 use std::{
     net::Ipv4Addr,
     sync::mpsc::{Receiver, channel},
@@ -13,19 +15,19 @@ use std::{
 
 const TOKEN: &str = "a-token-of-some-length";
 
-fn start(options: Options) -> (Server, Receiver<String>) {
+fn start(options: HttpServerOptions) -> (HttpServer, Receiver<String>) {
     let router = Router::new()
         .route("/", get(|| async { "hello" }))
         .route("/page", get(|| async { Html("hello") }))
         .fallback(|| async { (axum::http::StatusCode::NOT_FOUND, "elsewhere") });
     let (send, refusals) = channel();
     let refused = move |reason| send.send(reason).unwrap();
-    (Server::start(options, router, refused, std::future::pending()).unwrap(), refusals)
+    (HttpServer::start(options, router, refused, std::future::pending()).unwrap(), refusals)
 }
 
 #[test]
 fn every_address_is_behind_the_rule_also_those_that_do_not_exist() {
-    let (server, refusals) = start(options(Pages::Own));
+    let (server, refusals) = start(options(AllowedOrigins::SameServer));
     for (path, found) in [("/", "200"), ("/nowhere", "404")] {
         assert_eq!(status(&ask(&server, path, &["Host: localhost"])), found);
         let foreign = ask(&server, path, &["Host: localhost", "Origin: http://evil.example"]);
@@ -38,7 +40,7 @@ fn every_address_is_behind_the_rule_also_those_that_do_not_exist() {
 
 #[test]
 fn what_cannot_be_read_does_not_pass_for_what_is_not_there() {
-    let (server, _refusals) = start(options(Pages::OfThisHost));
+    let (server, _refusals) = start(options(AllowedOrigins::SameHost));
     let ours = "Origin: http://localhost";
     for lines in [
         &["Host: localhost", "Origin: http://b\u{fc}cher.example"][..],
@@ -54,7 +56,7 @@ fn what_cannot_be_read_does_not_pass_for_what_is_not_there() {
 
 #[test]
 fn the_key_of_a_websocket_has_sixteen_bytes() {
-    let (server, _refusals) = start(options(Pages::Own));
+    let (server, _refusals) = start(options(AllowedOrigins::SameServer));
     let socket = ["Host: localhost", "Upgrade: WebSocket", "Sec-WebSocket-Version: 13"];
     for (key, found) in [
         (None, "403"),
@@ -67,8 +69,11 @@ fn the_key_of_a_websocket_has_sixteen_bytes() {
     }
 }
 
-fn with_token() -> Options {
-    Options { access: Access { token: Some(TOKEN.to_owned()), ..Access::default() }, ..options(Pages::Own) }
+fn with_token() -> HttpServerOptions {
+    HttpServerOptions {
+        access: AccessConfig { token: Some(TOKEN.to_owned()), ..AccessConfig::default() },
+        ..options(AllowedOrigins::SameServer)
+    }
 }
 
 #[test]
@@ -145,17 +150,17 @@ fn every_answer_keeps_browsers_from_framing_sniffing_and_telling_where_they_were
 
 #[test]
 fn a_taken_port_is_named_with_how_to_choose_another_and_the_next_one_used_if_allowed() {
-    let (first, _refusals) = start(options(Pages::Own));
+    let (first, _refusals) = start(options(AllowedOrigins::SameServer));
     let port = first.address().port();
-    let taken = Options { port, ..options(Pages::Own) };
-    let start_bare = |options| Server::start(options, Router::new(), |_| {}, std::future::pending());
+    let taken = HttpServerOptions { port, ..options(AllowedOrigins::SameServer) };
+    let start_bare = |options| HttpServer::start(options, Router::new(), |_| {}, std::future::pending());
     let error = start_bare(taken.clone()).err().unwrap();
     assert!(matches!(error, ServeError::PortTaken { .. }), "{error}");
     assert!(
         error.to_string().contains(&format!("port {port}")) && error.to_string().contains("--port"),
         "{error}"
     );
-    let next = start_bare(Options { further_ports: 20, ..taken.clone() }).unwrap();
+    let next = start_bare(HttpServerOptions { further_ports: 20, ..taken.clone() }).unwrap();
     assert_ne!(next.address(), first.address());
     // Free again at once.
     drop(first);
@@ -164,20 +169,24 @@ fn a_taken_port_is_named_with_how_to_choose_another_and_the_next_one_used_if_all
 
 #[test]
 fn listening_for_others_needs_somebody_who_may_come() {
-    let open = |access: Access| {
-        let options = Options { bind: Ipv4Addr::UNSPECIFIED.into(), access, ..options(Pages::Own) };
-        Server::start(options, Router::new(), |_| {}, std::future::pending())
+    let open = |access: AccessConfig| {
+        let options = HttpServerOptions {
+            bind: Ipv4Addr::UNSPECIFIED.into(),
+            access,
+            ..options(AllowedOrigins::SameServer)
+        };
+        HttpServer::start(options, Router::new(), |_| {}, std::future::pending())
     };
-    assert!(matches!(open(Access::default()), Err(ServeError::Unguarded { .. })));
+    assert!(matches!(open(AccessConfig::default()), Err(ServeError::AccessNotConfigured { .. })));
     assert!(matches!(
-        open(Access { token: Some("short".to_owned()), ..Access::default() }),
-        Err(ServeError::Token { .. })
+        open(AccessConfig { token: Some("short".to_owned()), ..AccessConfig::default() }),
+        Err(ServeError::InvalidToken { .. })
     ));
     assert!(matches!(
-        open(Access { host_names: vec!["a b".to_owned()], ..Access::default() }),
-        Err(ServeError::HostName { .. })
+        open(AccessConfig { host_names: vec!["a b".to_owned()], ..AccessConfig::default() }),
+        Err(ServeError::InvalidHostName { .. })
     ));
-    let listed = Listed { address: "10.0.0.1".parse().unwrap(), right: Right::Act };
-    let server = open(Access { listed: vec![listed], ..Access::default() }).unwrap();
+    let listed = AllowedAddress { address: "10.0.0.1".parse().unwrap(), right: AccessRight::Control };
+    let server = open(AccessConfig { allowed_addresses: vec![listed], ..AccessConfig::default() }).unwrap();
     assert_eq!(server.remote_url(), None, "there is no token to give away");
 }

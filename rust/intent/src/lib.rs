@@ -9,12 +9,12 @@
 //! use proact_types::{GazeSample, ObjectSet, Point, SimTime, TaskContext};
 //! let mut model = "filtered".parse::<IntentModelName>()?.build(&IntentOptions::default())?;
 //! let scene = Candidates {
-//!     centres: [0.1, -0.1, 0.2, -0.2].map(|y| Point::new(0.6, y, -0.5)).to_vec(),
+//!     centers: [0.1, -0.1, 0.2, -0.2].map(|y| Point::new(0.6, y, -0.5)).to_vec(),
 //!     pickable: vec![true; 4],
-//!     context: Some(TaskContext { due: ObjectSet::first(2), number: 0 }),
+//!     context: Some(TaskContext { expected_objects: ObjectSet::first(2), selection_number: 0 }),
 //!     tip: None,
 //! };
-//! let looking_at_red1 = GazeSample { origin: Point::origin(), direction: scene.centres[0].coords, valid: true };
+//! let looking_at_red1 = GazeSample { origin: Point::origin(), direction: scene.centers[0].coords, valid: true };
 //! let mut posterior = None;
 //! for frame in 0..60 {
 //!     posterior = model.observe(SimTime(frame * 17), &looking_at_red1, &scene);
@@ -23,19 +23,21 @@
 //! # Ok::<(), proact_intent::IntentError>(())
 //! ```
 
-mod filtered;
+mod external;
 mod gaze_offset;
+mod gaze_plane;
 mod hand_motion;
+mod hidden_markov;
+mod memoryless;
 mod model;
-mod outside;
-mod place;
 mod posterior;
-mod single;
 
+pub use external::{
+    ExternalIntentModel, IntentProcess, IntentProgram, IntentReply, IntentRequest, IntentResponse,
+};
 pub use gaze_offset::GazeOffset;
+pub use gaze_plane::gaze_plane_intersection;
 pub use model::{Candidates, IntentModel, IntentModelName};
-pub use outside::{InferredLine, IntentProcess, IntentProgram, LookLine, OutsideModel, Told};
-pub use place::table_hit;
 pub use posterior::{IntentError, IntentOptions, Posterior, posterior, prior_weights};
 
 #[cfg(test)]

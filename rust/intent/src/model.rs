@@ -1,9 +1,9 @@
 use crate::{
     IntentError, IntentOptions, Posterior,
-    filtered::Filtered,
-    hand_motion::HandMotion,
+    hand_motion::HandMotionModel,
+    hidden_markov::HiddenMarkovModel,
+    memoryless::{MemorylessKind, MemorylessModel},
     prior_weights,
-    single::{Single, SingleKind},
 };
 use proact_types::{GazeSample, Point, SimTime, TaskContext};
 use serde::{Deserialize, Serialize};
@@ -13,7 +13,7 @@ use std::{fmt, str::FromStr};
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Candidates {
     /// Centres of the objects in `world`. One whose centre is not finite is left out.
-    pub centres: Vec<Point>,
+    pub centers: Vec<Point>,
     /// Objects that may be meant; the others get zero.
     pub pickable: Vec<bool>,
     /// What the task asks for; none where nothing is known of it. Where all objects are due it has no say (method C), but its
@@ -25,15 +25,15 @@ pub struct Candidates {
 
 impl Candidates {
     /// Objects that may be meant and whose place is known.
-    pub(crate) fn possible(&self) -> Vec<bool> {
-        let known = |centre: &Point| centre.coords.iter().all(|v| v.is_finite());
-        self.pickable.iter().zip(&self.centres).map(|(pickable, centre)| *pickable && known(centre)).collect()
+    pub(crate) fn valid_candidates(&self) -> Vec<bool> {
+        let known = |center: &Point| center.coords.iter().all(|v| v.is_finite());
+        self.pickable.iter().zip(&self.centers).map(|(pickable, center)| *pickable && known(center)).collect()
     }
 
     /// What the task says, over the objects that may be meant; none if there are none.
     pub(crate) fn prior(&self, options: &IntentOptions) -> Option<Posterior> {
-        let mut weights = prior_weights(self.centres.len(), self.context.as_ref(), options);
-        for (weight, possible) in weights.iter_mut().zip(self.possible()) {
+        let mut weights = prior_weights(self.centers.len(), self.context.as_ref(), options);
+        for (weight, possible) in weights.iter_mut().zip(self.valid_candidates()) {
             *weight = if possible { *weight } else { 0.0 };
         }
         let sum: f64 = weights.iter().sum();
@@ -43,7 +43,7 @@ impl Candidates {
 
     /// The number of the task's context: another one begins a new selection.
     pub(crate) fn selection(&self) -> Option<u32> {
-        self.context.map(|context| context.number)
+        self.context.map(|context| context.selection_number)
     }
 }
 
@@ -105,11 +105,11 @@ impl IntentModelName {
     pub fn build(self, options: &IntentOptions) -> Result<Box<dyn IntentModel>, IntentError> {
         options.check()?;
         Ok(match self {
-            Self::PriorOnly => Box::new(Single::new(SingleKind::PriorOnly, *options)),
-            Self::GazeOnly => Box::new(Single::new(SingleKind::GazeOnly, *options)),
-            Self::Product => Box::new(Single::new(SingleKind::Product, *options)),
-            Self::Filtered => Box::new(Filtered::new(*options)),
-            Self::HandMotion => Box::new(HandMotion::new(*options)),
+            Self::PriorOnly => Box::new(MemorylessModel::new(MemorylessKind::PriorOnly, *options)),
+            Self::GazeOnly => Box::new(MemorylessModel::new(MemorylessKind::GazeOnly, *options)),
+            Self::Product => Box::new(MemorylessModel::new(MemorylessKind::Product, *options)),
+            Self::Filtered => Box::new(HiddenMarkovModel::new(*options)),
+            Self::HandMotion => Box::new(HandMotionModel::new(*options)),
         })
     }
 }
@@ -151,15 +151,19 @@ mod tests {
 
     #[test]
     fn options_are_data_and_those_out_of_range_are_refused_by_name() {
-        let options: IntentOptions = toml::from_str("sigma = 0.1\nlook_ms = 100").expect("reads");
-        assert_eq!((options.sigma, options.look_ms, options.elsewhere), (0.1, 100.0, 0.01));
+        let options: IntentOptions =
+            toml::from_str("gaze_sigma = 0.1\nindependent_fixation_ms = 100").expect("reads");
+        assert_eq!(
+            (options.gaze_sigma, options.independent_fixation_ms, options.off_target_likelihood),
+            (0.1, 100.0, 0.01)
+        );
         let error = toml::from_str::<IntentOptions>("sigm = 0.1").expect_err("an unknown key");
         assert!(error.to_string().contains("sigm"), "{error}");
         let default = IntentOptions::default();
         for (key, bad) in [
-            ("look_ms", IntentOptions { look_ms: 0.0, ..default }),
-            ("elsewhere", IntentOptions { elsewhere: f64::NAN, ..default }),
-            ("sigma", IntentOptions { sigma: 0.0, ..default }),
+            ("independent_fixation_ms", IntentOptions { independent_fixation_ms: 0.0, ..default }),
+            ("off_target_likelihood", IntentOptions { off_target_likelihood: f64::NAN, ..default }),
+            ("gaze_sigma", IntentOptions { gaze_sigma: 0.0, ..default }),
         ] {
             let error = IntentModelName::Product.build(&bad).err().expect("out of range").to_string();
             assert!(error.contains(key), "{error}");

@@ -34,15 +34,18 @@ fn set(due: &[bool]) -> ObjectSet {
 /// What the task asks for among `count` objects: none, some or all of them.
 fn context(count: usize) -> impl Strategy<Value = Option<TaskContext>> {
     let due = prop::collection::vec(any::<bool>(), count);
-    prop::option::of((due, 0_u32..3).prop_map(|(due, number)| TaskContext { due: set(&due), number }))
+    prop::option::of(
+        (due, 0_u32..3)
+            .prop_map(|(due, number)| TaskContext { expected_objects: set(&due), selection_number: number }),
+    )
 }
 
 fn scene(count: usize) -> impl Strategy<Value = Candidates> {
-    let centres = prop::collection::vec(vector().prop_map(Point::from), count);
+    let centers = prop::collection::vec(vector().prop_map(Point::from), count);
     let pickable = prop::collection::vec(any::<bool>(), count);
-    (centres, pickable, context(count), prop::option::of(vector())).prop_map(
-        |(centres, pickable, context, tip)| Candidates {
-            centres,
+    (centers, pickable, context(count), prop::option::of(vector())).prop_map(
+        |(centers, pickable, context, tip)| Candidates {
+            centers,
             pickable,
             context,
             tip: tip.map(Point::from),
@@ -53,11 +56,11 @@ fn scene(count: usize) -> impl Strategy<Value = Candidates> {
 fn options() -> impl Strategy<Value = IntentOptions> {
     (0.005..0.5, 0.0..0.5, 0.0..3.0, 1.0..800.0, 0.0..0.2, 0.0..100.0).prop_map(
         |(sigma, weight_other, switching_per_s, look_ms, elsewhere, straightness_per_m)| IntentOptions {
-            sigma,
-            weight_other,
-            switching_per_s,
-            look_ms,
-            elsewhere,
+            gaze_sigma: sigma,
+            off_task_weight: weight_other,
+            goal_switching_rate_per_s: switching_per_s,
+            independent_fixation_ms: look_ms,
+            off_target_likelihood: elsewhere,
             straightness_per_m,
             ..IntentOptions::default()
         },
@@ -73,7 +76,9 @@ fn stream_of(count: usize) -> impl Strategy<Value = Stream> {
         |parts| {
             parts
                 .into_iter()
-                .flat_map(|(scene, looks)| looks.into_iter().map(move |(dt, gaze)| (dt, gaze, scene.clone())))
+                .flat_map(|(scene, gaze_samples)| {
+                    gaze_samples.into_iter().map(move |(dt, gaze)| (dt, gaze, scene.clone()))
+                })
                 .collect()
         },
     )
@@ -103,11 +108,12 @@ fn run(name: IntentModelName, options: &IntentOptions, stream: &Stream) -> Vec<O
 /// The same scene with its objects in another order.
 fn renumbered(scene: &Candidates, from: &[usize]) -> Candidates {
     let due = |context: TaskContext| {
-        let due: Vec<bool> = from.iter().map(|k| context.due.contains(ObjectId::new(*k))).collect();
-        TaskContext { due: set(&due), ..context }
+        let due: Vec<bool> =
+            from.iter().map(|k| context.expected_objects.contains(ObjectId::new(*k))).collect();
+        TaskContext { expected_objects: set(&due), ..context }
     };
     Candidates {
-        centres: from.iter().map(|k| scene.centres[*k]).collect(),
+        centers: from.iter().map(|k| scene.centers[*k]).collect(),
         pickable: from.iter().map(|k| scene.pickable[*k]).collect(),
         context: scene.context.map(due),
         tip: scene.tip,
@@ -123,11 +129,11 @@ proptest! {
     ) {
         for (answer, (_, _, scene)) in run(name, &options, &stream).iter().zip(&stream) {
             let Some(p) = answer else { continue };
-            prop_assert_eq!(p.len(), scene.centres.len(), "{}", name);
+            prop_assert_eq!(p.len(), scene.centers.len(), "{}", name);
             prop_assert!((p.iter().sum::<f64>() - 1.0).abs() < ROUNDING, "{name}: {p:?}");
             for (i, value) in p.iter().enumerate() {
                 prop_assert!(value.is_finite() && *value >= 0.0, "{name}: {p:?}");
-                let known = scene.pickable[i] && scene.centres[i].coords.iter().all(|v| v.is_finite());
+                let known = scene.pickable[i] && scene.centers[i].coords.iter().all(|v| v.is_finite());
                 prop_assert!(known || *value == 0.0, "{name}: {p:?} in {scene:?}");
             }
         }
@@ -167,11 +173,11 @@ proptest! {
 /// Two objects that are due before two that are not.
 fn two_rows() -> Candidates {
     Candidates {
-        centres: [[0.6, 0.1], [0.6, -0.1], [0.8, 0.1], [0.8, -0.1]]
+        centers: [[0.6, 0.1], [0.6, -0.1], [0.8, 0.1], [0.8, -0.1]]
             .map(|[x, y]| Point::new(x, y, -0.5))
             .to_vec(),
         pickable: vec![true; 4],
-        context: Some(TaskContext { due: ObjectSet::first(2), number: 0 }),
+        context: Some(TaskContext { expected_objects: ObjectSet::first(2), selection_number: 0 }),
         tip: None,
     }
 }

@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     if toml {
         println!(
             "# N m: {} times the largest static torque with {} kg in the hand, grip of the fingers included",
-            options.factor, options.carried_kg
+            options.safety_factor, options.payload_kg
         );
         println!("[effort]");
         for limit in &limits {

@@ -19,11 +19,11 @@ ArmDescription from_raw(const RawArm& raw) {
     description.parent = link.parent;
     description.joint = std::string(link.joint);
     description.kind = link.kind;
-    description.origin = pose_of(link.origin);
+    description.origin = pose_from_array(link.origin);
     description.axis = link.axis;
     description.lower = link.lower;
     description.upper = link.upper;
-    description.inertial = {link.mass, pose_of(link.inertial_pose), link.inertia};
+    description.inertial = {link.mass, pose_from_array(link.inertial_pose), link.inertia};
     arm.links.push_back(description);
   }
   arm.moving.assign(raw.moving.begin(), raw.moving.end());
@@ -45,7 +45,7 @@ std::unique_ptr<Arm> new_arm(const RawArm& description) { return std::make_uniqu
 
 std::size_t chain_joint_count(const Arm& arm) { return arm.chain_joint_count(); }
 
-void forward(Arm& arm, rust::Slice<const double> q, Seven& pose) { pose = numbers_of(arm.forward(q.data())); }
+void forward(Arm& arm, rust::Slice<const double> q, Seven& pose) { pose = pose_to_array(arm.forward(q.data())); }
 
 void jacobian(Arm& arm, rust::Slice<const double> q, rust::Slice<double> out) {
   arm.jacobian(q.data(), out.data());
@@ -60,7 +60,7 @@ void link_poses(Arm& arm, rust::Slice<const double> q, rust::Slice<double> out) 
   arm.link_poses(q.data(), poses.data());
   double* next = out.data();
   for (const Pose& pose : poses) {
-    const Seven numbers = numbers_of(pose);
+    const Seven numbers = pose_to_array(pose);
     next = std::copy(numbers.begin(), numbers.end(), next);
   }
 }
@@ -71,18 +71,18 @@ void inverse_dynamics(Arm& arm, rust::Slice<const double> q, rust::Slice<const d
   arm.inverse_dynamics(q.data(), qd.data(), qdd.data(), gravity, torque.data());
 }
 
-void carry(Arm& arm, double mass, const Seven& pose, const std::array<double, 6>& inertia) {
-  arm.carry(Inertial{mass, pose_of(pose), inertia});
+void set_payload(Arm& arm, double mass, const Seven& pose, const std::array<double, 6>& inertia) {
+  arm.set_payload(Inertial{mass, pose_from_array(pose), inertia});
 }
 
-void carry_nothing(Arm& arm) { arm.carry(std::nullopt); }
+void clear_payload(Arm& arm) { arm.set_payload(std::nullopt); }
 
 bool inverse(Arm& arm, const Seven& target, rust::Slice<const double> seed, rust::Slice<double> out) {
-  return arm.inverse(pose_of(target), seed.data(), out.data());
+  return arm.inverse(pose_from_array(target), seed.data(), out.data());
 }
 
 rust::Vec<double> inverse_all(Arm& arm, const Seven& target, std::size_t starts, std::uint64_t random_seed) {
-  return to_raw(arm.inverse_all(pose_of(target), starts, random_seed));
+  return to_raw(arm.inverse_all(pose_from_array(target), starts, random_seed));
 }
 
 rust::Vec<double> time_raw_kdl(const RawArm& description, rust::Slice<const double> q, std::size_t count) {

@@ -24,8 +24,8 @@ void link_poses(Arm& arm, rust::Slice<const double> q, rust::Slice<double> out);
 void inverse_dynamics(Arm& arm, rust::Slice<const double> q, rust::Slice<const double> qd,
                       rust::Slice<const double> qdd, const std::array<double, 3>& gravity,
                       rust::Slice<double> torque);
-void carry(Arm& arm, double mass, const Seven& pose, const std::array<double, 6>& inertia);
-void carry_nothing(Arm& arm);
+void set_payload(Arm& arm, double mass, const Seven& pose, const std::array<double, 6>& inertia);
+void clear_payload(Arm& arm);
 bool inverse(Arm& arm, const Seven& target, rust::Slice<const double> seed, rust::Slice<double> out);
 rust::Vec<double> inverse_all(Arm& arm, const Seven& target, std::size_t starts, std::uint64_t random_seed);
 rust::Vec<double> time_raw_kdl(const RawArm& description, rust::Slice<const double> q, std::size_t count);

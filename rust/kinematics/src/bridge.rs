@@ -55,8 +55,8 @@ pub(crate) mod ffi {
             gravity: &[f64; 3],
             torque: &mut [f64],
         ) -> Result<()>;
-        fn carry(arm: Pin<&mut Arm>, mass: f64, pose: &[f64; 7], inertia: &[f64; 6]) -> Result<()>;
-        fn carry_nothing(arm: Pin<&mut Arm>) -> Result<()>;
+        fn set_payload(arm: Pin<&mut Arm>, mass: f64, pose: &[f64; 7], inertia: &[f64; 6]) -> Result<()>;
+        fn clear_payload(arm: Pin<&mut Arm>) -> Result<()>;
         fn inverse(arm: Pin<&mut Arm>, target: &[f64; 7], seed: &[f64], out: &mut [f64]) -> Result<bool>;
         fn inverse_all(
             arm: Pin<&mut Arm>,

@@ -7,7 +7,7 @@ use proact_types::{JointVector, Pose, Vector, joints, zeros};
 /// KDL's chain, tree and solvers for one arm.
 ///
 /// Chain methods take the angles of the moving joints between `base` and `tip` in that order; for the usual
-/// chain these are the arm joints. Tree methods take all moving joints in the order of [`ArmModel::moving`], and
+/// chain these are the arm joints. Tree methods take all moving joints in the order of [`ArmModel::moving_count`], and
 /// their frame `root` is the model's first link.
 ///
 /// Every method takes `&mut self`: KDL writes to caches even in its const methods, and two threads sharing a
@@ -30,8 +30,8 @@ use proact_types::{JointVector, Pose, Vector, joints, zeros};
 pub struct Kinematics {
     inner: cxx::UniquePtr<ffi::Arm>,
     chain_joints: usize,
-    moving: usize,
-    links: usize,
+    moving_count: usize,
+    link_count: usize,
 }
 
 // SAFETY: the C++ object owns all that it points to (chain, tree, solvers, buffers), KDL and Eigen keep no
@@ -61,18 +61,18 @@ impl Kinematics {
     }
 
     fn build(model: &ArmModel, base: usize, tip: usize) -> Result<Self, KinematicsError> {
-        let inner = ffi::new_arm(&to_raw(model, base, tip)?).map_err(library)?;
+        let inner = ffi::new_arm(&to_raw(model, base, tip)?).map_err(library_error)?;
         Ok(Self {
             chain_joints: ffi::chain_joint_count(&inner),
             inner,
-            moving: model.moving_count(),
-            links: model.links.len(),
+            moving_count: model.moving_count(),
+            link_count: model.links.len(),
         })
     }
 
     /// Number of moving joints of the whole tree.
     pub fn moving_count(&self) -> usize {
-        self.moving
+        self.moving_count
     }
 
     /// As [`ArmKinematics::forward`], writing into `base_from_tip`. Does not allocate unless it fails.
@@ -80,9 +80,9 @@ impl Kinematics {
     /// # Errors
     /// Wrong length or a value that is not finite; `base_from_tip` is then untouched.
     pub fn forward_into(&mut self, q: &[f64], base_from_tip: &mut Pose) -> Result<(), KinematicsError> {
-        check("joint angle", q, self.chain_joints)?;
+        check_vector("joint angle", q, self.chain_joints)?;
         let mut raw = [0.0; 7];
-        ffi::forward(self.inner.pin_mut(), q, &mut raw).map_err(library)?;
+        ffi::forward(self.inner.pin_mut(), q, &mut raw).map_err(library_error)?;
         *base_from_tip = from_raw_pose(&raw);
         Ok(())
     }
@@ -93,7 +93,7 @@ impl Kinematics {
     /// # Errors
     /// Wrong length, a value that is not finite, or a matrix of another shape.
     pub fn jacobian_into(&mut self, q: &[f64], jacobian: &mut DMatrix<f64>) -> Result<(), KinematicsError> {
-        check("joint angle", q, self.chain_joints)?;
+        check_vector("joint angle", q, self.chain_joints)?;
         if jacobian.shape() != (6, self.chain_joints) {
             let (rows, columns) = jacobian.shape();
             return Err(KinematicsError::Library(format!(
@@ -101,7 +101,7 @@ impl Kinematics {
                 self.chain_joints
             )));
         }
-        ffi::jacobian(self.inner.pin_mut(), q, jacobian.as_mut_slice()).map_err(library)
+        ffi::jacobian(self.inner.pin_mut(), q, jacobian.as_mut_slice()).map_err(library_error)
     }
 
     /// Condition number of the Jacobian at `q`, and its six singular values, largest first.
@@ -112,9 +112,9 @@ impl Kinematics {
     /// # Errors
     /// Wrong length or a value that is not finite.
     pub fn condition(&mut self, q: &[f64]) -> Result<(f64, [f64; 6]), KinematicsError> {
-        check("joint angle", q, self.chain_joints)?;
+        check_vector("joint angle", q, self.chain_joints)?;
         let mut sigma = [0.0; 6];
-        ffi::singular_values(self.inner.pin_mut(), q, &mut sigma).map_err(library)?;
+        ffi::singular_values(self.inner.pin_mut(), q, &mut sigma).map_err(library_error)?;
         let condition = if sigma[5] > 0.0 { sigma[0] / sigma[5] } else { f64::INFINITY };
         Ok((condition, sigma))
     }
@@ -124,9 +124,9 @@ impl Kinematics {
     /// # Errors
     /// Wrong length or a value that is not finite.
     pub fn link_poses(&mut self, q: &[f64]) -> Result<Vec<Pose>, KinematicsError> {
-        check("joint angle", q, self.moving)?;
-        let mut raw = vec![0.0; 7 * self.links];
-        ffi::link_poses(self.inner.pin_mut(), q, &mut raw).map_err(library)?;
+        check_vector("joint angle", q, self.moving_count)?;
+        let mut raw = vec![0.0; 7 * self.link_count];
+        ffi::link_poses(self.inner.pin_mut(), q, &mut raw).map_err(library_error)?;
         Ok(raw.as_chunks().0.iter().map(from_raw_pose).collect())
     }
 
@@ -146,13 +146,13 @@ impl Kinematics {
         qdd: &[f64],
         gravity: &Vector,
     ) -> Result<JointVector, KinematicsError> {
-        check("joint angle", q, self.moving)?;
-        check("joint speed", qd, self.moving)?;
-        check("joint acceleration", qdd, self.moving)?;
-        check("gravity component", gravity.as_slice(), 3)?;
-        let mut torque = zeros(self.moving);
+        check_vector("joint angle", q, self.moving_count)?;
+        check_vector("joint speed", qd, self.moving_count)?;
+        check_vector("joint acceleration", qdd, self.moving_count)?;
+        check_vector("gravity component", gravity.as_slice(), 3)?;
+        let mut torque = zeros(self.moving_count);
         ffi::inverse_dynamics(self.inner.pin_mut(), q, qd, qdd, &gravity.data.0[0], &mut torque)
-            .map_err(library)?;
+            .map_err(library_error)?;
         // Speeds are squared on the way.
         match torque.iter().position(|value| !value.is_finite()) {
             Some(joint) => Err(KinematicsError::Overflow { what: "torque of joint", index: joint }),
@@ -165,15 +165,15 @@ impl Kinematics {
     ///
     /// # Errors
     /// A mass that is not above zero, or a value that is not finite; what was carried before then stays.
-    pub fn carry(&mut self, body: Option<&Inertial>) -> Result<(), KinematicsError> {
+    pub fn set_payload(&mut self, body: Option<&Inertial>) -> Result<(), KinematicsError> {
         let Some(body) = body else {
-            return ffi::carry_nothing(self.inner.pin_mut()).map_err(library);
+            return ffi::clear_payload(self.inner.pin_mut()).map_err(library_error);
         };
         let pose = to_raw_pose(&body.pose);
-        check("mass", &[body.mass], 1)?;
-        check("pose component", &pose, 7)?;
-        check("inertia", &body.inertia, 6)?;
-        ffi::carry(self.inner.pin_mut(), body.mass, &pose, &body.inertia).map_err(library)
+        check_vector("mass", &[body.mass], 1)?;
+        check_vector("pose component", &pose, 7)?;
+        check_vector("inertia", &body.inertia, 6)?;
+        ffi::set_payload(self.inner.pin_mut(), body.mass, &pose, &body.inertia).map_err(library_error)
     }
 
     /// Distinct angles within the limits at which the tip is at `base_from_tip`, found from `starts` random
@@ -189,8 +189,9 @@ impl Kinematics {
         random_seed: u64,
     ) -> Result<Vec<JointVector>, KinematicsError> {
         let target = to_raw_pose(base_from_tip);
-        check("target component", &target, 7)?;
-        let found = ffi::inverse_all(self.inner.pin_mut(), &target, starts, random_seed).map_err(library)?;
+        check_vector("target component", &target, 7)?;
+        let found =
+            ffi::inverse_all(self.inner.pin_mut(), &target, starts, random_seed).map_err(library_error)?;
         Ok(found.chunks_exact(self.chain_joints).map(joints).collect())
     }
 }
@@ -217,10 +218,10 @@ impl ArmKinematics for Kinematics {
     /// The first solution found is the answer, so it is near the seed when there is one near it.
     fn inverse(&mut self, base_from_tip: &Pose, seed: &[f64]) -> Result<IkOutcome, KinematicsError> {
         let target = to_raw_pose(base_from_tip);
-        check("target component", &target, 7)?;
-        check("seed angle", seed, self.chain_joints)?;
+        check_vector("target component", &target, 7)?;
+        check_vector("seed angle", seed, self.chain_joints)?;
         let mut q = zeros(self.chain_joints);
-        let solved = ffi::inverse(self.inner.pin_mut(), &target, seed, &mut q).map_err(library)?;
+        let solved = ffi::inverse(self.inner.pin_mut(), &target, seed, &mut q).map_err(library_error)?;
         Ok(if solved { IkOutcome::Solved(q) } else { IkOutcome::NotFound })
     }
 }
@@ -233,18 +234,18 @@ impl ArmKinematics for Kinematics {
 pub fn time_raw_kdl(model: &ArmModel, q: &[JointVector]) -> Result<Vec<f64>, KinematicsError> {
     let mut flat = Vec::with_capacity(q.len() * model.arm_count());
     for configuration in q {
-        check("joint angle", configuration, model.arm_count())?;
+        check_vector("joint angle", configuration, model.arm_count())?;
         flat.extend_from_slice(configuration);
     }
-    ffi::time_raw_kdl(&to_raw(model, 0, model.tip)?, &flat, q.len()).map_err(library)
+    ffi::time_raw_kdl(&to_raw(model, 0, model.tip)?, &flat, q.len()).map_err(library_error)
 }
 
-fn library(exception: cxx::Exception) -> KinematicsError {
+fn library_error(exception: cxx::Exception) -> KinematicsError {
     KinematicsError::Library(exception.what().to_owned())
 }
 
 /// KDL would compute with NaN and report success, and C++ trusts the lengths, so both are stopped here.
-fn check(what: &'static str, values: &[f64], expected: usize) -> Result<(), KinematicsError> {
+fn check_vector(what: &'static str, values: &[f64], expected: usize) -> Result<(), KinematicsError> {
     if values.len() != expected {
         return Err(KinematicsError::WrongJointCount { got: values.len(), expected });
     }
@@ -299,12 +300,12 @@ fn to_raw(model: &ArmModel, base: usize, tip: usize) -> Result<ffi::RawArm, Kine
             inertial_pose: to_raw_pose(&inertial.pose),
             inertia: inertial.inertia,
         };
-        check("joint origin component", &raw.origin, 7)?;
-        check("joint axis component", &raw.axis, 3)?;
-        check("joint limit", &[raw.lower, raw.upper], 2)?;
-        check("link mass", &[raw.mass], 1)?;
-        check("inertial pose component", &raw.inertial_pose, 7)?;
-        check("inertia", &raw.inertia, 6)?;
+        check_vector("joint origin component", &raw.origin, 7)?;
+        check_vector("joint axis component", &raw.axis, 3)?;
+        check_vector("joint limit", &[raw.lower, raw.upper], 2)?;
+        check_vector("link mass", &[raw.mass], 1)?;
+        check_vector("inertial pose component", &raw.inertial_pose, 7)?;
+        check_vector("inertia", &raw.inertia, 6)?;
         links.push(raw);
     }
     let moving = model.moving().map(|joint| joint + 1).collect();

@@ -12,9 +12,9 @@
     reason = "the bridge is what cxx generates; each signature is checked by its C++ compiler run"
 )]
 mod bridge;
-mod effort;
+mod effort_limits;
 mod kinematics;
 
-pub use effort::{EffortLimit, EffortOptions, effort_limits};
+pub use effort_limits::{EffortLimit, EffortOptions, effort_limits};
 pub use kinematics::{Kinematics, time_raw_kdl};
 pub use proact_control::ports::{ArmKinematics, IkOutcome, KinematicsError};

@@ -150,13 +150,13 @@ fn a_carried_body_without_mass_is_refused_and_the_old_one_stays() {
     let at = |mass: f64| Inertial { mass, pose: Pose::translation(0.0, -0.1, 0.0), inertia: [0.0; 6] };
     let rest = zeros(27);
     let down = Vector::new(0.0, 0.0, -9.80665);
-    arm.carry(Some(&at(0.1))).expect("a body with mass");
+    arm.set_payload(Some(&at(0.1))).expect("a body with mass");
     let before = arm.inverse_dynamics(&rest, &rest, &rest, &down);
     for mass in [0.0, -0.1, f64::NAN] {
-        assert!(arm.carry(Some(&at(mass))).is_err());
+        assert!(arm.set_payload(Some(&at(mass))).is_err());
     }
     assert_eq!(arm.inverse_dynamics(&rest, &rest, &rest, &down), before);
-    arm.carry(None).expect("letting go always works");
+    arm.set_payload(None).expect("letting go always works");
     assert_ne!(arm.inverse_dynamics(&rest, &rest, &rest, &down), before);
 }
 

@@ -135,8 +135,8 @@ fn poses_at_and_near_the_joint_limits_are_reached_from_anywhere() {
 
 /// The tolerance that the solver promises, with room for the last rounding.
 fn assert_same_pose(reached: &Pose, target: &Pose) {
-    let apart = (reached.translation.vector - target.translation.vector).norm();
-    assert!(apart < 1.01e-8, "{apart} m");
+    let difference = (reached.translation.vector - target.translation.vector).norm();
+    assert!(difference < 1.01e-8, "{difference} m");
     // An angle this small is lost in the scalar part of a quaternion; the vector part keeps it.
     let left = 2.0 * (reached.rotation.inverse() * target.rotation).imag().norm();
     assert!(left < 1.01e-8, "{left} rad");
@@ -175,8 +175,8 @@ fn many_distinct_solutions_come_in_the_same_order_every_time() {
         assert_within_limits(&model, q);
         assert_same_pose(&kinematics.forward(q).expect("finite angles"), &target);
         for other in &all[..index] {
-            let apart = q.iter().zip(other).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-            assert!(apart >= 0.1);
+            let difference = q.iter().zip(other).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(difference >= 0.1);
         }
     }
     assert_eq!(kinematics.inverse_all(&target, 64, 7), Ok(all.clone()));
@@ -196,12 +196,12 @@ fn link_poses_hold_the_tip_where_forward_kinematics_puts_it() {
     let finger = model.links.last().expect("there are links").name.clone();
     let mut chain = Kinematics::with_chain(&model, &model.links[0].name, &finger).expect("a chain");
     let mut angles = q[..7].to_vec();
-    let places: Vec<usize> = model.moving().collect();
+    let indices: Vec<usize> = model.moving().collect();
     let mut link = model.links.len() - 1;
     let mut finger_angles = Vec::new();
     while link != model.tip {
         let joint = link - 1;
-        finger_angles.extend(places.iter().position(|&p| p == joint).map(|place| q[place]));
+        finger_angles.extend(indices.iter().position(|&p| p == joint).map(|index| q[index]));
         link = model.joints[joint].parent;
     }
     angles.extend(finger_angles.iter().rev());
@@ -214,13 +214,13 @@ fn torque_at_rest_is_the_gradient_of_potential_energy() {
     let (model, mut kinematics) = arm();
     let block = Inertial {
         mass: 0.1,
-        pose: Pose::from_parts(model.widest_grasp().centre.into(), nalgebra::UnitQuaternion::identity()),
+        pose: Pose::from_parts(model.widest_grasp().center.into(), nalgebra::UnitQuaternion::identity()),
         inertia: [4e-5, 0.0, 0.0, 4e-5, 0.0, 4e-5],
     };
     let mut random = ChaCha8Rng::seed_from_u64(7);
     let rest = zeros(27);
     for carried in [None, Some(&block)] {
-        kinematics.carry(carried).expect("a body with mass");
+        kinematics.set_payload(carried).expect("a body with mass");
         for _ in 0..10 {
             let q = configuration(&model, &mut random);
             // In any direction: the base leans with the trunk.

@@ -10,25 +10,25 @@ const WINDOW: Nanos = 10_000_000_000;
 #[derive(Clone, Debug, Default)]
 pub struct ClockOffset {
     /// Arrival and offset, offsets rising: the first is the least.
-    least: VecDeque<(Nanos, Nanos)>,
+    offset_minima: VecDeque<(Nanos, Nanos)>,
 }
 
 impl ClockOffset {
     /// The stamp on our clock, s, as if the sample had had no delay but the least.
-    pub fn take(&mut self, stamp: Nanos, arrival: Nanos) -> f64 {
+    pub fn update(&mut self, stamp: Nanos, arrival: Nanos) -> f64 {
         let offset = arrival.saturating_sub(stamp);
-        while self.least.back().is_some_and(|(_, other)| *other >= offset) {
-            self.least.pop_back();
+        while self.offset_minima.back().is_some_and(|(_, other)| *other >= offset) {
+            self.offset_minima.pop_back();
         }
-        self.least.push_back((arrival, offset));
-        while self.least.front().is_some_and(|(at, _)| arrival.saturating_sub(*at) > WINDOW) {
-            self.least.pop_front();
+        self.offset_minima.push_back((arrival, offset));
+        while self.offset_minima.front().is_some_and(|(at, _)| arrival.saturating_sub(*at) > WINDOW) {
+            self.offset_minima.pop_front();
         }
         stamp.saturating_add(self.offset()) as f64 * 1e-9
     }
 
     /// What is added to a stamp to be on our clock, ns.
     pub fn offset(&self) -> Nanos {
-        self.least.front().map_or(0, |(_, offset)| *offset)
+        self.offset_minima.front().map_or(0, |(_, offset)| *offset)
     }
 }

@@ -7,19 +7,19 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 pub type Nanos = i64;
 
 /// So far back a moving frame is remembered from its newest pose, ns: ten seconds, as tf2 does.
-const KEPT: Nanos = 10_000_000_000;
+const HISTORY_NS: Nanos = 10_000_000_000;
 /// Poses of one edge at most: 10 s at 1 kHz. Beyond, the oldest go.
-const MOST_POSES: usize = 10_000;
+const MAX_POSES: usize = 10_000;
 /// Frames at most: a fault that makes up names does not fill the memory.
-const MOST_FRAMES: usize = 4096;
+const MAX_FRAMES: usize = 4096;
 /// A rotation may be off unit length by this much.
 const UNIT_TOLERANCE: f64 = 1e-6;
 
 /// When a transform is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum At {
+pub enum TransformTime {
     /// The newest time at which every moving frame on the way is known.
-    Newest,
+    Latest,
     /// This time. Between two poses is interpolated; before the first and after the last there is none.
     Time(Nanos),
 }
@@ -51,7 +51,7 @@ pub enum FrameError {
         child: String,
     },
     /// Too many frames.
-    #[error("more than {MOST_FRAMES} frames: {child:?} is not taken")]
+    #[error("more than {MAX_FRAMES} frames: {child:?} is not taken")]
     Full {
         /// The one too many.
         child: String,
@@ -64,7 +64,7 @@ pub enum FrameError {
     },
     /// Both are known, and nothing joins them.
     #[error("frames {from:?} and {to:?} are in two trees: nothing joins {from_root:?} and {to_root:?}")]
-    Apart {
+    NotConnected {
         /// As asked for.
         from: String,
         /// The top of its tree.
@@ -76,7 +76,7 @@ pub enum FrameError {
     },
     /// An edge is not known at the time.
     #[error(
-        "frame {child:?} in {parent:?} is known from {first_secs:.3} s to {last_secs:.3} s, and asked for at {asked_secs:.3} s"
+        "frame {child:?} in {parent:?} is known from {first_secs:.3} s to {last_secs:.3} s, and asked for at {requested_secs:.3} s"
     )]
     Time {
         /// The edge's upper frame.
@@ -88,7 +88,7 @@ pub enum FrameError {
         /// Stamp of its newest pose, s.
         last_secs: f64,
         /// s.
-        asked_secs: f64,
+        requested_secs: f64,
     },
 }
 
@@ -111,9 +111,9 @@ enum Poses {
 /// what has become of the past.
 ///
 /// ```
-/// use proact_localization::{At, FrameTree};
+/// use proact_localization::{TransformTime, FrameTree};
 /// let tree = FrameTree::default();
-/// assert_eq!(tree.look_up("world", "head", At::Newest).unwrap_err().to_string(), "there is no frame \"world\"");
+/// assert_eq!(tree.lookup_transform("world", "head", TransformTime::Latest).unwrap_err().to_string(), "there is no frame \"world\"");
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct FrameTree {
@@ -126,7 +126,12 @@ impl FrameTree {
     ///
     /// # Errors
     /// Names, a pose or a loop that cannot be; nothing is changed then.
-    pub fn fix(&mut self, parent: &str, child: &str, parent_from_child: Pose) -> Result<(), FrameError> {
+    pub fn set_static_transform(
+        &mut self,
+        parent: &str,
+        child: &str,
+        parent_from_child: Pose,
+    ) -> Result<(), FrameError> {
         self.check(parent, child, &parent_from_child)?;
         self.join(parent, child, Poses::Fixed(parent_from_child));
         Ok(())
@@ -135,8 +140,8 @@ impl FrameTree {
     /// Tells of a frame that moves: where it was at `stamp`. A second pose of the same stamp is passed over.
     ///
     /// # Errors
-    /// As [`FrameTree::fix`].
-    pub fn put(
+    /// As [`FrameTree::set_static_transform`].
+    pub fn set_transform(
         &mut self,
         parent: &str,
         child: &str,
@@ -150,7 +155,7 @@ impl FrameTree {
             return Ok(());
         };
         let newest = poses.back().map_or(stamp, |(newest, _)| *newest);
-        if stamp < newest.saturating_sub(KEPT) {
+        if stamp < newest.saturating_sub(HISTORY_NS) {
             // A clock that was set back, or a simulator that was started again.
             poses.clear();
         }
@@ -158,8 +163,8 @@ impl FrameTree {
         if poses.get(at).is_none_or(|(same, _)| *same != stamp) {
             poses.insert(at, (stamp, parent_from_child));
         }
-        let oldest = poses.back().map_or(stamp, |(newest, _)| newest.saturating_sub(KEPT));
-        while poses.len() > MOST_POSES || poses.front().is_some_and(|(first, _)| *first < oldest) {
+        let oldest = poses.back().map_or(stamp, |(newest, _)| newest.saturating_sub(HISTORY_NS));
+        while poses.len() > MAX_POSES || poses.front().is_some_and(|(first, _)| *first < oldest) {
             poses.pop_front();
         }
         Ok(())
@@ -169,11 +174,16 @@ impl FrameTree {
     ///
     /// # Errors
     /// A frame nobody told of, two trees, or a link that is not known at the time, by its name.
-    pub fn look_up(&self, target: &str, source: &str, at: At) -> Result<Pose, FrameError> {
-        let (down, up) = self.way(target, source)?;
+    pub fn lookup_transform(
+        &self,
+        target: &str,
+        source: &str,
+        at: TransformTime,
+    ) -> Result<Pose, FrameError> {
+        let (down, up) = self.path_via_common_ancestor(target, source)?;
         let stamp = match at {
-            At::Time(stamp) => stamp,
-            At::Newest => self.newest_of(down.iter().chain(&up)).unwrap_or_default(),
+            TransformTime::Time(stamp) => stamp,
+            TransformTime::Latest => self.latest_common_time_of(down.iter().chain(&up)).unwrap_or_default(),
         };
         let through = |children: &[&str]| {
             children.iter().try_fold(Pose::identity(), |below, child| Ok(self.edge(child, stamp)? * below))
@@ -184,18 +194,18 @@ impl FrameTree {
     /// Stamp of the oldest among the newest poses of the moving frames between the two; none if nothing moves there.
     ///
     /// # Errors
-    /// As [`FrameTree::look_up`].
-    pub fn newest(&self, target: &str, source: &str) -> Result<Option<Nanos>, FrameError> {
-        let (down, up) = self.way(target, source)?;
-        Ok(self.newest_of(down.iter().chain(&up)))
+    /// As [`FrameTree::lookup_transform`].
+    pub fn latest_common_time(&self, target: &str, source: &str) -> Result<Option<Nanos>, FrameError> {
+        let (down, up) = self.path_via_common_ancestor(target, source)?;
+        Ok(self.latest_common_time_of(down.iter().chain(&up)))
     }
 
     /// The links between the two, by the names of their lower frames.
     ///
     /// # Errors
-    /// As [`FrameTree::look_up`].
+    /// As [`FrameTree::lookup_transform`].
     pub fn links<'a>(&'a self, target: &'a str, source: &'a str) -> Result<Vec<&'a str>, FrameError> {
-        let (mut down, up) = self.way(target, source)?;
+        let (mut down, up) = self.path_via_common_ancestor(target, source)?;
         down.extend(up);
         Ok(down)
     }
@@ -206,13 +216,13 @@ impl FrameTree {
     }
 
     /// The frames that do not move alone.
-    pub fn fixed(&self) -> Self {
+    pub fn static_only(&self) -> Self {
         let still = |edge: &Edge| matches!(edge.poses, Poses::Fixed(_));
         let edges = self.edges.iter().filter(|(_, edge)| still(edge));
         Self { edges: edges.map(|(child, edge)| (child.clone(), edge.clone())).collect() }
     }
 
-    fn newest_of<'a>(&self, children: impl Iterator<Item = &'a &'a str>) -> Option<Nanos> {
+    fn latest_common_time_of<'a>(&self, children: impl Iterator<Item = &'a &'a str>) -> Option<Nanos> {
         let newest = |child: &&str| match &self.edges.get(*child)?.poses {
             Poses::Moving(poses) => poses.back().map(|(stamp, _)| *stamp),
             Poses::Fixed(_) => None,
@@ -230,11 +240,11 @@ impl FrameTree {
         if !finite || (pose.rotation.coords.norm() - 1.0).abs() > UNIT_TOLERANCE {
             return Err(FrameError::Pose { child: child.to_owned() });
         }
-        if !self.edges.contains_key(child) && self.edges.len() >= MOST_FRAMES {
+        if !self.edges.contains_key(child) && self.edges.len() >= MAX_FRAMES {
             return Err(FrameError::Full { child: child.to_owned() });
         }
         let known = self.edges.get(child).is_some_and(|edge| edge.parent == parent);
-        if !known && self.above(parent).any(|name| name == child) {
+        if !known && self.ancestors(parent).any(|name| name == child) {
             let (parent, child) = names();
             return Err(FrameError::Loop { parent, child });
         }
@@ -246,7 +256,7 @@ impl FrameTree {
     }
 
     /// A frame and those above it, up to the top.
-    fn above<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a str> {
+    fn ancestors<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a str> {
         std::iter::successors(Some(name), |name| self.edges.get(*name).map(|edge| edge.parent.as_str()))
     }
 
@@ -255,7 +265,7 @@ impl FrameTree {
     }
 
     /// The edges from each of the two up to the frame that both are in, by their children.
-    fn way<'a>(
+    fn path_via_common_ancestor<'a>(
         &'a self,
         target: &'a str,
         source: &'a str,
@@ -264,13 +274,13 @@ impl FrameTree {
             return Err(FrameError::Unknown { name: name.to_owned() });
         }
         let (mut down, mut up): (Vec<&str>, Vec<&str>) =
-            (self.above(target).collect(), self.above(source).collect());
+            (self.ancestors(target).collect(), self.ancestors(source).collect());
         let tops = (down.pop(), up.pop());
         if let (Some(to_root), Some(from_root)) = tops
             && to_root != from_root
         {
             let [from, from_root, to, to_root] = [source, from_root, target, to_root].map(str::to_owned);
-            return Err(FrameError::Apart { from, from_root, to, to_root });
+            return Err(FrameError::NotConnected { from, from_root, to, to_root });
         }
         while down.last().is_some_and(|last| up.last() == Some(last)) {
             down.pop();
@@ -303,7 +313,7 @@ impl FrameTree {
                     child: child.to_owned(),
                     first_secs: ends[0],
                     last_secs: ends[1],
-                    asked_secs: secs(stamp),
+                    requested_secs: secs(stamp),
                 })
             }
         }
@@ -349,14 +359,14 @@ mod tests {
                 let parent = parent.index(k + 1);
                 let (above, name) = (format!("f{parent}"), format!("f{}", k + 1));
                 if *moves {
-                    tree.put(&above, &name, 5 * SEC, *parent_from_child).unwrap();
+                    tree.set_transform(&above, &name, 5 * SEC, *parent_from_child).unwrap();
                 } else {
-                    tree.fix(&above, &name, *parent_from_child).unwrap();
+                    tree.set_static_transform(&above, &name, *parent_from_child).unwrap();
                 }
                 root_from.push(root_from[parent] * parent_from_child);
             }
             let (a, b) = (pick.0.index(root_from.len()), pick.1.index(root_from.len()));
-            let found = tree.look_up(&format!("f{a}"), &format!("f{b}"), At::Newest).unwrap();
+            let found = tree.lookup_transform(&format!("f{a}"), &format!("f{b}"), TransformTime::Latest).unwrap();
             let off = (root_from[a].inverse() * root_from[b]).inverse() * found;
             prop_assert!(off.translation.vector.norm() < 1e-9 && off.rotation.angle() < 1e-6);
         }
@@ -369,14 +379,14 @@ mod tests {
         for secs in [3, 1, 2] {
             let turn = UnitQuaternion::from_euler_angles(0.0, 0.0, 0.4 * secs as f64);
             let there = Pose::from_parts(Translation3::new(secs as f64, 0.0, 0.0), turn);
-            tree.put("world", "hand", secs * SEC, there).unwrap();
+            tree.set_transform("world", "hand", secs * SEC, there).unwrap();
         }
-        let half = tree.look_up("world", "hand", At::Time(5 * SEC / 2)).unwrap();
+        let half = tree.lookup_transform("world", "hand", TransformTime::Time(5 * SEC / 2)).unwrap();
         assert!((x_of(&half) - 2.5).abs() < 1e-12 && (half.rotation.angle() - 1.0).abs() < 1e-12);
-        assert_eq!(x_of(&tree.look_up("world", "hand", At::Newest).unwrap()), 3.0);
-        assert_eq!(x_of(&tree.look_up("world", "hand", At::Time(SEC)).unwrap()), 1.0);
+        assert_eq!(x_of(&tree.lookup_transform("world", "hand", TransformTime::Latest).unwrap()), 3.0);
+        assert_eq!(x_of(&tree.lookup_transform("world", "hand", TransformTime::Time(SEC)).unwrap()), 1.0);
         for outside in [SEC - 1, 3 * SEC + 1] {
-            let error = tree.look_up("world", "hand", At::Time(outside)).unwrap_err();
+            let error = tree.lookup_transform("world", "hand", TransformTime::Time(outside)).unwrap_err();
             assert!(
                 error.to_string().starts_with("frame \"hand\" in \"world\" is known from 1.000 s to 3.000 s")
             );
@@ -386,76 +396,90 @@ mod tests {
     #[test]
     fn newest_is_the_newest_time_that_all_moving_links_know() {
         let mut tree = FrameTree::default();
-        tree.fix("world", "table", at(10.0)).unwrap();
+        tree.set_static_transform("world", "table", at(10.0)).unwrap();
         for secs in 0..=4 {
-            tree.put("table", "head", secs * SEC, at(secs as f64)).unwrap();
+            tree.set_transform("table", "head", secs * SEC, at(secs as f64)).unwrap();
         }
         for secs in 0..=2 {
-            tree.put("head", "eye", secs * SEC, at(100.0 * secs as f64)).unwrap();
+            tree.set_transform("head", "eye", secs * SEC, at(100.0 * secs as f64)).unwrap();
         }
-        assert_eq!(x_of(&tree.look_up("world", "eye", At::Newest).unwrap()), 10.0 + 2.0 + 200.0);
-        assert_eq!(tree.newest("world", "eye"), Ok(Some(2 * SEC)));
-        assert_eq!(tree.newest("world", "head"), Ok(Some(4 * SEC)));
-        assert_eq!(tree.newest("world", "table"), Ok(None));
+        assert_eq!(
+            x_of(&tree.lookup_transform("world", "eye", TransformTime::Latest).unwrap()),
+            10.0 + 2.0 + 200.0
+        );
+        assert_eq!(tree.latest_common_time("world", "eye"), Ok(Some(2 * SEC)));
+        assert_eq!(tree.latest_common_time("world", "head"), Ok(Some(4 * SEC)));
+        assert_eq!(tree.latest_common_time("world", "table"), Ok(None));
     }
 
     #[test]
     fn what_is_missing_is_named() {
         let mut tree = FrameTree::default();
-        tree.fix("world", "table", at(1.0)).unwrap();
-        tree.fix("mocap", "pad", at(1.0)).unwrap();
+        tree.set_static_transform("world", "table", at(1.0)).unwrap();
+        tree.set_static_transform("mocap", "pad", at(1.0)).unwrap();
         let unknown = FrameError::Unknown { name: "hat".to_owned() };
-        assert_eq!(tree.look_up("world", "hat", At::Newest), Err(unknown.clone()));
-        assert_eq!(tree.look_up("hat", "hat", At::Newest), Err(unknown));
-        let apart = tree.look_up("table", "pad", At::Newest).unwrap_err();
+        assert_eq!(tree.lookup_transform("world", "hat", TransformTime::Latest), Err(unknown.clone()));
+        assert_eq!(tree.lookup_transform("hat", "hat", TransformTime::Latest), Err(unknown));
+        let error = tree.lookup_transform("table", "pad", TransformTime::Latest).unwrap_err();
         assert_eq!(
-            apart.to_string(),
+            error.to_string(),
             "frames \"pad\" and \"table\" are in two trees: nothing joins \"mocap\" and \"world\""
         );
-        assert_eq!(tree.look_up("world", "world", At::Newest), Ok(Pose::identity()), "a top is known too");
+        assert_eq!(
+            tree.lookup_transform("world", "world", TransformTime::Latest),
+            Ok(Pose::identity()),
+            "a top is known too"
+        );
     }
 
     #[test]
     fn what_cannot_be_is_refused_and_changes_nothing() {
         let mut tree = FrameTree::default();
-        tree.fix("world", "a", at(1.0)).unwrap();
-        tree.fix("a", "b", at(1.0)).unwrap();
-        assert!(matches!(tree.fix("b", "world", at(1.0)), Err(FrameError::Loop { .. })));
-        assert!(matches!(tree.put("b", "a", 0, at(1.0)), Err(FrameError::Loop { .. })));
-        assert!(matches!(tree.fix("b", "b", at(1.0)), Err(FrameError::Name { .. })));
-        assert!(matches!(tree.fix("", "c", at(1.0)), Err(FrameError::Name { .. })));
-        assert!(matches!(tree.fix("b", "c", at(f64::NAN)), Err(FrameError::Pose { .. })));
+        tree.set_static_transform("world", "a", at(1.0)).unwrap();
+        tree.set_static_transform("a", "b", at(1.0)).unwrap();
+        assert!(matches!(tree.set_static_transform("b", "world", at(1.0)), Err(FrameError::Loop { .. })));
+        assert!(matches!(tree.set_transform("b", "a", 0, at(1.0)), Err(FrameError::Loop { .. })));
+        assert!(matches!(tree.set_static_transform("b", "b", at(1.0)), Err(FrameError::Name { .. })));
+        assert!(matches!(tree.set_static_transform("", "c", at(1.0)), Err(FrameError::Name { .. })));
+        assert!(matches!(tree.set_static_transform("b", "c", at(f64::NAN)), Err(FrameError::Pose { .. })));
         let long = UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(1.1, 0.0, 0.0, 0.0));
         let scaled = Pose::from_parts(Translation3::identity(), long);
-        assert!(matches!(tree.put("b", "c", 0, scaled), Err(FrameError::Pose { .. })));
-        assert_eq!(x_of(&tree.look_up("world", "b", At::Newest).unwrap()), 2.0);
-        assert!(matches!(tree.look_up("world", "c", At::Newest), Err(FrameError::Unknown { .. })));
+        assert!(matches!(tree.set_transform("b", "c", 0, scaled), Err(FrameError::Pose { .. })));
+        assert_eq!(x_of(&tree.lookup_transform("world", "b", TransformTime::Latest).unwrap()), 2.0);
+        assert!(matches!(
+            tree.lookup_transform("world", "c", TransformTime::Latest),
+            Err(FrameError::Unknown { .. })
+        ));
     }
 
     #[test]
     fn a_frame_moves_to_another_parent_and_a_clock_back_to_its_start() {
         let mut tree = FrameTree::default();
-        tree.put("world", "block", 100 * SEC, at(1.0)).unwrap();
-        tree.put("world", "hand", 100 * SEC, at(5.0)).unwrap();
-        tree.put("hand", "block", 100 * SEC, at(0.5)).unwrap();
-        assert_eq!(x_of(&tree.look_up("world", "block", At::Newest).unwrap()), 5.5);
+        tree.set_transform("world", "block", 100 * SEC, at(1.0)).unwrap();
+        tree.set_transform("world", "hand", 100 * SEC, at(5.0)).unwrap();
+        tree.set_transform("hand", "block", 100 * SEC, at(0.5)).unwrap();
+        assert_eq!(x_of(&tree.lookup_transform("world", "block", TransformTime::Latest).unwrap()), 5.5);
         // A simulator that is started again.
-        tree.put("world", "hand", SEC, at(7.0)).unwrap();
-        assert_eq!(x_of(&tree.look_up("world", "hand", At::Newest).unwrap()), 7.0);
-        assert!(tree.look_up("world", "block", At::Newest).is_err(), "its newest pose is of another time");
+        tree.set_transform("world", "hand", SEC, at(7.0)).unwrap();
+        assert_eq!(x_of(&tree.lookup_transform("world", "hand", TransformTime::Latest).unwrap()), 7.0);
+        assert!(
+            tree.lookup_transform("world", "block", TransformTime::Latest).is_err(),
+            "its newest pose is of another time"
+        );
     }
 
     #[test]
     fn ten_seconds_are_remembered_and_names_without_end_are_not() {
         let mut tree = FrameTree::default();
         for millis in 0..20_000 {
-            tree.put("world", "hand", millis * 1_000_000, at(millis as f64)).unwrap();
+            tree.set_transform("world", "hand", millis * 1_000_000, at(millis as f64)).unwrap();
         }
-        assert!(tree.look_up("world", "hand", At::Time(10 * SEC)).is_ok());
-        assert!(tree.look_up("world", "hand", At::Time(9 * SEC)).is_err());
+        assert!(tree.lookup_transform("world", "hand", TransformTime::Time(10 * SEC)).is_ok());
+        assert!(tree.lookup_transform("world", "hand", TransformTime::Time(9 * SEC)).is_err());
         let made_up = |k: usize| format!("ghost{k}");
-        let refused = (0..2 * MOST_FRAMES).find(|k| tree.fix("world", &made_up(*k), at(0.0)).is_err());
-        assert_eq!(refused, Some(MOST_FRAMES - 1));
-        assert!(tree.put("world", "hand", 20 * SEC, at(0.0)).is_ok(), "those that are known go on");
+        let refused =
+            (0..2 * MAX_FRAMES).find(|k| tree.set_static_transform("world", &made_up(*k), at(0.0)).is_err());
+        assert_eq!(refused, Some(MAX_FRAMES - 1));
+        assert!(tree.set_transform("world", "hand", 20 * SEC, at(0.0)).is_ok(), "those that are known go on");
     }
 }

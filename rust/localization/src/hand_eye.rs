@@ -6,7 +6,7 @@
 //! is `A X = X B`.
 
 use crate::{
-    hand_eye_fit::{Fit, refine},
+    hand_eye_fit::{HandEyeFit, refine},
     observability::{HeadAxis, Observability},
 };
 use nalgebra::{Matrix3, SVD, UnitQuaternion};
@@ -36,30 +36,34 @@ pub struct PosePair {
 /// What a calibration may assume.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct CalibrationOptions {
+pub struct HeadsetCalibrationOptions {
     /// Pairs in a second that are used; the rest adds little but time.
     pub pairs_hz: f64,
     /// Markers and headset turn on one clock to within this, s: it is searched that far.
     pub clock_search_secs: f64,
     /// A calibration whose place is less sure than this, m (one standard deviation), asks for more motion.
-    pub sure_m: f64,
+    #[serde(rename = "sure_m")]
+    pub max_position_sd_m: f64,
     /// The same for its attitude, degrees.
-    pub sure_deg: f64,
+    #[serde(rename = "sure_deg")]
+    pub max_rotation_sd_deg: f64,
     /// Residuals above this, m, are those of markers that moved, or of a disturbed system.
-    pub residual_m: f64,
+    #[serde(rename = "residual_m")]
+    pub max_residual_m: f64,
     /// The same for turns, degrees.
-    pub residual_deg: f64,
+    #[serde(rename = "residual_deg")]
+    pub max_residual_deg: f64,
 }
 
-impl Default for CalibrationOptions {
+impl Default for HeadsetCalibrationOptions {
     fn default() -> Self {
         Self {
             pairs_hz: 20.0,
             clock_search_secs: 0.2,
-            sure_m: 0.001,
-            sure_deg: 0.1,
-            residual_m: 0.008,
-            residual_deg: 1.0,
+            max_position_sd_m: 0.001,
+            max_rotation_sd_deg: 0.1,
+            max_residual_m: 0.008,
+            max_residual_deg: 1.0,
         }
     }
 }
@@ -67,7 +71,7 @@ impl Default for CalibrationOptions {
 /// What a calibration is good for.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "verdict", rename_all = "snake_case")]
-pub enum CalibrationVerdict {
+pub enum HeadsetCalibrationVerdict {
     /// Go on.
     Good,
     /// The head has not turned enough about this axis.
@@ -84,7 +88,7 @@ pub enum CalibrationVerdict {
     Noisy,
 }
 
-impl std::fmt::Display for CalibrationVerdict {
+impl std::fmt::Display for HeadsetCalibrationVerdict {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Good => write!(f, "good"),
@@ -106,34 +110,34 @@ impl std::fmt::Display for CalibrationVerdict {
 /// Why there is no calibration.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-pub enum CalibrationError {
+pub enum HeadsetCalibrationError {
     /// Too little in common.
     #[error(
-        "{got} pairs of headset and markers at the same time, expected at least {least}; record both for a minute, and check \
+        "{got} pairs of headset and markers at the same time, expected at least {required}; record both for a minute, and check \
          that their times are of one clock to within {search_secs} s"
     )]
-    Pairs {
+    TooFewPairs {
         /// How many there are.
         got: usize,
         /// How many are needed.
-        least: usize,
+        required: usize,
         /// s.
         search_secs: f64,
     },
     /// The head did not turn.
     #[error(
-        "the head turned by {got_deg:.1} degrees at most, expected at least {least_deg:.0}; nod, turn and tilt the head slowly \
+        "the head turned by {got_deg:.1} degrees at most, expected at least {required_deg:.0}; nod, turn and tilt the head slowly \
          for a minute"
     )]
-    Still {
+    TooLittleRotation {
         /// degrees.
         got_deg: f64,
         /// degrees.
-        least_deg: f64,
+        required_deg: f64,
     },
     /// Another unit of length.
     #[error(
-        "a length of the markers is {scale:.4} of the headset's, expected 1; declare metres_per_unit = {unit} for the \
+        "a length of the markers is {scale:.4} of the headset's, expected 1; declare meters_per_unit = {unit} for the \
          tracking system"
     )]
     Scale {
@@ -153,7 +157,7 @@ pub enum CalibrationError {
     },
     /// No numbers.
     #[error("a pose is not finite, or times do not rise")]
-    Numbers,
+    NotFinite,
 }
 
 /// A calibration, as it is saved.
@@ -170,7 +174,8 @@ pub struct HeadsetCalibration {
     /// The end of the recording, s on the headset's clock.
     pub end_secs: f64,
     /// Middle of the head's places in `tracking`, m: corrections of drift turn about it.
-    pub head_place: Vector,
+    #[serde(rename = "head_place")]
+    pub head_position: Vector,
     /// Root mean square of the places that count, m.
     pub residual_m: f64,
     /// The same of the turns, degrees.
@@ -183,20 +188,20 @@ pub struct HeadsetCalibration {
     pub observability: Observability,
     /// What it is good for.
     #[serde(flatten)]
-    pub verdict: CalibrationVerdict,
+    pub verdict: HeadsetCalibrationVerdict,
 }
 
-const LEAST_PAIRS: usize = 60;
-const LEAST_TURN_DEG: f64 = 10.0;
+const MIN_PAIRS: usize = 60;
+const MIN_ROTATION_DEG: f64 = 10.0;
 /// Between two times whose relative motion is used, the head turned by this much at least, rad.
-const LEAST_RELATIVE_RAD: f64 = 0.15;
+const MIN_RELATIVE_ROTATION_RAD: f64 = 0.15;
 /// A gap between two poses that is interpolated at most, s.
-const LONGEST_GAP_SECS: f64 = 0.06;
+const MAX_GAP_SECS: f64 = 0.06;
 /// Units of length that are taken for metres by mistake, m: mm, cm, inch, foot, and metres where the headset sends mm or cm.
 const UNITS_M: [f64; 6] = [0.001, 0.01, 0.0254, 0.3048, 1000.0, 100.0];
 /// Share by which a length may differ from that of a unit.
 const SCALE_TOLERANCE: f64 = 0.1;
-const MIRROR_TIMES: f64 = 3.0;
+const MIN_MIRROR_RESIDUAL_RATIO: f64 = 3.0;
 /// Of the search for the clocks' offset, s.
 const GRID_SECS: f64 = 0.005;
 /// Most times that pairs are made anew.
@@ -216,7 +221,7 @@ pub fn pair_streams(head: &[TimedPose], markers: &[TimedPose], offset_secs: f64)
             continue;
         };
         let gap = after.stamp_secs - before.stamp_secs;
-        if gap > LONGEST_GAP_SECS {
+        if gap > MAX_GAP_SECS {
             continue;
         }
         let share = (at.stamp_secs - before.stamp_secs - offset_secs) / gap;
@@ -237,22 +242,22 @@ pub fn pair_streams(head: &[TimedPose], markers: &[TimedPose], offset_secs: f64)
 /// start; what is refined does not depend on it. Deterministic: nothing is drawn.
 ///
 /// # Errors
-/// [`CalibrationError`]: too few pairs, a still head, another unit, mirrored axes, numbers that are none.
-pub fn calibrate(
+/// [`HeadsetCalibrationError`]: too few pairs, a still head, another unit, mirrored axes, numbers that are none.
+pub fn calibrate_headset(
     head: &[TimedPose],
     markers: &[TimedPose],
-    options: &CalibrationOptions,
-) -> Result<HeadsetCalibration, CalibrationError> {
+    options: &HeadsetCalibrationOptions,
+) -> Result<HeadsetCalibration, HeadsetCalibrationError> {
     for stream in [head, markers] {
         let finite = |timed: &TimedPose| {
             timed.stamp_secs.is_finite() && timed.pose.to_homogeneous().iter().all(|v| v.is_finite())
         };
         if !stream.iter().all(finite) || stream.windows(2).any(|two| two[1].stamp_secs < two[0].stamp_secs) {
-            return Err(CalibrationError::Numbers);
+            return Err(HeadsetCalibrationError::NotFinite);
         }
     }
     let mut offset = clock_offset(head, markers, options.clock_search_secs);
-    let (mut pairs, mut fit) = fitted(head, markers, offset, options)?;
+    let (mut pairs, mut fit) = fit_with_clock_offset(head, markers, offset, options)?;
     // The refinement takes the markers' motion around a pair for even, which it is for some milliseconds: where the search was
     // off by more, pairs are made anew.
     for _ in 0..CLOCK_ROUNDS {
@@ -261,11 +266,11 @@ pub fn calibrate(
             break;
         }
         offset = better;
-        (pairs, fit) = fitted(head, markers, offset, options)?;
+        (pairs, fit) = fit_with_clock_offset(head, markers, offset, options)?;
     }
     check_mirrored(&pairs, &fit)?;
-    let observability = Observability::of(&pairs, &fit);
-    let verdict = judge(&pairs, &fit, &observability, options);
+    let observability = Observability::from_fit(&pairs, &fit);
+    let verdict = assess_calibration(&pairs, &fit, &observability, options);
     let middle =
         pairs.iter().map(|pair| pair.markers.translation.vector).sum::<Vector>() / pairs.len() as f64;
     Ok(HeadsetCalibration {
@@ -274,7 +279,7 @@ pub fn calibrate(
         drift_m_per_s: fit.drift,
         clock_offset_secs: offset + fit.offset_secs,
         end_secs: fit.end_secs,
-        head_place: middle,
+        head_position: middle,
         residual_m: fit.residual_m,
         residual_deg: fit.residual_rad.to_degrees(),
         pairs: pairs.len(),
@@ -285,40 +290,47 @@ pub fn calibrate(
 }
 
 /// The fit to the pairs that this offset of the clocks makes.
-fn fitted(
+fn fit_with_clock_offset(
     head: &[TimedPose],
     markers: &[TimedPose],
     offset: f64,
-    options: &CalibrationOptions,
-) -> Result<(Vec<PosePair>, Fit), CalibrationError> {
+    options: &HeadsetCalibrationOptions,
+) -> Result<(Vec<PosePair>, HandEyeFit), HeadsetCalibrationError> {
     let all = pair_streams(head, markers, offset);
-    if all.len() < LEAST_PAIRS {
+    if all.len() < MIN_PAIRS {
         let search_secs = options.clock_search_secs;
-        return Err(CalibrationError::Pairs { got: all.len(), least: LEAST_PAIRS, search_secs });
+        return Err(HeadsetCalibrationError::TooFewPairs {
+            got: all.len(),
+            required: MIN_PAIRS,
+            search_secs,
+        });
     }
     let turned =
         all.iter().map(|pair| all[0].head.rotation.angle_to(&pair.head.rotation)).fold(0.0, f64::max);
-    if turned.to_degrees() < LEAST_TURN_DEG {
-        return Err(CalibrationError::Still { got_deg: turned.to_degrees(), least_deg: LEAST_TURN_DEG });
+    if turned.to_degrees() < MIN_ROTATION_DEG {
+        return Err(HeadsetCalibrationError::TooLittleRotation {
+            got_deg: turned.to_degrees(),
+            required_deg: MIN_ROTATION_DEG,
+        });
     }
-    let pairs = thinned(&all, options.pairs_hz);
-    let (x, scale) = start(&pairs)?;
+    let pairs = downsample_pairs(&all, options.pairs_hz);
+    let (x, scale) = initial_estimate(&pairs)?;
     // Of data that do not belong together any scale may come out: only that of a unit somebody uses is taken for one.
     let unit = UNITS_M.into_iter().find(|unit| (scale * unit - 1.0).abs() < SCALE_TOLERANCE);
     if let Some(unit) = unit {
-        return Err(CalibrationError::Scale { scale, unit });
+        return Err(HeadsetCalibrationError::Scale { scale, unit });
     }
     let fit = refine(&pairs, x);
     Ok((pairs, fit))
 }
 
 /// The original's calibration: `Y` from one sample of each, with `X` known (`shoulder_localization/fix_world`).
-pub fn one_shot(head_from_markers: &Pose, head: &Pose, markers: &Pose) -> Pose {
+pub fn calibrate_headset_from_one_pair(head_from_markers: &Pose, head: &Pose, markers: &Pose) -> Pose {
     head * head_from_markers * markers.inverse()
 }
 
 /// Evenly in time, at most so many a second.
-fn thinned(pairs: &[PosePair], hz: f64) -> Vec<PosePair> {
+fn downsample_pairs(pairs: &[PosePair], hz: f64) -> Vec<PosePair> {
     let mut due = f64::NEG_INFINITY;
     let mut kept = Vec::new();
     for pair in pairs {
@@ -342,7 +354,7 @@ fn clock_offset(head: &[TimedPose], markers: &[TimedPose], search_secs: f64) -> 
             }
             let Some(second) = stream.get(later) else { break };
             let secs = second.stamp_secs - first.stamp_secs;
-            if secs < LONGEST_GAP_SECS + 0.04 {
+            if secs < MAX_GAP_SECS + 0.04 {
                 let middle = 0.5 * (first.stamp_secs + second.stamp_secs);
                 speeds.push((middle, first.pose.rotation.angle_to(&second.pose.rotation) / secs));
             }
@@ -366,7 +378,7 @@ fn clock_offset(head: &[TimedPose], markers: &[TimedPose], search_secs: f64) -> 
             sum += (speed - before.1 - share * (after.1 - before.1)).powi(2).min(0.25);
             count += 1;
         }
-        if count < LEAST_PAIRS { f64::INFINITY } else { sum / count as f64 }
+        if count < MIN_PAIRS { f64::INFINITY } else { sum / count as f64 }
     };
     let offsets = (-steps..=steps).map(|k| k as f64 * GRID_SECS);
     let best = offsets.map(|offset| (score(offset), offset)).min_by(|a, b| a.0.total_cmp(&b.0));
@@ -374,11 +386,14 @@ fn clock_offset(head: &[TimedPose], markers: &[TimedPose], search_secs: f64) -> 
 }
 
 /// X, and the length of the markers' unit over the headset's.
-fn start(pairs: &[PosePair]) -> Result<(Pose, f64), CalibrationError> {
-    let relatives = relatives(pairs);
+fn initial_estimate(pairs: &[PosePair]) -> Result<(Pose, f64), HeadsetCalibrationError> {
+    let relatives = relative_motions(pairs);
     let still = || {
         let turned = relatives.iter().map(|(a, _)| a.rotation.angle()).fold(0.0, f64::max);
-        CalibrationError::Still { got_deg: turned.to_degrees(), least_deg: LEAST_TURN_DEG }
+        HeadsetCalibrationError::TooLittleRotation {
+            got_deg: turned.to_degrees(),
+            required_deg: MIN_ROTATION_DEG,
+        }
     };
     // Rotation: alpha = R_X beta for the rotation vectors of both.
     let mut product = Matrix3::zeros();
@@ -415,22 +430,22 @@ fn start(pairs: &[PosePair]) -> Result<(Pose, f64), CalibrationError> {
         let limit = 2.0 * sorted.get(sorted.len() / 2).copied().unwrap_or(0.0).max(1e-9);
         weights = left.iter().map(|left| if *left <= limit { 1.0 } else { limit / left }).collect();
     }
-    let place = solved.fixed_rows::<3>(0).into_owned();
+    let position = solved.fixed_rows::<3>(0).into_owned();
     // The equation gives headset over markers.
-    Ok((Pose::from_parts(place.into(), rotation), 1.0 / solved[3].abs().max(1e-9)))
+    Ok((Pose::from_parts(position.into(), rotation), 1.0 / solved[3].abs().max(1e-9)))
 }
 
 /// Relative motions of head and markers between two moments some seconds apart, whose angles are large and agree.
-fn relatives(pairs: &[PosePair]) -> Vec<(Pose, Pose)> {
+fn relative_motions(pairs: &[PosePair]) -> Vec<(Pose, Pose)> {
     let mut found = Vec::new();
-    for apart in [7, 17, 41] {
-        for k in 0..pairs.len().saturating_sub(apart) {
-            let (one, other) = (&pairs[k], &pairs[k + apart]);
+    for rows_apart in [7, 17, 41] {
+        for k in 0..pairs.len().saturating_sub(rows_apart) {
+            let (one, other) = (&pairs[k], &pairs[k + rows_apart]);
             let a = one.head.inverse() * other.head;
             let b = one.markers.inverse() * other.markers;
             let (alpha, beta) = (a.rotation.angle(), b.rotation.angle());
             // Chen 1991: a rotation and its conjugate have the same angle.
-            if alpha > LEAST_RELATIVE_RAD && (alpha - beta).abs() < 0.02 + 0.05 * alpha {
+            if alpha > MIN_RELATIVE_ROTATION_RAD && (alpha - beta).abs() < 0.02 + 0.05 * alpha {
                 found.push((a, b));
             }
         }
@@ -439,7 +454,7 @@ fn relatives(pairs: &[PosePair]) -> Vec<(Pose, Pose)> {
 }
 
 /// Compares with one of the streams reflected, which turns a left-handed one back.
-fn check_mirrored(pairs: &[PosePair], fit: &Fit) -> Result<(), CalibrationError> {
+fn check_mirrored(pairs: &[PosePair], fit: &HandEyeFit) -> Result<(), HeadsetCalibrationError> {
     // Reflecting z once covers every reflection: the others differ by a rotation, which X and Y take up.
     let reflect = |pose: &Pose| {
         let (t, q) = (pose.translation.vector, pose.rotation.coords);
@@ -448,44 +463,48 @@ fn check_mirrored(pairs: &[PosePair], fit: &Fit) -> Result<(), CalibrationError>
     };
     let other: Vec<PosePair> =
         pairs.iter().map(|pair| PosePair { markers: reflect(&pair.markers), ..*pair }).collect();
-    let Ok((x, _)) = start(&other) else { return Ok(()) };
+    let Ok((x, _)) = initial_estimate(&other) else { return Ok(()) };
     let mirrored = refine(&other, x);
-    let size = |fit: &Fit| fit.median_m + fit.median_rad * 0.2;
+    let size = |fit: &HandEyeFit| fit.median_m + fit.median_rad * 0.2;
     let times = size(fit) / size(&mirrored).max(1e-9);
-    if times > MIRROR_TIMES { Err(CalibrationError::Mirrored { times }) } else { Ok(()) }
+    if times > MIN_MIRROR_RESIDUAL_RATIO { Err(HeadsetCalibrationError::Mirrored { times }) } else { Ok(()) }
 }
 
-fn judge(
+fn assess_calibration(
     pairs: &[PosePair],
-    fit: &Fit,
+    fit: &HandEyeFit,
     known: &Observability,
-    options: &CalibrationOptions,
-) -> CalibrationVerdict {
-    if let Some(at_secs) = slip(pairs, fit, options) {
-        return CalibrationVerdict::MarkersSlipped { at_secs };
+    options: &HeadsetCalibrationOptions,
+) -> HeadsetCalibrationVerdict {
+    if let Some(at_secs) = find_marker_slip(pairs, fit, options) {
+        return HeadsetCalibrationVerdict::MarkersSlipped { at_secs };
     }
-    if let Some(axis) = known.lacking(options) {
-        return CalibrationVerdict::MoveMore { axis };
+    if let Some(axis) = known.axis_to_excite(options) {
+        return HeadsetCalibrationVerdict::MoveMore { axis };
     }
     // Clocks that no round brought together: what was found rests on a motion that is not even.
     if fit.offset_secs.abs() > GRID_SECS {
-        return CalibrationVerdict::Noisy;
+        return HeadsetCalibrationVerdict::Noisy;
     }
-    if fit.residual_m > options.residual_m || fit.residual_rad.to_degrees() > options.residual_deg {
-        return CalibrationVerdict::Noisy;
+    if fit.residual_m > options.max_residual_m || fit.residual_rad.to_degrees() > options.max_residual_deg {
+        return HeadsetCalibrationVerdict::Noisy;
     }
-    CalibrationVerdict::Good
+    HeadsetCalibrationVerdict::Good
 }
 
 /// Parts of the recording in which a slip is looked for.
-const PARTS: usize = 12;
+const SLIP_SEGMENTS: usize = 12;
 
 /// About when the markers slipped: the time that splits the recording into two that fit well with two X that differ by more
 /// than a residual may be, better than they fit together.
-fn slip(pairs: &[PosePair], fit: &Fit, options: &CalibrationOptions) -> Option<f64> {
+fn find_marker_slip(
+    pairs: &[PosePair],
+    fit: &HandEyeFit,
+    options: &HeadsetCalibrationOptions,
+) -> Option<f64> {
     // A short piece fits anything: from a sixth on.
-    let cuts = (2..=PARTS - 2).map(|k| k * pairs.len() / PARTS);
-    let cost = |fits: &[(&Fit, usize)]| {
+    let cuts = (2..=SLIP_SEGMENTS - 2).map(|k| k * pairs.len() / SLIP_SEGMENTS);
+    let cost = |fits: &[(&HandEyeFit, usize)]| {
         let whole: usize = fits.iter().map(|(_, count)| count).sum();
         let sum: f64 = fits.iter().map(|(fit, count)| fit.cost * *count as f64).sum();
         sum / whole as f64
@@ -495,12 +514,15 @@ fn slip(pairs: &[PosePair], fit: &Fit, options: &CalibrationOptions) -> Option<f
     for cut in cuts {
         let (early, late) = pairs.split_at(cut);
         let (before, after) = (refine(early, fit.x), refine(late, fit.x));
-        let way = (before.x.translation.vector - after.x.translation.vector).norm();
+        let displacement = (before.x.translation.vector - after.x.translation.vector).norm();
         let turn = before.x.rotation.angle_to(&after.x.rotation).to_degrees();
-        let apart = cost(&[(&before, early.len()), (&after, late.len())]);
-        let slipped = way > 0.5 * options.residual_m || turn > 0.5 * options.residual_deg;
-        if slipped && apart < 0.8 * together && best.is_none_or(|(least, _)| apart < least) {
-            best = Some((apart, late[0].stamp_secs));
+        let separate_cost = cost(&[(&before, early.len()), (&after, late.len())]);
+        let slipped = displacement > 0.5 * options.max_residual_m || turn > 0.5 * options.max_residual_deg;
+        if slipped
+            && separate_cost < 0.8 * together
+            && best.is_none_or(|(min_cost, _)| separate_cost < min_cost)
+        {
+            best = Some((separate_cost, late[0].stamp_secs));
         }
     }
     best.map(|(_, at)| at)

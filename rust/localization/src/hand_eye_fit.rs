@@ -7,10 +7,10 @@ use proact_types::{Pose, Vector};
 /// X (6), Y (6), drift of the headset's world (3), clock (1).
 const UNKNOWNS: usize = 16;
 type Step = SVector<f64, UNKNOWNS>;
-type Normal = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
+type NormalMatrix = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 type Residual = SVector<f64, 6>;
 
-const ROUNDS: usize = 25;
+const MAX_ITERATIONS: usize = 25;
 /// Tukey's constant for 95 % efficiency, in standard deviations; those from the median of a norm of three Gaussians.
 const TUKEY: f64 = 4.685;
 const MEDIAN_OF_NORM: f64 = 1.538;
@@ -20,7 +20,7 @@ const DRIFT_SIGMA_M_PER_S: f64 = 0.05 / 60.0;
 
 /// The outcome.
 #[derive(Clone, Debug)]
-pub(crate) struct Fit {
+pub(crate) struct HandEyeFit {
     /// `head_from_markers`.
     pub x: Pose,
     /// `headset_world_from_tracking` at `end_secs`.
@@ -39,7 +39,7 @@ pub(crate) struct Fit {
     pub cost: f64,
     pub weights: Vec<f64>,
     /// Inverse of the normal matrix, scaled by the noise: the variance of X, Y, drift and clock.
-    pub covariance: Option<Normal>,
+    pub covariance: Option<NormalMatrix>,
 }
 
 struct Unknowns {
@@ -51,11 +51,11 @@ struct Unknowns {
 }
 
 impl Unknowns {
-    fn moved(&self, step: &Step) -> Self {
+    fn apply_step(&self, step: &Step) -> Self {
         let turn = |pose: &Pose, at: usize| {
-            let place = pose.translation.vector + step.fixed_rows::<3>(at + 3);
+            let position = pose.translation.vector + step.fixed_rows::<3>(at + 3);
             let by = UnitQuaternion::from_scaled_axis(step.fixed_rows::<3>(at).into_owned());
-            Pose::from_parts(place.into(), by * pose.rotation)
+            Pose::from_parts(position.into(), by * pose.rotation)
         };
         Self {
             x: turn(&self.x, 0),
@@ -66,52 +66,54 @@ impl Unknowns {
     }
 
     /// Turn (3, rad) and place (3, m) of what is left of one pair.
-    fn residual(&self, moment: &Moment) -> Residual {
+    fn residual(&self, moment: &CenteredPair) -> Residual {
         let moved = -self.offset;
         let markers = Pose::from_parts(
-            (moment.markers.translation.vector + moment.speed * moved).into(),
-            UnitQuaternion::from_scaled_axis(moment.turning * moved) * moment.markers.rotation,
+            (moment.markers.translation.vector + moment.marker_velocity * moved).into(),
+            UnitQuaternion::from_scaled_axis(moment.marker_angular_velocity * moved)
+                * moment.markers.rotation,
         );
         let left = moment.head * self.x;
         let right = self.y * markers;
         let turn = (left.rotation * right.rotation.inverse()).scaled_axis();
-        let place = left.translation.vector - right.translation.vector - self.drift * moment.before_end;
+        let offset = left.translation.vector - right.translation.vector - self.drift * moment.secs_from_end;
         let mut all = Residual::zeros();
         all.fixed_rows_mut::<3>(0).copy_from(&turn);
-        all.fixed_rows_mut::<3>(3).copy_from(&place);
+        all.fixed_rows_mut::<3>(3).copy_from(&offset);
         all
     }
 }
 
 /// One pair, with the markers about the middle of their places.
-struct Moment {
+struct CenteredPair {
     head: Pose,
     markers: Pose,
     /// Of the markers, m/s and rad/s.
-    speed: Vector,
-    turning: Vector,
+    marker_velocity: Vector,
+    marker_angular_velocity: Vector,
     /// s, negative before the end.
-    before_end: f64,
+    secs_from_end: f64,
 }
 
 /// Refines from a first X.
-pub(crate) fn refine(pairs: &[PosePair], x: Pose) -> Fit {
+pub(crate) fn refine(pairs: &[PosePair], x: Pose) -> HandEyeFit {
     let end_secs = pairs.last().map_or(0.0, |pair| pair.stamp_secs);
     let middle =
         pairs.iter().map(|pair| pair.markers.translation.vector).sum::<Vector>() / pairs.len() as f64;
     let shift = Pose::from_parts((-middle).into(), UnitQuaternion::identity());
-    let moments: Vec<Moment> = (0..pairs.len())
+    let moments: Vec<CenteredPair> = (0..pairs.len())
         .map(|k| {
             let (before, after) = (&pairs[k.saturating_sub(1)], &pairs[(k + 1).min(pairs.len() - 1)]);
             let secs = (after.stamp_secs - before.stamp_secs).max(1e-3);
             let near = if secs < 0.5 { 1.0 } else { 0.0 };
             let turn = after.markers.rotation * before.markers.rotation.inverse();
-            Moment {
+            CenteredPair {
                 head: pairs[k].head,
                 markers: shift * pairs[k].markers,
-                speed: (after.markers.translation.vector - before.markers.translation.vector) * (near / secs),
-                turning: turn.scaled_axis() * (near / secs),
-                before_end: pairs[k].stamp_secs - end_secs,
+                marker_velocity: (after.markers.translation.vector - before.markers.translation.vector)
+                    * (near / secs),
+                marker_angular_velocity: turn.scaled_axis() * (near / secs),
+                secs_from_end: pairs[k].stamp_secs - end_secs,
             }
         })
         .collect();
@@ -119,17 +121,17 @@ pub(crate) fn refine(pairs: &[PosePair], x: Pose) -> Fit {
     let mut weights = vec![1.0; moments.len()];
     let mut scales = (1.0, 1.0);
     let mut covariance = None;
-    for round in 0..ROUNDS {
+    for round in 0..MAX_ITERATIONS {
         let left: Vec<Residual> = moments.iter().map(|moment| at.residual(moment)).collect();
         // The noise is taken from what is left; in the first rounds everything counts.
         scales = noise(&left);
-        let norms = left.iter().map(|left| scaled(left, scales));
+        let norms = left.iter().map(|left| normalized_residual(left, scales));
         let tukey = |norm: f64| {
             let share = norm / (if round < 5 { 3.0 * TUKEY } else { TUKEY });
             if share < 1.0 { (1.0 - share * share).powi(2) } else { 0.0 }
         };
         weights = norms.map(tukey).collect();
-        let mut normal = Normal::zeros();
+        let mut normal = NormalMatrix::zeros();
         let mut right = Step::zeros();
         for ((moment, left), weight) in moments.iter().zip(&left).zip(&weights) {
             if *weight == 0.0 {
@@ -153,11 +155,11 @@ pub(crate) fn refine(pairs: &[PosePair], x: Pose) -> Fit {
         let prior = 1.0 / (0.02_f64 * 0.02);
         normal[(15, 15)] += prior;
         right[15] -= prior * at.offset;
-        let damped = normal + Normal::from_diagonal(&normal.diagonal().map(|d| d * 1e-9 + 1e-9));
+        let damped = normal + NormalMatrix::from_diagonal(&normal.diagonal().map(|d| d * 1e-9 + 1e-9));
         let Some(solver) = damped.cholesky() else { break };
         let step = solver.solve(&right);
         covariance = Some(solver.inverse());
-        at = at.moved(&step);
+        at = at.apply_step(&step);
         if round > 8 && step.norm() < 1e-10 {
             break;
         }
@@ -169,8 +171,8 @@ pub(crate) fn refine(pairs: &[PosePair], x: Pose) -> Fit {
     };
     let medians = (scales.0 * MEDIAN_OF_NORM, scales.1 * MEDIAN_OF_NORM);
     // 0.3 degrees and 2 mm: what tracking and headsets are good for, and far from both slips and perfection.
-    let loss = |l: &Residual| (scaled(l, (0.005, 0.002)) / 6.0).powi(2).min(1.0);
-    Fit {
+    let loss = |l: &Residual| (normalized_residual(l, (0.005, 0.002)) / 6.0).powi(2).min(1.0);
+    HandEyeFit {
         x: at.x,
         y: at.y * shift,
         drift: at.drift,
@@ -188,7 +190,7 @@ pub(crate) fn refine(pairs: &[PosePair], x: Pose) -> Fit {
 
 /// Y of the given X: the mean over all pairs (of attitudes, the eigenvector of Markley et al. 2007, "Averaging quaternions", J
 /// Guid Control Dyn 30:1193), places by their median.
-fn first_y(moments: &[Moment], x: &Pose) -> Pose {
+fn first_y(moments: &[CenteredPair], x: &Pose) -> Pose {
     let all: Vec<Pose> = moments.iter().map(|m| m.head * x * m.markers.inverse()).collect();
     let mut sum = nalgebra::Matrix4::zeros();
     for pose in &all {
@@ -199,11 +201,11 @@ fn first_y(moments: &[Moment], x: &Pose) -> Pose {
         eigen.eigenvectors.column(eigen.eigenvalues.imax()).into_owned(),
     ));
     let median = |axis: usize| {
-        let place = |m: &Moment| {
+        let position_of = |m: &CenteredPair| {
             let from_markers = m.head * x;
             (from_markers.translation.vector - rotation * m.markers.translation.vector)[axis]
         };
-        let mut values: Vec<f64> = moments.iter().map(place).collect();
+        let mut values: Vec<f64> = moments.iter().map(position_of).collect();
         values.sort_by(f64::total_cmp);
         values.get(values.len() / 2).copied().unwrap_or(0.0)
     };
@@ -212,26 +214,26 @@ fn first_y(moments: &[Moment], x: &Pose) -> Pose {
 
 /// Standard deviations of turn, rad, and place, m, in each coordinate, from the medians.
 fn noise(left: &[Residual]) -> (f64, f64) {
-    let median = |from: usize, least: f64| {
+    let median = |from: usize, min_count: f64| {
         let mut norms: Vec<f64> = left.iter().map(|l| l.fixed_rows::<3>(from).norm()).collect();
         norms.sort_by(f64::total_cmp);
-        (norms.get(norms.len() / 2).copied().unwrap_or(0.0) / MEDIAN_OF_NORM).max(least)
+        (norms.get(norms.len() / 2).copied().unwrap_or(0.0) / MEDIAN_OF_NORM).max(min_count)
     };
     (median(0, 1e-6), median(3, 1e-6))
 }
 
 /// In standard deviations of one coordinate: the larger of turn and place.
-fn scaled(left: &Residual, scales: (f64, f64)) -> f64 {
+fn normalized_residual(left: &Residual, scales: (f64, f64)) -> f64 {
     (left.fixed_rows::<3>(0).norm() / scales.0).max(left.fixed_rows::<3>(3).norm() / scales.1)
 }
 
-fn jacobian(at: &Unknowns, moment: &Moment, left: &Residual) -> SMatrix<f64, 6, UNKNOWNS> {
+fn jacobian(at: &Unknowns, moment: &CenteredPair, left: &Residual) -> SMatrix<f64, 6, UNKNOWNS> {
     const DELTA: f64 = 1e-6;
     let mut rows = SMatrix::<f64, 6, UNKNOWNS>::zeros();
     for k in 0..UNKNOWNS {
         let mut step = Step::zeros();
         step[k] = DELTA;
-        rows.set_column(k, &((at.moved(&step).residual(moment) - left) / DELTA));
+        rows.set_column(k, &((at.apply_step(&step).residual(moment) - left) / DELTA));
     }
     rows
 }

@@ -6,13 +6,13 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Poses of one stamp that differ by more than this are of two bodies, in the device's unit and rad.
-const SAME_PLACE: f64 = 1e-6;
+const SAME_POSE_TOLERANCE: f64 = 1e-6;
 /// Bodies at most: a fault that makes up names does not fill the memory.
-const MOST_BODIES: usize = 1024;
+const MAX_BODIES: usize = 1024;
 /// Turned by less than this in all, rad, nothing can be said about the hand of the axes.
-const LEAST_TURN_RAD: f64 = 0.35;
+const MIN_ROTATION_RAD: f64 = 0.35;
 /// Mirrored axes fit a movement about a pivot this many times better than those that are not, or nothing is said.
-const CLEARLY_BETTER: f64 = 4.0;
+const MIN_MIRROR_RESIDUAL_RATIO: f64 = 4.0;
 
 /// Why what a tracking system says is refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -31,7 +31,7 @@ pub enum PoseFault {
         "body {body:?}: a quaternion of length {norm:.3}, expected 1. Zeros are what some systems send for a body they \
          do not see: turn that off, or let the source mark it as not tracked"
     )]
-    NoRotation {
+    InvalidQuaternion {
         /// Whose.
         body: String,
         /// Length of the quaternion.
@@ -39,20 +39,20 @@ pub enum PoseFault {
     },
     /// Further than anything in a laboratory.
     #[error(
-        "body {body:?}: {metres:.0} m from the origin, expected at most 1000 m. Check the declared unit of length"
+        "body {body:?}: {distance_m:.0} m from the origin, expected at most 1000 m. Check the declared unit of length"
     )]
-    Far {
+    TooFar {
         /// Whose.
         body: String,
         /// m.
-        metres: f64,
+        distance_m: f64,
     },
     /// A stamp before the one before.
     #[error(
         "body {body:?}: its time went back by {back_secs:.3} s, expected stamps that rise. The device's clock was set or \
          its recording started again: calibrate anew"
     )]
-    TimeBack {
+    TimeWentBack {
         /// Whose.
         body: String,
         /// s.
@@ -73,27 +73,27 @@ pub enum PoseFault {
     },
     /// Two poses of one stamp under one name.
     #[error(
-        "body {body:?}: two bodies have this name, {apart:.3} units apart at one time. Rename one of them in the tracking \
+        "body {body:?}: two bodies have this name, {distance:.3} units apart at one time. Rename one of them in the tracking \
          software"
     )]
     TwoBodiesOneName {
         /// Whose.
         body: String,
         /// In the device's unit.
-        apart: f64,
+        distance: f64,
     },
     /// Numbers a thousand times too large.
     #[error(
         "body {body:?}: {got:.0} m above the floor, expected {low} to {high} m; in millimetres it would be \
-         {metres:.2} m. Declare metres_per_unit = 0.001"
+         {corrected_m:.2} m. Declare meters_per_unit = 0.001"
     )]
-    Millimetres {
+    Millimeters {
         /// Whose.
         body: String,
         /// As declared, m.
         got: f64,
         /// If it is millimetres, m.
-        metres: f64,
+        corrected_m: f64,
         /// Lowest expected, m.
         low: f64,
         /// Highest expected, m.
@@ -151,12 +151,12 @@ impl PoseFault {
     pub fn name(&self) -> &'static str {
         match self {
             Self::NotFinite { .. } => "not_finite",
-            Self::NoRotation { .. } => "no_rotation",
-            Self::Far { .. } => "far",
-            Self::TimeBack { .. } => "time_back",
+            Self::InvalidQuaternion { .. } => "no_rotation",
+            Self::TooFar { .. } => "far",
+            Self::TimeWentBack { .. } => "time_back",
             Self::IdChanged { .. } => "id_changed",
             Self::TwoBodiesOneName { .. } => "two_bodies_one_name",
-            Self::Millimetres { .. } => "millimetres",
+            Self::Millimeters { .. } => "millimetres",
             Self::YUp { .. } => "y_up",
             Self::Height { .. } => "height",
             Self::Mirrored { .. } => "mirrored",
@@ -166,18 +166,18 @@ impl PoseFault {
 
 /// Looks at every pose of one source as it comes.
 #[derive(Clone, Debug, Default)]
-pub struct StreamCheck {
-    bodies: BTreeMap<String, Seen>,
+pub struct PoseStreamCheck {
+    bodies: BTreeMap<String, LastPose>,
 }
 
 #[derive(Clone, Debug)]
-struct Seen {
+struct LastPose {
     stamp: Nanos,
     id: Option<i32>,
     pose: Pose,
 }
 
-impl StreamCheck {
+impl PoseStreamCheck {
     /// A check that has seen nothing.
     pub fn new() -> Self {
         Self::default()
@@ -188,32 +188,33 @@ impl StreamCheck {
     ///
     /// # Errors
     /// [`PoseFault`]: not a pose, time that goes back, another number under a known name, two bodies of one name.
-    pub fn take(&mut self, raw: &RawBodyPose) -> Result<(), PoseFault> {
+    pub fn check(&mut self, raw: &RawBodyPose) -> Result<(), PoseFault> {
         if !raw.tracked {
             return Ok(());
         }
         let pose = raw_pose(raw)?;
         let body = || raw.body.clone();
         if let Some(seen) = self.bodies.get(&raw.body) {
-            let apart = (seen.pose.translation.vector - pose.translation.vector).norm();
-            let differs = apart > SAME_PLACE || seen.pose.rotation.angle_to(&pose.rotation) > SAME_PLACE;
+            let distance = (seen.pose.translation.vector - pose.translation.vector).norm();
+            let differs = distance > SAME_POSE_TOLERANCE
+                || seen.pose.rotation.angle_to(&pose.rotation) > SAME_POSE_TOLERANCE;
             if raw.stamp == seen.stamp && (differs || raw.id != seen.id) {
-                return Err(PoseFault::TwoBodiesOneName { body: body(), apart });
+                return Err(PoseFault::TwoBodiesOneName { body: body(), distance });
             }
             if raw.stamp < seen.stamp {
                 let back_secs = (seen.stamp - raw.stamp) as f64 * 1e-9;
-                return Err(PoseFault::TimeBack { body: body(), back_secs });
+                return Err(PoseFault::TimeWentBack { body: body(), back_secs });
             }
             if let (Some(was), Some(is)) = (seen.id, raw.id)
                 && was != is
             {
                 return Err(PoseFault::IdChanged { body: body(), was, is });
             }
-        } else if self.bodies.len() >= MOST_BODIES {
+        } else if self.bodies.len() >= MAX_BODIES {
             // Beyond what any laboratory has; the caller drops what nobody asked for.
             return Ok(());
         }
-        self.bodies.insert(body(), Seen { stamp: raw.stamp, id: raw.id, pose });
+        self.bodies.insert(body(), LastPose { stamp: raw.stamp, id: raw.id, pose });
         Ok(())
     }
 
@@ -226,12 +227,12 @@ impl StreamCheck {
 /// Where a body is expected, as the laboratory declares it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct ExpectedPlace {
+pub struct ExpectedHeight {
     /// Lowest and highest above the floor, m.
     pub height_m: [f64; 2],
 }
 
-impl Default for ExpectedPlace {
+impl Default for ExpectedHeight {
     /// A shoulder or a head of somebody who sits or stands.
     fn default() -> Self {
         Self { height_m: [0.5, 2.2] }
@@ -241,8 +242,8 @@ impl Default for ExpectedPlace {
 /// Judges unit and vertical axis from the median of some seconds of one body. Nothing is said of an empty window.
 ///
 /// # Errors
-/// [`PoseFault::Millimetres`], [`PoseFault::YUp`], [`PoseFault::Height`].
-pub fn check_window(samples: &[BodySample], expected: &ExpectedPlace) -> Result<(), PoseFault> {
+/// [`PoseFault::Millimeters`], [`PoseFault::YUp`], [`PoseFault::Height`].
+pub fn check_height(samples: &[BodySample], expected: &ExpectedHeight) -> Result<(), PoseFault> {
     let Some(first) = samples.iter().find(|sample| sample.tracked) else { return Ok(()) };
     let median = |axis: usize| {
         let tracked = samples.iter().filter(|sample| sample.tracked);
@@ -258,7 +259,7 @@ pub fn check_window(samples: &[BodySample], expected: &ExpectedPlace) -> Result<
         return Ok(());
     }
     // Millimetres first: with both faults y is a thousand times too large as well.
-    check_thousandth(&body, [z, y], expected)?;
+    check_millimeters(&body, [z, y], expected)?;
     if within(y) {
         return Err(PoseFault::YUp { body, y, z, low, high });
     }
@@ -268,18 +269,18 @@ pub fn check_window(samples: &[BodySample], expected: &ExpectedPlace) -> Result<
 /// Judges the unit of a single pose.
 ///
 /// # Errors
-/// [`PoseFault::Millimetres`].
-pub(crate) fn check_unit(sample: &BodySample, expected: &ExpectedPlace) -> Result<(), PoseFault> {
-    let place = sample.pose.translation.vector;
-    check_thousandth(&sample.body, [place.z, place.y], expected)
+/// [`PoseFault::Millimeters`].
+pub(crate) fn check_length_unit(sample: &BodySample, expected: &ExpectedHeight) -> Result<(), PoseFault> {
+    let position = sample.pose.translation.vector;
+    check_millimeters(&sample.body, [position.z, position.y], expected)
 }
 
 /// Refuses the first height that is one of a person if it is millimetres.
-fn check_thousandth(body: &str, heights: [f64; 2], expected: &ExpectedPlace) -> Result<(), PoseFault> {
+fn check_millimeters(body: &str, heights: [f64; 2], expected: &ExpectedHeight) -> Result<(), PoseFault> {
     let [low, high] = expected.height_m;
     match heights.into_iter().find(|got| (low..=high).contains(&(got / 1000.0))) {
         Some(got) => {
-            Err(PoseFault::Millimetres { body: body.to_owned(), got, metres: got / 1000.0, low, high })
+            Err(PoseFault::Millimeters { body: body.to_owned(), got, corrected_m: got / 1000.0, low, high })
         }
         None => Ok(()),
     }
@@ -309,7 +310,7 @@ pub fn check_handedness(samples: &[BodySample]) -> Result<bool, PoseFault> {
         return Ok(false);
     };
     let turned = poses.iter().map(|pose| first.rotation.angle_to(&pose.rotation)).fold(0.0, f64::max);
-    if turned < LEAST_TURN_RAD {
+    if turned < MIN_ROTATION_RAD {
         return Ok(false);
     }
     for (axis, name) in ['x', 'y', 'z'].into_iter().enumerate() {
@@ -317,7 +318,7 @@ pub fn check_handedness(samples: &[BodySample]) -> Result<bool, PoseFault> {
         mirror[axis] = -1.0;
         let Some(mirrored) = residual(mirror) else { continue };
         let times = as_sent / mirrored.max(1e-9);
-        if times > CLEARLY_BETTER {
+        if times > MIN_MIRROR_RESIDUAL_RATIO {
             return Err(PoseFault::Mirrored { body: samples[0].body.clone(), axis: name, times });
         }
     }
@@ -347,18 +348,18 @@ mod tests {
 
     #[test]
     fn a_clean_stream_passes_and_a_repeated_packet_too() {
-        let mut check = StreamCheck::new();
+        let mut check = PoseStreamCheck::new();
         for stamp in [1, 2, 2, 3] {
-            check.take(&raw(stamp, stamp as f64, 7)).unwrap();
+            check.check(&raw(stamp, stamp as f64, 7)).unwrap();
         }
         let lost = RawBodyPose { quaternion: [0.0; 4], tracked: false, ..raw(4, 0.0, 7) };
-        check.take(&lost).unwrap();
+        check.check(&lost).unwrap();
     }
 
     #[test]
     fn each_fault_of_a_stream_is_named_and_what_was_good_goes_on() {
-        let mut check = StreamCheck::new();
-        check.take(&raw(1_000_000_000, 0.0, 7)).unwrap();
+        let mut check = PoseStreamCheck::new();
+        check.check(&raw(1_000_000_000, 0.0, 7)).unwrap();
         let zero = RawBodyPose { quaternion: [0.0; 4], ..raw(2_000_000_000, 0.0, 7) };
         let nan = RawBodyPose { position: [f64::NAN; 3], ..raw(2_000_000_000, 0.0, 7) };
         for (bad, name) in [
@@ -369,27 +370,27 @@ mod tests {
             (raw(1_000_000_000, 0.0, 8), "two_bodies_one_name"),
             (raw(2_000_000_000, 0.0, 8), "id_changed"),
         ] {
-            let fault = check.take(&bad).unwrap_err();
+            let fault = check.check(&bad).unwrap_err();
             assert_eq!(fault.name(), name);
             assert!(fault.to_string().contains("\"pad\""), "{fault}");
         }
-        check.take(&raw(2_000_000_000, 0.1, 7)).unwrap();
+        check.check(&raw(2_000_000_000, 0.1, 7)).unwrap();
         check.forget("pad");
-        check.take(&raw(0, 0.1, 9)).unwrap();
+        check.check(&raw(0, 0.1, 9)).unwrap();
     }
 
     #[test]
     fn millimetres_and_y_up_are_told_from_a_wrong_ground_plane() {
         let name = |x: f64, y: f64, z: f64| {
             let window = vec![sample(Pose::translation(x, y, z)); 5];
-            check_window(&window, &ExpectedPlace::default()).err().map(|fault| fault.name())
+            check_height(&window, &ExpectedHeight::default()).err().map(|fault| fault.name())
         };
         assert_eq!(name(0.3, -0.2, 1.4), None);
         assert_eq!(name(300.0, -200.0, 1400.0), Some("millimetres"));
         assert_eq!(name(300.0, 1400.0, 200.0), Some("millimetres"));
         assert_eq!(name(0.3, 1.4, 0.2), Some("y_up"));
         assert_eq!(name(0.3, 0.1, 3.1), Some("height"));
-        assert!(check_window(&[], &ExpectedPlace::default()).is_ok());
+        assert!(check_height(&[], &ExpectedHeight::default()).is_ok());
     }
 
     fn nodding(mirror: Vector, noise: f64) -> Vec<BodySample> {
@@ -403,8 +404,8 @@ mod tests {
                     0.5 * (0.7 * t).cos(),
                 );
                 let tremble = Vector::new((17.0 * t).sin(), (23.0 * t).sin(), (29.0 * t).sin()) * noise;
-                let place = pivot + turn * lever + tremble;
-                sample(Pose::from_parts(place.component_mul(&mirror).into(), turn))
+                let position = pivot + turn * lever + tremble;
+                sample(Pose::from_parts(position.component_mul(&mirror).into(), turn))
             })
             .collect()
     }

@@ -4,11 +4,11 @@ use nalgebra::UnitQuaternion;
 use proact_types::Vector;
 
 /// Second differences that a level rests on at least.
-const LEAST: u32 = 6;
+const MIN_DIFFERENCES: u32 = 6;
 /// Each moves the median by this share at most.
-const SHARE: f64 = 0.03;
+const MIN_STEP_SHARE: f64 = 0.03;
 /// Of the norm of three Gaussians the median is so many standard deviations.
-const MEDIAN: f64 = 1.538;
+const MEDIAN_OF_NORM: f64 = 1.538;
 
 /// Standard deviation of one coordinate, from the median of second differences: motion with constant speed has none, and one
 /// sample in a few may be wrong. The median is followed by small steps up and down.
@@ -27,7 +27,7 @@ impl NoiseLevel {
     }
 
     /// The next sample; the level with it.
-    pub fn take(&mut self, time: f64, value: Vector) -> f64 {
+    pub fn update(&mut self, time: f64, value: Vector) -> f64 {
         let [first, second] = self.last;
         self.last = [second, Some((time, value))];
         if let (Some((t0, first)), Some((t1, second))) = (first, second)
@@ -36,9 +36,9 @@ impl NoiseLevel {
         {
             let share = (t1 - t0) / (time - t0);
             let off = (second - first.lerp(&value, share)).norm();
-            let one = off / (1.0 + share * share + (1.0 - share) * (1.0 - share)).sqrt() / MEDIAN;
+            let one = off / (1.0 + share * share + (1.0 - share) * (1.0 - share)).sqrt() / MEDIAN_OF_NORM;
             // Quick at first, then slowly.
-            let step = SHARE.max(0.5 / f64::from(self.count + 1));
+            let step = MIN_STEP_SHARE.max(0.5 / f64::from(self.count + 1));
             self.level *= 1.0 + if one > self.level { step } else { -step };
             self.level = self.level.max(1e-7);
             self.count = self.count.saturating_add(1);
@@ -47,7 +47,7 @@ impl NoiseLevel {
     }
 
     /// A turn as small numbers about one attitude.
-    pub fn about(&mut self, rotation: &UnitQuaternion<f64>) -> Vector {
+    pub fn rotation_vector(&mut self, rotation: &UnitQuaternion<f64>) -> Vector {
         let origin = *self.origin.get_or_insert(*rotation);
         let turn = (rotation * origin.inverse()).scaled_axis();
         if turn.norm() > 0.3 {
@@ -59,8 +59,8 @@ impl NoiseLevel {
     }
 
     /// The level, once it rests on enough.
-    pub fn known(&self) -> Option<f64> {
-        (self.count >= LEAST).then_some(self.level)
+    pub fn converged_sd(&self) -> Option<f64> {
+        (self.count >= MIN_DIFFERENCES).then_some(self.level)
     }
 }
 
@@ -76,14 +76,14 @@ mod tests {
             let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
             let normal = Normal::new(0.0, truth).unwrap();
             let mut level = NoiseLevel::new(3e-4);
-            assert_eq!(level.known(), None);
+            assert_eq!(level.converged_sd(), None);
             for k in 0..1000 {
                 let t = f64::from(k) * 0.01;
                 let mut draw = || normal.sample(&mut rng);
                 let wild = if k % 10 == 0 { 0.1 } else { 0.0 };
-                level.take(t, Vector::new(draw() + 0.3 * t, draw() + wild, draw()));
+                level.update(t, Vector::new(draw() + 0.3 * t, draw() + wild, draw()));
             }
-            let found = level.known().unwrap();
+            let found = level.converged_sd().unwrap();
             // Three of ten second differences hold a wild sample, which moves the median up.
             assert!(found > 0.8 * truth && found < 1.6 * truth, "{found}");
         }

@@ -1,6 +1,6 @@
 //! How well a calibration is known, and which movement it lacks.
 
-use crate::{CalibrationOptions, PosePair, hand_eye_fit::Fit};
+use crate::{HeadsetCalibrationOptions, PosePair, hand_eye_fit::HandEyeFit};
 use nalgebra::{Matrix3, UnitQuaternion};
 use proact_types::Vector;
 use serde::{Deserialize, Serialize};
@@ -39,14 +39,15 @@ pub struct Observability {
     /// The same of its attitude, degrees.
     pub headset_world_deg: f64,
     /// Standard deviation of the head's turn about its x, y and z axis (tilt, nod, turn) over the recording, degrees.
-    pub turned_deg: [f64; 3],
+    #[serde(rename = "turned_deg")]
+    pub head_rotation_sd_deg: [f64; 3],
 }
 
 /// A head that turned less than this about an axis, standard deviation in degrees, has hardly done so.
-const LITTLE_TURN_DEG: f64 = 3.0;
+const MIN_ROTATION_SD_DEG: f64 = 3.0;
 
 impl Observability {
-    pub(crate) fn of(pairs: &[PosePair], fit: &Fit) -> Self {
+    pub(crate) fn from_fit(pairs: &[PosePair], fit: &HandEyeFit) -> Self {
         let worst = |at: usize| {
             let block = fit.covariance.map(|all| all.fixed_view::<3, 3>(at, at).into_owned());
             block.map_or(f64::INFINITY, |block| block.symmetric_eigenvalues().max().max(0.0).sqrt())
@@ -56,26 +57,26 @@ impl Observability {
             head_from_markers_deg: worst(0).to_degrees(),
             headset_world_m: worst(9),
             headset_world_deg: worst(6).to_degrees(),
-            turned_deg: turned_deg(pairs),
+            head_rotation_sd_deg: head_rotation_sd_deg(pairs),
         }
     }
 
     /// The axis about which the head has to turn more; none where all is known well enough.
-    pub(crate) fn lacking(&self, options: &CalibrationOptions) -> Option<HeadAxis> {
-        let unsure = self.head_from_markers_m > options.sure_m
-            || self.headset_world_m > options.sure_m
-            || self.head_from_markers_deg > options.sure_deg
-            || self.headset_world_deg > options.sure_deg;
-        let [tilt, nod, turn] = self.turned_deg;
-        let (least, axis) = [(tilt, HeadAxis::Tilt), (nod, HeadAxis::Nod), (turn, HeadAxis::Turn)]
+    pub(crate) fn axis_to_excite(&self, options: &HeadsetCalibrationOptions) -> Option<HeadAxis> {
+        let unsure = self.head_from_markers_m > options.max_position_sd_m
+            || self.headset_world_m > options.max_position_sd_m
+            || self.head_from_markers_deg > options.max_rotation_sd_deg
+            || self.headset_world_deg > options.max_rotation_sd_deg;
+        let [tilt, nod, turn] = self.head_rotation_sd_deg;
+        let (min_rotation, axis) = [(tilt, HeadAxis::Tilt), (nod, HeadAxis::Nod), (turn, HeadAxis::Turn)]
             .into_iter()
             .min_by(|a, b| a.0.total_cmp(&b.0))?;
-        (unsure || least < LITTLE_TURN_DEG / 3.0).then_some(axis)
+        (unsure || min_rotation < MIN_ROTATION_SD_DEG / 3.0).then_some(axis)
     }
 }
 
 /// Spread of the head's turns about its mean attitude, in the axes of the head.
-fn turned_deg(pairs: &[PosePair]) -> [f64; 3] {
+fn head_rotation_sd_deg(pairs: &[PosePair]) -> [f64; 3] {
     let mut mean = pairs[0].head.rotation;
     // A few steps of the mean on the group; a head stays within half a turn of it.
     let mut turns: Vec<Vector> = Vec::new();

@@ -14,25 +14,25 @@ const DEAD_BAND_M: f64 = 0.001;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct OriginalFilter {
     last: VecDeque<(Vector, Vector)>,
-    told: Option<Pose>,
+    output: Option<Pose>,
 }
 
 impl OriginalFilter {
-    pub fn take(&mut self, pose: &Pose) {
+    pub fn update(&mut self, pose: &Pose) {
         self.last.push_back((pose.translation.vector, pose.rotation.scaled_axis()));
         if self.last.len() > SAMPLES {
             self.last.pop_front();
         }
         let count = self.last.len() as f64;
-        let place = self.last.iter().map(|(place, _)| place).sum::<Vector>() / count;
+        let position = self.last.iter().map(|(position, _)| position).sum::<Vector>() / count;
         let turn = self.last.iter().map(|(_, turn)| turn).sum::<Vector>() / count;
-        if self.told.is_none_or(|told| (told.translation.vector - place).norm() >= DEAD_BAND_M) {
-            self.told = Some(Pose::from_parts(place.into(), UnitQuaternion::from_scaled_axis(turn)));
+        if self.output.is_none_or(|previous| (previous.translation.vector - position).norm() >= DEAD_BAND_M) {
+            self.output = Some(Pose::from_parts(position.into(), UnitQuaternion::from_scaled_axis(turn)));
         }
     }
 
     pub fn pose(&self) -> Option<Pose> {
-        self.told
+        self.output
     }
 }
 
@@ -49,24 +49,24 @@ mod tests {
         let mut filter = OriginalFilter::default();
         assert!(filter.pose().is_none());
         for count in 0..10 {
-            filter.take(&at(0.1 * f64::from(count), 0.02 * f64::from(count)));
+            filter.update(&at(0.1 * f64::from(count), 0.02 * f64::from(count)));
         }
-        let told = filter.pose().expect("ten samples");
-        assert!((told.translation.x - 0.45).abs() < 1e-12, "{told}");
-        assert!((told.rotation.angle() - 0.09).abs() < 1e-12, "{told}");
+        let pose = filter.pose().expect("ten samples");
+        assert!((pose.translation.x - 0.45).abs() < 1e-12, "{pose}");
+        assert!((pose.rotation.angle() - 0.09).abs() < 1e-12, "{pose}");
         // Ten more: the first are forgotten.
         for _ in 0..10 {
-            filter.take(&at(1.0, 0.2));
+            filter.update(&at(1.0, 0.2));
         }
         let still = filter.pose().expect("twenty samples");
         assert!((still.translation.x - 1.0).abs() < 1e-12, "{still}");
         // A body that only turns, and one that creeps by less than the dead band, stand still, as with the original.
         for _ in 0..10 {
-            filter.take(&at(1.0009, 0.9));
+            filter.update(&at(1.0009, 0.9));
         }
         assert_eq!(filter.pose(), Some(still));
         for _ in 0..10 {
-            filter.take(&at(1.0011, 0.9));
+            filter.update(&at(1.0011, 0.9));
         }
         let moved = filter.pose().expect("forty samples");
         assert!(moved.translation.x >= 1.001 && moved.rotation.angle() > 0.8, "{moved}");
@@ -77,12 +77,12 @@ mod tests {
         let mut filter = OriginalFilter::default();
         for count in 0..10 {
             let sign = if count % 2 == 0 { 1.0 } else { -1.0 };
-            filter.take(&at(0.0, sign * 3.1));
+            filter.update(&at(0.0, sign * 3.1));
             // One place that moves past the dead band each time, so that every mean is told.
-            filter.take(&at(0.1 * f64::from(count), sign * 3.1));
+            filter.update(&at(0.1 * f64::from(count), sign * 3.1));
         }
         // All ten were within 3 degrees of half a turn.
-        let told = filter.pose().expect("twenty samples");
-        assert!(told.rotation.angle() < 1.0, "{told}");
+        let pose = filter.pose().expect("twenty samples");
+        assert!(pose.rotation.angle() < 1.0, "{pose}");
     }
 }

@@ -5,12 +5,12 @@ use proact_types::{Point, Pose, Vector};
 use serde::{Deserialize, Serialize};
 
 /// Fewer poses than this fix no pivot.
-const LEAST_POSES: usize = 10;
+const MIN_POSES: usize = 10;
 /// The smallest singular value of the system over its largest: below, the turns are about one axis only, and the place along
 /// it is not known.
-const LEAST_CONDITION: f64 = 0.02;
+const MIN_CONDITION: f64 = 0.02;
 /// Rounds of the weights that take outliers out.
-const ROUNDS: usize = 10;
+const REWEIGHTING_ITERATIONS: usize = 10;
 
 /// A pivot, and how well it is known.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,7 +26,8 @@ pub struct PivotFit {
     /// Smallest over largest singular value: 0 about one axis, larger is better known.
     pub condition: f64,
     /// Whether it moved about more than one axis: below 0.02 the place along that axis is not known.
-    pub known: bool,
+    #[serde(rename = "known")]
+    pub is_well_conditioned: bool,
 }
 
 /// Fits the pivot of a body with attitude: the one point of the body that stays at one place, by linear least squares of
@@ -34,7 +35,7 @@ pub struct PivotFit {
 /// of formal methods for determining the centre of rotation of ball joints", J Biomech 39:2798), with Huber's weights
 /// against outliers. None of fewer than ten poses or poses that do not turn.
 pub fn fit_pivot(poses: &[Pose]) -> Option<PivotFit> {
-    if poses.len() < LEAST_POSES {
+    if poses.len() < MIN_POSES {
         return None;
     }
     let mut weights = vec![1.0; poses.len()];
@@ -43,16 +44,16 @@ pub fn fit_pivot(poses: &[Pose]) -> Option<PivotFit> {
     // Numbers near zero keep their digits.
     let middle = poses.iter().map(|pose| pose.translation.vector).sum::<Vector>() / poses.len() as f64;
     let mut left: Vec<f64> = Vec::new();
-    for _ in 0..ROUNDS {
+    for _ in 0..REWEIGHTING_ITERATIONS {
         let mut normal = SMatrix::<f64, 6, 6>::zeros();
         let mut right = SVector::<f64, 6>::zeros();
         for (pose, weight) in poses.iter().zip(&weights) {
             let mut rows = SMatrix::<f64, 3, 6>::zeros();
             rows.fixed_view_mut::<3, 3>(0, 0).copy_from(pose.rotation.to_rotation_matrix().matrix());
             rows.fixed_view_mut::<3, 3>(0, 3).copy_from(&-Matrix3::identity());
-            let place = pose.translation.vector - middle;
+            let position = pose.translation.vector - middle;
             normal += rows.transpose() * rows * *weight;
-            right -= rows.transpose() * place * *weight;
+            right -= rows.transpose() * position * *weight;
         }
         let decomposed = normal.symmetric_eigen();
         let largest = decomposed.eigenvalues.max();
@@ -74,7 +75,7 @@ pub fn fit_pivot(poses: &[Pose]) -> Option<PivotFit> {
         radius_m: in_body.norm(),
         residual_m: weighted_rms(&weights, &left),
         condition,
-        known: condition >= LEAST_CONDITION,
+        is_well_conditioned: condition >= MIN_CONDITION,
     })
 }
 
@@ -83,13 +84,13 @@ pub fn fit_pivot(poses: &[Pose]) -> Option<PivotFit> {
 /// estimating the average centre of rotation and the axis of rotation", J Biomech 35:87, discuss its bias: it grows with
 /// noise over range). None of fewer than ten points, or points in a plane.
 pub fn fit_sphere(points: &[Point]) -> Option<PivotFit> {
-    if points.len() < LEAST_POSES {
+    if points.len() < MIN_POSES {
         return None;
     }
     let middle = points.iter().map(|point| point.coords).sum::<Vector>() / points.len() as f64;
     let mut weights = vec![1.0; points.len()];
     let mut found = None;
-    for _ in 0..ROUNDS {
+    for _ in 0..REWEIGHTING_ITERATIONS {
         let mut rows = DMatrix::zeros(points.len(), 4);
         let mut right = DVector::zeros(points.len());
         for (k, (point, weight)) in points.iter().zip(&weights).enumerate() {
@@ -116,7 +117,7 @@ pub fn fit_sphere(points: &[Point]) -> Option<PivotFit> {
             radius_m,
             residual_m: weighted_rms(&weights, &left),
             condition,
-            known: condition >= LEAST_CONDITION,
+            is_well_conditioned: condition >= MIN_CONDITION,
         });
     }
     found
@@ -172,7 +173,7 @@ mod tests {
         ) {
             let (center, in_body) = (Vector::from(center), Vector::from(in_body));
             let fit = fit_pivot(&arm_circles(center, in_body, 0)).unwrap();
-            prop_assert!((fit.center.coords - center).norm() < 1e-3 && fit.known, "{fit:?}");
+            prop_assert!((fit.center.coords - center).norm() < 1e-3 && fit.is_well_conditioned, "{fit:?}");
             prop_assert!((fit.in_body - in_body).norm() < 1e-3);
         }
 
@@ -202,9 +203,9 @@ mod tests {
                 Pose::from_parts((-(turn * in_body)).into(), turn)
             })
             .collect();
-        assert!(!fit_pivot(&poses).unwrap().known);
+        assert!(!fit_pivot(&poses).unwrap().is_well_conditioned);
         let points: Vec<Point> = poses.iter().map(|pose| Point::from(pose.translation.vector)).collect();
-        assert!(!fit_sphere(&points).unwrap().known);
+        assert!(!fit_sphere(&points).unwrap().is_well_conditioned);
         assert_eq!(fit_pivot(&vec![Pose::identity(); 50]), None);
         assert_eq!(fit_pivot(&poses[..5]), None);
     }

@@ -61,19 +61,19 @@ impl PoseFilterConfig {
     }
 
     fn is_outlier(&self, motion: &MotionEstimate, time: f64, pose: &Pose) -> bool {
-        let expected = motion.at(time);
+        let expected = motion.pose_at(time);
         // The longer nothing was seen, the less is known: as fast as a person moves.
         let more = 1.0 + 10.0 * (time - motion.time()).max(0.0);
-        let way = (expected.translation.vector - pose.translation.vector).norm();
+        let distance = (expected.translation.vector - pose.translation.vector).norm();
         let turn = expected.rotation.angle_to(&pose.rotation).to_degrees();
-        way > self.outlier_m * more || turn > self.outlier_deg * more
+        distance > self.outlier_m * more || turn > self.outlier_deg * more
     }
 }
 
 /// What a pose rests on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum FollowState {
+pub enum PoseFilterState {
     /// Samples of the last moments.
     Tracked,
     /// A gap that is bridged.
@@ -84,11 +84,11 @@ pub enum FollowState {
 
 /// A pose for the display.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Followed {
+pub struct FilteredPose {
     /// `tracking_from_body`.
     pub pose: Pose,
     /// What it rests on.
-    pub state: FollowState,
+    pub state: PoseFilterState,
 }
 
 /// Outliers for longer than this are where the body is now, s.
@@ -102,7 +102,7 @@ const GAP_SECS: f64 = 0.06;
 /// Follows one body: smooths without a lag for steady motion, bridges short gaps, stands still in long ones and comes back
 /// without a jump. Deterministic; times come with samples and questions.
 ///
-/// Behind it are Kalman filters of place and turn, each for three kinds of motion at once ([`crate::manoeuvre`]). What a person
+/// Behind it are Kalman filters of place and turn, each for three kinds of motion at once ([`crate::imm_filter`]). What a person
 /// turns by when the shoulder moves, as in a lean, is learned on the way and predicted from the place, which a tracking system
 /// knows better. The noise of the samples is learned too. Weakness: in a gap that begins in a quick movement the body is taken
 /// to go on, and there is nothing to tell where it stopped.
@@ -113,20 +113,20 @@ pub struct PoseFilter {
     /// On our clock.
     motion: Option<MotionEstimate>,
     /// Samples that were not believed, since when, s.
-    doubted_since: Option<f64>,
+    outliers_since_secs: Option<f64>,
     original: OriginalFilter,
-    shown: Option<Shown>,
+    displayed: Option<DisplayedPose>,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Shown {
+struct DisplayedPose {
     at: f64,
     pose: Pose,
     /// What the samples said then.
     measured: Pose,
-    state: FollowState,
+    state: PoseFilterState,
     /// What is left of the way from where it was shown to where the samples say it is: m and rad, with the time it began at.
-    catching_up: (Vector, Vector),
+    residual_offset: (Vector, Vector),
     since: f64,
 }
 
@@ -137,19 +137,19 @@ impl PoseFilter {
             config,
             clock: ClockOffset::default(),
             motion: None,
-            doubted_since: None,
+            outliers_since_secs: None,
             original: OriginalFilter::default(),
-            shown: None,
+            displayed: None,
         }
     }
 
     /// The next sample in the order of arrival. Those that are not tracked, or no later than the one before, are passed over.
-    pub fn take(&mut self, sample: &BodySample) {
+    pub fn update(&mut self, sample: &BodySample) {
         if !sample.tracked {
             return;
         }
-        self.original.take(&sample.pose);
-        let time = self.clock.take(sample.stamp, sample.arrival) - self.config.latency_secs;
+        self.original.update(&sample.pose);
+        let time = self.clock.update(sample.stamp, sample.arrival) - self.config.latency_secs;
         let Some(motion) = &mut self.motion else {
             self.motion = Some(MotionEstimate::new(time, &sample.pose));
             return;
@@ -158,36 +158,36 @@ impl PoseFilter {
             return;
         }
         if self.config.is_outlier(motion, time, &sample.pose) {
-            if time - *self.doubted_since.get_or_insert(time) >= OUTLIERS_SECS {
+            if time - *self.outliers_since_secs.get_or_insert(time) >= OUTLIERS_SECS {
                 // It has stayed there: what came before is of no use.
                 *motion = MotionEstimate::new(time, &sample.pose);
-                self.doubted_since = None;
+                self.outliers_since_secs = None;
             }
             return;
         }
-        self.doubted_since = None;
-        motion.take(time, &sample.pose);
+        self.outliers_since_secs = None;
+        motion.update(time, &sample.pose);
     }
 
     /// The body at `now` on our clock, ns: the time at which a display shows it. None before the first sample.
-    pub fn at(&mut self, now: Nanos) -> Option<Followed> {
+    pub fn pose_at(&mut self, now: Nanos) -> Option<FilteredPose> {
         let now = now as f64 * 1e-9;
         if self.config.profile == FilterProfile::Original {
-            return self.original.pose().map(|pose| Followed { pose, state: FollowState::Tracked });
+            return self.original.pose().map(|pose| FilteredPose { pose, state: PoseFilterState::Tracked });
         }
         let motion = self.motion.as_ref()?;
         let newest = motion.time();
         let gap = now - newest;
         let state = match gap {
-            gap if gap > self.config.occlusion_secs => FollowState::Frozen,
-            gap if gap > GAP_SECS => FollowState::Predicted,
-            _ => FollowState::Tracked,
+            gap if gap > self.config.occlusion_secs => PoseFilterState::Frozen,
+            gap if gap > GAP_SECS => PoseFilterState::Predicted,
+            _ => PoseFilterState::Tracked,
         };
         let until = now.min(newest + self.config.occlusion_secs);
-        let measured = motion.at(until);
-        let shown = self.show(now, state, &measured);
-        self.shown = Some(shown);
-        Some(Followed { pose: shown.pose, state })
+        let measured = motion.pose_at(until);
+        let displayed = self.blend_after_gap(now, state, &measured);
+        self.displayed = Some(displayed);
+        Some(FilteredPose { pose: displayed.pose, state })
     }
 
     /// When the newest sample that counts was measured, on our clock, s.
@@ -201,35 +201,36 @@ impl PoseFilter {
     }
 
     /// What is shown of what was measured: after a gap the difference between the two is given up smoothly.
-    fn show(&self, now: f64, state: FollowState, measured: &Pose) -> Shown {
-        let fresh = Shown {
+    fn blend_after_gap(&self, now: f64, state: PoseFilterState, measured: &Pose) -> DisplayedPose {
+        let fresh = DisplayedPose {
             at: now,
             pose: *measured,
             measured: *measured,
             state,
-            catching_up: (Vector::zeros(), Vector::zeros()),
+            residual_offset: (Vector::zeros(), Vector::zeros()),
             since: f64::NEG_INFINITY,
         };
-        let Some(before) = self.shown else { return fresh };
-        let way = before.pose.translation.vector - measured.translation.vector;
+        let Some(before) = self.displayed else { return fresh };
+        let offset = before.pose.translation.vector - measured.translation.vector;
         let turn = (before.pose.rotation * measured.rotation.inverse()).scaled_axis();
         // Seen again, or a step that no body makes from one question to the next.
         let secs = (now - before.at).max(1e-3);
-        let returns = before.state != FollowState::Tracked && state == FollowState::Tracked;
+        let returns = before.state != PoseFilterState::Tracked && state == PoseFilterState::Tracked;
         let step = (before.measured.translation.vector - measured.translation.vector).norm();
         let bend = before.measured.rotation.angle_to(&measured.rotation);
         let jumps = step > 0.01 + 2.0 * secs || bend > 0.05 + 6.0 * secs;
-        let mut next = Shown { catching_up: before.catching_up, since: before.since, ..fresh };
+        let mut next =
+            DisplayedPose { residual_offset: before.residual_offset, since: before.since, ..fresh };
         if returns || jumps {
-            (next.catching_up, next.since) = ((way, turn), now);
+            (next.residual_offset, next.since) = ((offset, turn), now);
         }
-        let (way, turn) = next.catching_up;
-        let needs = (way.norm() / CATCH_UP_M_PER_S).max(turn.norm() / CATCH_UP_RAD_PER_S);
+        let (offset, turn) = next.residual_offset;
+        let needs = (offset.norm() / CATCH_UP_M_PER_S).max(turn.norm() / CATCH_UP_RAD_PER_S);
         let share = 1.0 - ((now - next.since) / needs.min(self.config.resume_secs).max(1e-3)).clamp(0.0, 1.0);
         // From 1 to 0 with no speed at either end.
         let share = share * share * (3.0 - 2.0 * share);
         next.pose = Pose::from_parts(
-            (measured.translation.vector + way * share).into(),
+            (measured.translation.vector + offset * share).into(),
             UnitQuaternion::from_scaled_axis(turn * share) * measured.rotation,
         );
         next

@@ -1,6 +1,6 @@
 //! What a tracking system says of one body, before and after it is in metres with z up.
 
-use crate::{ExpectedPlace, Nanos, PoseFault, input_check::check_unit};
+use crate::{ExpectedHeight, Nanos, PoseFault, input_check::check_length_unit};
 use nalgebra::{Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion};
 use proact_types::{Pose, Vector};
 use serde::{Deserialize, Serialize};
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 /// A quaternion may be off unit length by this much; a stream of single precision is off by 1e-7. Beyond, it is no rotation.
 const NORM_TOLERANCE: f64 = 0.01;
 /// Nothing in a laboratory is further than this from its origin, m.
-const FURTHEST_M: f64 = 1000.0;
+const MAX_POSITION_M: f64 = 1000.0;
 
 /// The pose of a body as it came, in the units and axes of who sent it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -63,7 +63,7 @@ pub enum UpAxis {
 ///
 /// ```
 /// use proact_localization::{RawBodyPose, TrackingAxes, UpAxis};
-/// let motive = TrackingAxes { up: UpAxis::Y, metres_per_unit: 1.0 };
+/// let motive = TrackingAxes { up: UpAxis::Y, meters_per_unit: 1.0 };
 /// let raw = RawBodyPose {
 ///     body: "Shoulderpad".into(), id: None, stamp: 0, arrival: 0,
 ///     position: [0.2, 1.4, -0.3], quaternion: [0.0, 0.0, 0.0, 1.0], tracked: true,
@@ -78,12 +78,13 @@ pub struct TrackingAxes {
     /// Which axis points up.
     pub up: UpAxis,
     /// Length of the device's unit, m: 0.001 where it sends millimetres.
-    pub metres_per_unit: f64,
+    #[serde(rename = "metres_per_unit")]
+    pub meters_per_unit: f64,
 }
 
 impl Default for TrackingAxes {
     fn default() -> Self {
-        Self { up: UpAxis::Z, metres_per_unit: 1.0 }
+        Self { up: UpAxis::Z, meters_per_unit: 1.0 }
     }
 }
 
@@ -97,15 +98,15 @@ impl TrackingAxes {
     pub fn convert(&self, raw: &RawBodyPose) -> Result<BodySample, PoseFault> {
         let device = raw_pose(raw)?;
         let turn = self.tracking_from_device();
-        let place = turn * device.translation.vector * self.metres_per_unit;
-        if place.norm() > FURTHEST_M {
+        let position = turn * device.translation.vector * self.meters_per_unit;
+        if position.norm() > MAX_POSITION_M {
             // Millimetres for metres is what this most often is: the unit is named before the distance.
-            let sample = Self::sample(raw, Pose::from_parts(place.into(), device.rotation));
-            check_unit(&sample, &ExpectedPlace::default())?;
-            return Err(PoseFault::Far { body: raw.body.clone(), metres: place.norm() });
+            let sample = Self::sample(raw, Pose::from_parts(position.into(), device.rotation));
+            check_length_unit(&sample, &ExpectedHeight::default())?;
+            return Err(PoseFault::TooFar { body: raw.body.clone(), distance_m: position.norm() });
         }
         let rotation = turn * device.rotation * turn.inverse();
-        Ok(Self::sample(raw, Pose::from_parts(place.into(), rotation)))
+        Ok(Self::sample(raw, Pose::from_parts(position.into(), rotation)))
     }
 
     fn sample(raw: &RawBodyPose, pose: Pose) -> BodySample {
@@ -140,10 +141,10 @@ pub(crate) fn raw_pose(raw: &RawBodyPose) -> Result<Pose, PoseFault> {
     let rotation = Quaternion::new(w, x, y, z);
     let norm = rotation.norm();
     if (norm - 1.0).abs() > NORM_TOLERANCE {
-        return Err(PoseFault::NoRotation { body: body(), norm });
+        return Err(PoseFault::InvalidQuaternion { body: body(), norm });
     }
-    let place = Translation3::from(Vector::from(raw.position));
-    Ok(Pose::from_parts(place, UnitQuaternion::new_normalize(rotation)))
+    let translation = Translation3::from(Vector::from(raw.position));
+    Ok(Pose::from_parts(translation, UnitQuaternion::new_normalize(rotation)))
 }
 
 #[cfg(test)]
@@ -172,7 +173,7 @@ mod tests {
         ) {
             let turn = UnitQuaternion::from_scaled_axis(Vector::from(axis));
             let c = turn.coords;
-            let axes = TrackingAxes { up, metres_per_unit: 1.0 };
+            let axes = TrackingAxes { up, meters_per_unit: 1.0 };
             let sample = axes.convert(&raw(position, [c[0], c[1], c[2], c[3]])).unwrap();
             prop_assert!((sample.pose.translation.vector.norm() - Vector::from(position).norm()).abs() < 1e-9);
             prop_assert!((sample.pose.rotation.angle() - turn.angle()).abs() < 1e-7);
@@ -191,12 +192,12 @@ mod tests {
         assert!(refused([0.0; 3], [0.0; 4]).contains("length 0.000, expected 1"));
         assert!(refused([0.0; 3], [0.0, 0.0, 0.0, 2.0]).contains("length 2.000"));
         assert!(refused([0.0, 9400.0, 0.0], still).contains("9400 m from the origin"));
-        let millimetres = |position| axes.convert(&raw(position, still)).unwrap_err().name();
-        assert_eq!(millimetres([300.0, 200.0, 1400.0]), "millimetres");
-        assert_eq!(millimetres([0.0, 1400.0, 0.0]), "millimetres", "y is up, too");
-        assert_eq!(millimetres([3000.0, 0.0, 0.0]), "far");
-        let milli = TrackingAxes { metres_per_unit: 0.001, ..axes };
-        let place = milli.convert(&raw([0.0, 1400.0, 0.0], still)).unwrap().pose.translation;
-        assert!((place.y - 1.4).abs() < 1e-12);
+        let millimeters = |position| axes.convert(&raw(position, still)).unwrap_err().name();
+        assert_eq!(millimeters([300.0, 200.0, 1400.0]), "millimetres");
+        assert_eq!(millimeters([0.0, 1400.0, 0.0]), "millimetres", "y is up, too");
+        assert_eq!(millimeters([3000.0, 0.0, 0.0]), "far");
+        let milli = TrackingAxes { meters_per_unit: 0.001, ..axes };
+        let translation = milli.convert(&raw([0.0, 1400.0, 0.0], still)).unwrap().pose.translation;
+        assert!((translation.y - 1.4).abs() < 1e-12);
     }
 }

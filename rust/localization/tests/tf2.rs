@@ -2,7 +2,7 @@
 #![allow(clippy::disallowed_methods, clippy::unwrap_used)] // The test compiles and runs a program.
 
 use nalgebra::{Quaternion, UnitQuaternion};
-use proact_localization::{At, FrameTree};
+use proact_localization::{FrameTree, TransformTime};
 use proact_types::{Pose, Vector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -45,13 +45,13 @@ fn random_trees_are_answered_as_tf2_answers_them() {
             let (parent, child) = (name(parent), name(child));
             if rng.random_range(0..3) == 0 {
                 let pose = random_pose(&mut rng);
-                frames.fix(&parent, &child, pose).unwrap();
+                frames.set_static_transform(&parent, &child, pose).unwrap();
                 writeln!(text, "fixed {parent} {child} {}", numbers(&pose)).unwrap();
                 continue;
             }
             for moment in 0..MOMENTS {
                 let (pose, stamp) = (random_pose(&mut rng), FIRST_NANOS + moment * PERIOD_NANOS);
-                frames.put(&parent, &child, stamp, pose).unwrap();
+                frames.set_transform(&parent, &child, stamp, pose).unwrap();
                 writeln!(text, "moving {parent} {child} {stamp} {}", numbers(&pose)).unwrap();
             }
         }
@@ -70,15 +70,15 @@ fn random_trees_are_answered_as_tf2_answers_them() {
         let answers = ask(&program, &text);
         assert_eq!(answers.lines().count(), questions.len());
         for ((target, source, stamp), theirs) in questions.iter().zip(answers.lines()) {
-            let ours = frames.look_up(target, source, At::Time(*stamp));
+            let ours = frames.lookup_transform(target, source, TransformTime::Time(*stamp));
             let theirs = parse(theirs);
             match (&ours, theirs) {
                 (Ok(ours), Some(theirs)) => {
-                    let way = (ours.translation.vector - theirs.translation.vector).norm();
+                    let distance = (ours.translation.vector - theirs.translation.vector).norm();
                     let turn = ours.rotation.angle_to(&theirs.rotation);
                     assert!(
-                        way < TOLERANCE && turn < TOLERANCE,
-                        "tree {seed}, {source} in {target} at {stamp}: {way} m"
+                        distance < TOLERANCE && turn < TOLERANCE,
+                        "tree {seed}, {source} in {target} at {stamp}: {distance} m"
                     );
                     answered += 1;
                 }
@@ -95,8 +95,8 @@ fn name(frame: usize) -> String {
 }
 
 fn random_pose(rng: &mut ChaCha8Rng) -> Pose {
-    let mut vector = |most: f64| {
-        let mut one = || rng.random_range(-most..most);
+    let mut vector = |range: f64| {
+        let mut one = || rng.random_range(-range..range);
         Vector::new(one(), one(), one())
     };
     Pose::from_parts(vector(2.0).into(), UnitQuaternion::from_scaled_axis(vector(1.5)))

@@ -1,5 +1,6 @@
 //! Message types as data: what fields and constants a type has, in ROS's order, and ROS's checksum over them.
 
+use crate::ros2;
 use md5::{Digest, Md5};
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -8,12 +9,12 @@ use std::{
 };
 
 /// Between the definitions in a text with dependencies.
-const RULE: &str = "================================================================================";
+const SEPARATOR: &str = "================================================================================";
 
 /// Deepest type in a type: whatever reads or writes a message descends as deep.
-const DEEPEST: usize = 32;
+const MAX_DEPTH: usize = 32;
 /// Most messages, fields and values in a message whose arrays of any length are empty: such a message is made of every type.
-pub(crate) const MOST_PARTS: usize = 1_000_000;
+pub(crate) const MAX_VALUES: usize = 1_000_000;
 
 /// A message type of ROS 1.
 #[derive(Debug, PartialEq)]
@@ -26,7 +27,8 @@ pub struct MessageType {
     pub fields: Vec<MessageField>,
     md5: String,
     /// Messages, fields and values in a message whose arrays of any length are empty.
-    parts: usize,
+    value_count: usize,
+    differs_in_ros2: bool,
 }
 
 /// A constant of a message type.
@@ -46,16 +48,16 @@ pub struct MessageField {
     /// Name.
     pub name: Arc<str>,
     /// Type of the value, or of each entry of an array.
-    pub kind: Kind,
+    pub kind: FieldType,
     /// How many.
-    pub count: Count,
+    pub count: ArrayKind,
     /// The type as it is written in the definition: `byte` for an `int8`; messages by their full names.
-    pub written: String,
+    pub type_text: String,
 }
 
 /// The type of a single value.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Kind {
+pub enum FieldType {
     /// True or false.
     Bool,
     /// A whole number; `byte` is `int8` and `char` is `uint8`, as ROS 1 has it.
@@ -81,13 +83,13 @@ pub enum Kind {
 
 /// Whether a field is an array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Count {
+pub enum ArrayKind {
     /// A single value.
-    One,
+    Single,
     /// An array of any length.
-    Any,
+    Variable,
     /// An array of this length.
-    Exactly(usize),
+    Fixed(usize),
 }
 
 /// Why a definition cannot be read.
@@ -105,18 +107,18 @@ pub struct DefinitionError {
     pub reason: String,
 }
 
-impl Kind {
+impl FieldType {
     /// Name in a message definition.
     pub fn name(&self) -> String {
         match self {
-            Kind::Bool => "bool".to_owned(),
-            Kind::Int { bits, signed } => format!("{}int{bits}", if *signed { "" } else { "u" }),
-            Kind::Float32 => "float32".to_owned(),
-            Kind::Float64 => "float64".to_owned(),
-            Kind::Text => "string".to_owned(),
-            Kind::Time => "time".to_owned(),
-            Kind::Duration => "duration".to_owned(),
-            Kind::Message(inner) => inner.name.clone(),
+            FieldType::Bool => "bool".to_owned(),
+            FieldType::Int { bits, signed } => format!("{}int{bits}", if *signed { "" } else { "u" }),
+            FieldType::Float32 => "float32".to_owned(),
+            FieldType::Float64 => "float64".to_owned(),
+            FieldType::Text => "string".to_owned(),
+            FieldType::Time => "time".to_owned(),
+            FieldType::Duration => "duration".to_owned(),
+            FieldType::Message(inner) => inner.name.clone(),
         }
     }
 
@@ -125,40 +127,40 @@ impl Kind {
         if signed { -(1i128 << (bits - 1))..=(1i128 << (bits - 1)) - 1 } else { 0..=(1i128 << bits) - 1 }
     }
 
-    fn primitive(name: &str) -> Option<Kind> {
+    fn primitive(name: &str) -> Option<FieldType> {
         Some(match name {
-            "bool" => Kind::Bool,
-            "byte" | "int8" => Kind::Int { bits: 8, signed: true },
-            "char" | "uint8" => Kind::Int { bits: 8, signed: false },
-            "int16" => Kind::Int { bits: 16, signed: true },
-            "uint16" => Kind::Int { bits: 16, signed: false },
-            "int32" => Kind::Int { bits: 32, signed: true },
-            "uint32" => Kind::Int { bits: 32, signed: false },
-            "int64" => Kind::Int { bits: 64, signed: true },
-            "uint64" => Kind::Int { bits: 64, signed: false },
-            "float32" => Kind::Float32,
-            "float64" => Kind::Float64,
-            "string" => Kind::Text,
-            "time" => Kind::Time,
-            "duration" => Kind::Duration,
+            "bool" => FieldType::Bool,
+            "byte" | "int8" => FieldType::Int { bits: 8, signed: true },
+            "char" | "uint8" => FieldType::Int { bits: 8, signed: false },
+            "int16" => FieldType::Int { bits: 16, signed: true },
+            "uint16" => FieldType::Int { bits: 16, signed: false },
+            "int32" => FieldType::Int { bits: 32, signed: true },
+            "uint32" => FieldType::Int { bits: 32, signed: false },
+            "int64" => FieldType::Int { bits: 64, signed: true },
+            "uint64" => FieldType::Int { bits: 64, signed: false },
+            "float32" => FieldType::Float32,
+            "float64" => FieldType::Float64,
+            "string" => FieldType::Text,
+            "time" => FieldType::Time,
+            "duration" => FieldType::Duration,
             _ => return None,
         })
     }
 }
 
-impl Count {
+impl ArrayKind {
     /// What stands behind the type in a definition.
     pub fn brackets(self) -> String {
         match self {
-            Count::One => String::new(),
-            Count::Any => "[]".to_owned(),
-            Count::Exactly(length) => format!("[{length}]"),
+            ArrayKind::Single => String::new(),
+            ArrayKind::Variable => "[]".to_owned(),
+            ArrayKind::Fixed(length) => format!("[{length}]"),
         }
     }
 }
 
 /// Finds the type of a field by its full name, or says why not.
-type Find<'a> = dyn FnMut(&str) -> Result<Arc<MessageType>, DefinitionError> + 'a;
+type TypeLookup<'a> = dyn FnMut(&str) -> Result<Arc<MessageType>, DefinitionError> + 'a;
 
 impl MessageType {
     /// Reads a type from the text of its definition; `source` gives those of the types that it needs, by their full
@@ -171,12 +173,12 @@ impl MessageType {
         text: &str,
         source: &dyn Fn(&str) -> Option<String>,
     ) -> Result<Arc<MessageType>, DefinitionError> {
-        Self::load_within(name, text, source, &mut Vec::new(), &mut BTreeMap::new()).map(Arc::new)
+        Self::load_nested(name, text, source, &mut Vec::new(), &mut BTreeMap::new()).map(Arc::new)
     }
 
     /// `above` are the types that contain it, `known` those that were read before: each is read once, however many contain
     /// it.
-    pub(crate) fn load_within(
+    pub(crate) fn load_nested(
         name: &str,
         text: &str,
         source: &dyn Fn(&str) -> Option<String>,
@@ -196,11 +198,11 @@ impl MessageType {
             if above.iter().any(|outer| outer == needed) {
                 return Err(refuse("it contains itself"));
             }
-            if above.len() > DEEPEST {
+            if above.len() > MAX_DEPTH {
                 return Err(refuse("the types stand too deep in each other"));
             }
             let text = source(needed).ok_or_else(|| refuse("its definition is not there"))?;
-            let found = Arc::new(Self::load_within(needed, &text, source, above, known)?);
+            let found = Arc::new(Self::load_nested(needed, &text, source, above, known)?);
             known.insert(needed.to_owned(), Arc::clone(&found));
             Ok(found)
         };
@@ -233,10 +235,15 @@ impl MessageType {
     }
 
     /// Reads the lines of a definition.
-    pub(crate) fn parse(name: &str, text: &str, find: &mut Find<'_>) -> Result<MessageType, DefinitionError> {
+    pub(crate) fn parse(
+        name: &str,
+        text: &str,
+        find: &mut TypeLookup<'_>,
+    ) -> Result<MessageType, DefinitionError> {
         let (mut constants, mut fields) = (Vec::new(), Vec::<MessageField>::new());
         // The message itself is one; what reads a message counts alike.
         let (mut names, mut parts) = (BTreeSet::new(), 1_usize);
+        let mut differs_in_ros2 = name == "std_msgs/Header";
         for line in text.lines() {
             let refuse = |reason: &str| DefinitionError {
                 type_name: name.to_owned(),
@@ -266,37 +273,43 @@ impl MessageType {
                 return Err(refuse("not two words"));
             };
             let (kind, count) = match kind.split_once('[') {
-                None => (kind, Count::One),
-                Some((kind, "]")) => (kind, Count::Any),
+                None => (kind, ArrayKind::Single),
+                Some((kind, "]")) => (kind, ArrayKind::Variable),
                 Some((kind, length)) => {
                     let length = length.strip_suffix(']').and_then(|digits| digits.parse().ok());
-                    (kind, Count::Exactly(length.ok_or_else(|| refuse("no length between the brackets"))?))
+                    (kind, ArrayKind::Fixed(length.ok_or_else(|| refuse("no length between the brackets"))?))
                 }
             };
             if !names.insert(field) {
                 return Err(refuse("the name is there twice"));
             }
-            let (kind, written) = match Kind::primitive(kind) {
+            let (kind, written) = match FieldType::primitive(kind) {
                 Some(primitive) => (primitive, kind.to_owned()),
                 None => {
                     let full = full_name(kind, name);
-                    (Kind::Message(find(&full)?), full)
+                    (FieldType::Message(find(&full)?), full)
                 }
             };
-            let of_one = if let Kind::Message(inner) = &kind { inner.parts } else { 1 };
+            let of_one = if let FieldType::Message(inner) = &kind { inner.value_count } else { 1 };
             let nested = match count {
-                Count::One => of_one,
-                Count::Any => 0,
-                Count::Exactly(length) => of_one.saturating_mul(length),
+                ArrayKind::Single => of_one,
+                ArrayKind::Variable => 0,
+                ArrayKind::Fixed(length) => of_one.saturating_mul(length),
             };
             parts = parts.saturating_add(nested).saturating_add(1);
-            if parts > MOST_PARTS {
+            if parts > MAX_VALUES {
                 return Err(refuse("with it an empty message has more than a million values"));
             }
-            fields.push(MessageField { name: field.into(), kind, count, written });
+            differs_in_ros2 |= ros2::field_differs(name, field, &kind);
+            fields.push(MessageField { name: field.into(), kind, count, type_text: written });
         }
         let md5 = hexadecimal(Md5::new_with_prefix(checksum_text(&constants, &fields)));
-        Ok(MessageType { name: name.to_owned(), constants, fields, md5, parts })
+        Ok(MessageType { name: name.to_owned(), constants, fields, md5, value_count: parts, differs_in_ros2 })
+    }
+
+    /// Whether its messages are written differently as ROS 2 has them.
+    pub fn differs_in_ros2(&self) -> bool {
+        self.differs_in_ros2
     }
 
     /// ROS's checksum over the type and those that it needs, in hexadecimal.
@@ -310,49 +323,50 @@ impl MessageType {
     }
 
     /// The types that it needs, each once, in the order in which they are met.
-    pub fn needs(&self) -> Vec<&Arc<MessageType>> {
+    pub fn dependencies(&self) -> Vec<&Arc<MessageType>> {
         let mut found = Vec::new();
-        self.collect(&mut found);
+        self.collect_dependencies(&mut found);
         found
     }
 
-    fn collect<'a>(&'a self, found: &mut Vec<&'a Arc<MessageType>>) {
+    fn collect_dependencies<'a>(&'a self, found: &mut Vec<&'a Arc<MessageType>>) {
         for field in &self.fields {
-            if let Kind::Message(inner) = &field.kind
+            if let FieldType::Message(inner) = &field.kind
                 && !found.iter().any(|known| known.name == inner.name)
             {
                 found.push(inner);
-                inner.collect(found);
+                inner.collect_dependencies(found);
             }
         }
     }
 
     /// Its definition without comments, then those of the types that it needs: what [`MessageType::from_text`] reads.
-    pub fn text(&self) -> String {
-        let others = self.needs().into_iter().map(|inner| (inner.name.as_str(), inner.own_text()));
-        join_texts(self.own_text(), others)
+    pub fn full_text(&self) -> String {
+        let others =
+            self.dependencies().into_iter().map(|inner| (inner.name.as_str(), inner.definition_text()));
+        join_texts(self.definition_text(), others)
     }
 
-    fn own_text(&self) -> String {
+    fn definition_text(&self) -> String {
         let constants = self.constants.iter().map(|c| format!("{} {}={}\n", c.kind, c.name, c.value));
-        let fields = self.fields.iter().map(|f| format!("{}{} {}\n", f.written, f.count.brackets(), f.name));
+        let fields =
+            self.fields.iter().map(|f| format!("{}{} {}\n", f.type_text, f.count.brackets(), f.name));
         constants.chain(fields).collect()
     }
 
     /// The definition in `own`, then those that `source` has of the types that it needs, comments and all.
-    pub fn text_with(&self, own: &str, source: &dyn Fn(&str) -> Option<String>) -> String {
+    pub fn full_text_from(&self, own: &str, source: &dyn Fn(&str) -> Option<String>) -> String {
         let whole = |text: &str| text.trim_end().to_owned() + "\n";
-        let others = self
-            .needs()
-            .into_iter()
-            .map(|inner| (inner.name.as_str(), source(&inner.name).map_or(inner.own_text(), |t| whole(&t))));
+        let others = self.dependencies().into_iter().map(|inner| {
+            (inner.name.as_str(), source(&inner.name).map_or(inner.definition_text(), |t| whole(&t)))
+        });
         join_texts(whole(own), others)
     }
 }
 
 fn join_texts<'a>(mut text: String, others: impl Iterator<Item = (&'a str, String)>) -> String {
     for (name, definition) in others {
-        text += &format!("{RULE}\nMSG: {name}\n{definition}");
+        text += &format!("{SEPARATOR}\nMSG: {name}\n{definition}");
     }
     text
 }
@@ -370,8 +384,8 @@ fn full_name(kind: &str, of: &str) -> String {
 fn checksum_text(constants: &[Constant], fields: &[MessageField]) -> String {
     let constants = constants.iter().map(|c| format!("{} {}={}", c.kind, c.name, c.value));
     let fields = fields.iter().map(|field| match &field.kind {
-        Kind::Message(inner) => format!("{} {}", inner.md5, field.name),
-        _ => format!("{}{} {}", field.written, field.count.brackets(), field.name),
+        FieldType::Message(inner) => format!("{} {}", inner.md5, field.name),
+        _ => format!("{}{} {}", field.type_text, field.count.brackets(), field.name),
     });
     constants.chain(fields).collect::<Vec<_>>().join("\n")
 }
@@ -380,15 +394,10 @@ pub(crate) fn hexadecimal(sum: Md5) -> String {
     sum.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// The name as ROS 1 has it: `std_msgs/msg/String`, which newer clients send, is `std_msgs/String`.
-pub fn plain_name(name: &str) -> String {
-    name.replacen("/msg/", "/", 1)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::known_type;
+    use crate::builtin_type;
 
     #[test]
     fn a_text_with_its_dependencies_becomes_a_type_and_the_text_again() {
@@ -402,15 +411,15 @@ mod tests {
         assert_eq!(kind.constants[1].value, "a # b");
         let expected = format!(
             "int8 UP=1\nstring NAME=a # b\nstd_msgs/Header header\nlab_msgs/Point[] points\nfloat32[2] ends\nbyte level\n\
-             {RULE}\nMSG: std_msgs/Header\nuint32 seq\ntime stamp\nstring frame_id\n{RULE}\nMSG: lab_msgs/Point\nfloat64 x\n"
+             {SEPARATOR}\nMSG: std_msgs/Header\nuint32 seq\ntime stamp\nstring frame_id\n{SEPARATOR}\nMSG: lab_msgs/Point\nfloat64 x\n"
         );
-        assert_eq!(kind.text(), expected);
+        assert_eq!(kind.full_text(), expected);
         assert_eq!(MessageType::from_text("lab_msgs/Path", &expected).unwrap(), kind);
     }
 
     #[test]
     fn a_definition_names_each_type_that_it_needs_once() {
-        let text = known_type("geometry_msgs/PoseStamped").unwrap().text();
+        let text = builtin_type("geometry_msgs/PoseStamped").unwrap().full_text();
         for needed in
             ["std_msgs/Header", "geometry_msgs/Pose", "geometry_msgs/Point", "geometry_msgs/Quaternion"]
         {
@@ -440,11 +449,11 @@ mod tests {
     fn types_that_announce_more_than_memory_holds_are_refused() {
         let refused = |text: &str| MessageType::from_text("a/B", text).unwrap_err().to_string();
         assert!(refused("float64[4294967295] x").contains("more than a million values"));
-        let nested = |n: usize| format!("{RULE}\nMSG: a/T{n}\nT{}[500] t\n", n + 1);
-        let text = format!("T0 t\n{}{}{RULE}\nMSG: a/T2\nbool x\n", nested(0), nested(1));
+        let nested = |n: usize| format!("{SEPARATOR}\nMSG: a/T{n}\nT{}[500] t\n", n + 1);
+        let text = format!("T0 t\n{}{}{SEPARATOR}\nMSG: a/T2\nbool x\n", nested(0), nested(1));
         assert!(MessageType::from_text("a/B", &text).is_ok(), "a quarter of a million times one");
         assert!(refused(&text.replace("bool x", "bool x\nbool y")).contains("more than a million values"));
-        let deep: String = (0..1000).map(|n| format!("{RULE}\nMSG: a/T{n}\nT{} t\n", n + 1)).collect();
+        let deep: String = (0..1000).map(|n| format!("{SEPARATOR}\nMSG: a/T{n}\nT{} t\n", n + 1)).collect();
         assert!(refused(&format!("T0 t\n{deep}")).contains("too deep in each other"));
     }
 
@@ -453,14 +462,14 @@ mod tests {
         // Each contains all that follow: read anew for each, they would be two to the power of thirty.
         let fields = |from: usize| (from..30).map(|n| format!("T{n}[] t{n}\n")).collect::<String>();
         let types: String =
-            (0..30).map(|n| format!("{RULE}\nMSG: a/T{n}\nbool x\n{}", fields(n + 1))).collect();
+            (0..30).map(|n| format!("{SEPARATOR}\nMSG: a/T{n}\nbool x\n{}", fields(n + 1))).collect();
         let kind = MessageType::from_text("a/B", &(fields(0) + &types)).unwrap();
-        assert_eq!(kind.needs().len(), 30);
+        assert_eq!(kind.dependencies().len(), 30);
     }
 
     #[test]
     fn types_that_contain_each_other_are_refused() {
-        let text = format!("C c\n{RULE}\nMSG: a/C\nB b\n");
+        let text = format!("C c\n{SEPARATOR}\nMSG: a/C\nB b\n");
         let error = MessageType::from_text("a/B", &text).unwrap_err().to_string();
         assert!(error.contains("contains itself"), "{error}");
     }

@@ -1,8 +1,9 @@
 //! Messages from JSON as rosbridge has it.
 
 use crate::{
-    definition::{Count, Kind, MessageField, MessageType},
-    value::{Duration, Time, Value},
+    definition::{ArrayKind, FieldType, MessageField, MessageType},
+    ros2,
+    value::{Duration, MessageValue, Time},
 };
 use base64::{Engine, engine::general_purpose::STANDARD as BASE64};
 use serde_json::{Map, Value as Json};
@@ -34,20 +35,24 @@ impl MessageType {
     ///
     /// # Errors
     /// [`ValueError`] with the field, what it is and what was expected; a field that the type lacks is one too.
-    pub fn read(&self, json: Json, now: Time) -> Result<Value, ValueError> {
-        self.read_at(json, now, "")
+    pub fn parse_json(&self, json: Json, now: Time) -> Result<MessageValue, ValueError> {
+        self.parse_json_at(json, now, "")
     }
 
-    fn read_at(&self, json: Json, now: Time, path: &str) -> Result<Value, ValueError> {
+    fn parse_json_at(&self, json: Json, now: Time, path: &str) -> Result<MessageValue, ValueError> {
         let Json::Object(mut map) = json else {
             return refuse(path, &json, format!("an object ({})", self.name));
         };
         let mut fields = Vec::with_capacity(self.fields.len());
         for field in &self.fields {
-            let value = match map.remove(&*field.name) {
-                Some(json) => field.read(json, now, path)?,
-                None if self.name == "std_msgs/Header" && field.kind == Kind::Time => Value::Time(now),
-                None => field.empty(now),
+            let given = map.remove(&*field.name);
+            let given = given.or_else(|| map.remove(ros2::renamed_field(&self.name, &field.name)?));
+            let value = match given {
+                Some(json) => field.parse_json(json, now, path)?,
+                None if self.name == "std_msgs/Header" && field.kind == FieldType::Time => {
+                    MessageValue::Time(now)
+                }
+                None => field.default_value(now),
             };
             fields.push((Arc::clone(&field.name), value));
         }
@@ -59,37 +64,41 @@ impl MessageType {
                 format!("only the fields of {}: {known:?}", self.name),
             );
         }
-        Ok(Value::Message(fields))
+        Ok(MessageValue::Message(fields))
     }
 
     /// The fields that `json` leaves out, by their paths; a header and what is in it are meant to be left out. Entries of
     /// arrays are not looked into.
-    pub fn left_out(&self, json: &Json) -> Vec<String> {
+    pub fn missing_fields(&self, json: &Json) -> Vec<String> {
         let mut found = Vec::new();
-        self.find_left_out(json, "", &mut found);
+        self.collect_missing_fields(json, "", &mut found);
         found
     }
 
-    fn find_left_out(&self, json: &Json, path: &str, found: &mut Vec<String>) {
+    fn collect_missing_fields(&self, json: &Json, path: &str, found: &mut Vec<String>) {
         const HEADER: &str = "std_msgs/Header";
         let Some(map) = json.as_object().filter(|_| self.name != HEADER) else { return };
         for field in &self.fields {
             let inner = match &field.kind {
-                Kind::Message(inner) => Some(inner),
+                FieldType::Message(inner) => Some(inner),
                 _ => None,
             };
-            match (map.get(&*field.name), inner) {
+            let given = map.get(&*field.name);
+            let given = given.or_else(|| map.get(ros2::renamed_field(&self.name, &field.name)?));
+            match (given, inner) {
                 (None, Some(inner)) if inner.name == HEADER => {}
                 (None, _) => found.push(join(path, &field.name)),
-                (Some(json), Some(inner)) => inner.find_left_out(json, &join(path, &field.name), found),
+                (Some(json), Some(inner)) => {
+                    inner.collect_missing_fields(json, &join(path, &field.name), found)
+                }
                 (Some(_), None) => {}
             }
         }
     }
 
     /// The message with every field left out.
-    pub fn empty(&self, now: Time) -> Value {
-        self.read(Json::Object(Map::new()), now).expect("fields that are left out are always allowed")
+    pub fn default_value(&self, now: Time) -> MessageValue {
+        self.parse_json(Json::Object(Map::new()), now).expect("fields that are left out are always allowed")
     }
 }
 
@@ -98,21 +107,23 @@ fn join(path: &str, name: &str) -> String {
 }
 
 impl MessageField {
-    fn read(&self, json: Json, now: Time, path: &str) -> Result<Value, ValueError> {
+    fn parse_json(&self, json: Json, now: Time, path: &str) -> Result<MessageValue, ValueError> {
         let length = match self.count {
-            Count::One => return self.kind.read(json, now, || join(path, &self.name)),
-            Count::Any => None,
-            Count::Exactly(length) => Some(length),
+            ArrayKind::Single => return self.kind.parse_json(json, now, || join(path, &self.name)),
+            ArrayKind::Variable => None,
+            ArrayKind::Fixed(length) => Some(length),
         };
         let path = join(path, &self.name);
         let expected = || match length {
             Some(length) => format!("an array of {length} ({})", self.kind.name()),
             None => format!("an array ({}[])", self.kind.name()),
         };
-        let bytes = matches!(self.kind, Kind::Int { bits: 8, signed: false });
+        let bytes = matches!(self.kind, FieldType::Int { bits: 8, signed: false });
         if let (true, Json::String(text)) = (bytes, &json) {
             return match BASE64.decode(text) {
-                Ok(bytes) if length.is_none_or(|length| bytes.len() == length) => Ok(Value::Bytes(bytes)),
+                Ok(bytes) if length.is_none_or(|length| bytes.len() == length) => {
+                    Ok(MessageValue::Bytes(bytes))
+                }
                 _ => refuse(&path, &json, expected() + ", as numbers or in base64"),
             };
         }
@@ -123,93 +134,108 @@ impl MessageField {
         }
         let mut values = Vec::with_capacity(entries.len());
         for (n, entry) in entries.into_iter().enumerate() {
-            values.push(self.kind.read(entry, now, || format!("{path}[{n}]"))?);
+            values.push(self.kind.parse_json(entry, now, || format!("{path}[{n}]"))?);
         }
         Ok(self.pack(values))
     }
 
     /// Arrays of numbers in their dense form.
-    fn pack(&self, values: Vec<Value>) -> Value {
+    fn pack(&self, values: Vec<MessageValue>) -> MessageValue {
         match self.kind {
-            Kind::Int { bits: 8, signed: false } => Value::Bytes(
+            FieldType::Int { bits: 8, signed: false } => MessageValue::Bytes(
                 values.iter().filter_map(|value| value.as_f64()).map(|number| number as u8).collect(),
             ),
-            Kind::Float32 | Kind::Float64 => Value::Floats(values.iter().filter_map(Value::as_f64).collect()),
-            _ => Value::List(values),
+            FieldType::Float32 | FieldType::Float64 => {
+                MessageValue::Floats(values.iter().filter_map(MessageValue::as_f64).collect())
+            }
+            _ => MessageValue::List(values),
         }
     }
 
-    fn empty(&self, now: Time) -> Value {
+    fn default_value(&self, now: Time) -> MessageValue {
         match self.count {
-            Count::One => self.kind.empty(now),
-            Count::Any => self.pack(Vec::new()),
-            Count::Exactly(length) => self.pack((0..length).map(|_| self.kind.empty(now)).collect()),
+            ArrayKind::Single => self.kind.default_value(now),
+            ArrayKind::Variable => self.pack(Vec::new()),
+            ArrayKind::Fixed(length) => {
+                self.pack((0..length).map(|_| self.kind.default_value(now)).collect())
+            }
         }
     }
 }
 
-impl Kind {
-    fn read(&self, json: Json, now: Time, path: impl Fn() -> String) -> Result<Value, ValueError> {
+impl FieldType {
+    fn parse_json(
+        &self,
+        json: Json,
+        now: Time,
+        path: impl Fn() -> String,
+    ) -> Result<MessageValue, ValueError> {
         let expected = || match self {
-            Kind::Int { bits, signed } => format!("a whole number that fits {}", int_name(*bits, *signed)),
-            Kind::Float32 | Kind::Float64 => format!("a number or null ({})", self.name()),
-            Kind::Time | Kind::Duration => format!("{{secs, nsecs}} ({})", self.name()),
+            FieldType::Int { bits, signed } => {
+                format!("a whole number that fits {}", int_name(*bits, *signed))
+            }
+            FieldType::Float32 | FieldType::Float64 => format!("a number or null ({})", self.name()),
+            FieldType::Time | FieldType::Duration => {
+                format!("{{secs, nsecs}} or {{sec, nanosec}} ({})", self.name())
+            }
             other => other.name(),
         };
         let value = match (self, &json) {
-            (Kind::Message(inner), _) => return inner.read_at(json, now, &path()),
-            (Kind::Bool, Json::Bool(value)) => Some(Value::Bool(*value)),
-            (Kind::Bool, Json::Number(number)) => match number.as_f64() {
-                Some(0.0) => Some(Value::Bool(false)),
-                Some(1.0) => Some(Value::Bool(true)),
+            (FieldType::Message(inner), _) => return inner.parse_json_at(json, now, &path()),
+            (FieldType::Bool, Json::Bool(value)) => Some(MessageValue::Bool(*value)),
+            (FieldType::Bool, Json::Number(number)) => match number.as_f64() {
+                Some(0.0) => Some(MessageValue::Bool(false)),
+                Some(1.0) => Some(MessageValue::Bool(true)),
                 _ => None,
             },
-            (Kind::Int { bits, signed }, Json::Number(number)) => integer(number, *bits, *signed),
-            (Kind::Float32 | Kind::Float64, Json::Number(number)) => number.as_f64().map(Value::Float),
-            (Kind::Float32 | Kind::Float64, Json::Null) => Some(Value::Float(f64::NAN)),
-            (Kind::Text, Json::String(_)) => match json {
-                Json::String(text) => return Ok(Value::Text(text)),
+            (FieldType::Int { bits, signed }, Json::Number(number)) => integer(number, *bits, *signed),
+            (FieldType::Float32 | FieldType::Float64, Json::Number(number)) => {
+                number.as_f64().map(MessageValue::Float)
+            }
+            (FieldType::Float32 | FieldType::Float64, Json::Null) => Some(MessageValue::Float(f64::NAN)),
+            (FieldType::Text, Json::String(_)) => match json {
+                Json::String(text) => return Ok(MessageValue::Text(text)),
                 _ => None,
             },
-            (Kind::Time, Json::String(text)) if text == "now" => Some(Value::Time(now)),
-            (Kind::Time, Json::Object(map)) => read_time(map),
-            (Kind::Duration, Json::Object(map)) => read_duration(map),
+            (FieldType::Time, Json::String(text)) if text == "now" => Some(MessageValue::Time(now)),
+            (FieldType::Time, Json::Object(map)) => read_time(map),
+            (FieldType::Duration, Json::Object(map)) => read_duration(map),
             _ => None,
         };
         value.map_or_else(|| refuse(&path(), &json, expected()), Ok)
     }
 
-    fn empty(&self, now: Time) -> Value {
+    fn default_value(&self, now: Time) -> MessageValue {
         match self {
-            Kind::Bool => Value::Bool(false),
-            Kind::Int { signed: true, .. } => Value::Int(0),
-            Kind::Int { .. } => Value::Uint(0),
-            Kind::Float32 | Kind::Float64 => Value::Float(0.0),
-            Kind::Text => Value::Text(String::new()),
-            Kind::Time => Value::Time(Time::default()),
-            Kind::Duration => Value::Duration(Duration::default()),
-            Kind::Message(inner) => inner.empty(now),
+            FieldType::Bool => MessageValue::Bool(false),
+            FieldType::Int { signed: true, .. } => MessageValue::Int(0),
+            FieldType::Int { .. } => MessageValue::Uint(0),
+            FieldType::Float32 | FieldType::Float64 => MessageValue::Float(0.0),
+            FieldType::Text => MessageValue::Text(String::new()),
+            FieldType::Time => MessageValue::Time(Time::default()),
+            FieldType::Duration => MessageValue::Duration(Duration::default()),
+            FieldType::Message(inner) => inner.default_value(now),
         }
     }
 }
 
 fn int_name(bits: u8, signed: bool) -> String {
-    Kind::Int { bits, signed }.name()
+    FieldType::Int { bits, signed }.name()
 }
 
 /// A whole number in range; `3.0` counts as one.
-fn integer(number: &serde_json::Number, bits: u8, signed: bool) -> Option<Value> {
+fn integer(number: &serde_json::Number, bits: u8, signed: bool) -> Option<MessageValue> {
     let wide: i128 = match (number.as_i64(), number.as_u64(), number.as_f64()) {
         (Some(n), _, _) => n.into(),
         (_, Some(n), _) => n.into(),
         (_, _, Some(x)) if x.fract() == 0.0 && x.abs() < 1e19 => x as i128,
         _ => return None,
     };
-    if !Kind::range(bits, signed).contains(&wide) {
+    if !FieldType::range(bits, signed).contains(&wide) {
         return None;
     }
     // The range check proves that neither cast loses anything.
-    Some(if signed { Value::Int(wide as i64) } else { Value::Uint(wide as u64) })
+    Some(if signed { MessageValue::Int(wide as i64) } else { MessageValue::Uint(wide as u64) })
 }
 
 /// `secs` and `nsecs`, or `sec` and `nanosec` as newer clients write them; what is left out is zero.
@@ -222,21 +248,21 @@ fn time_parts(map: &Map<String, Json>) -> Option<(i64, i64)> {
             _ => return None,
         };
         let Json::Number(number) = value else { return None };
-        let Some(Value::Int(n)) = integer(number, 64, true) else { return None };
+        let Some(MessageValue::Int(n)) = integer(number, 64, true) else { return None };
         *part = n;
     }
     Some(parts)
 }
 
-fn read_time(map: &Map<String, Json>) -> Option<Value> {
+fn read_time(map: &Map<String, Json>) -> Option<MessageValue> {
     let (secs, nsecs) = time_parts(map)?;
     // A second's worth of nanoseconds is carried over, as ROS does.
     let secs = secs.checked_add(nsecs.div_euclid(1_000_000_000))?;
     let nsecs = nsecs.rem_euclid(1_000_000_000);
-    Some(Value::Time(Time { secs: secs.try_into().ok()?, nsecs: nsecs as u32 }))
+    Some(MessageValue::Time(Time { secs: secs.try_into().ok()?, nsecs: nsecs as u32 }))
 }
 
-fn read_duration(map: &Map<String, Json>) -> Option<Value> {
+fn read_duration(map: &Map<String, Json>) -> Option<MessageValue> {
     let (secs, nsecs) = time_parts(map)?;
-    Some(Value::Duration(Duration { secs: secs.try_into().ok()?, nsecs: nsecs.try_into().ok()? }))
+    Some(MessageValue::Duration(Duration { secs: secs.try_into().ok()?, nsecs: nsecs.try_into().ok()? }))
 }

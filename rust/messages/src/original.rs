@@ -1,7 +1,7 @@
 //! The original's names: topics, models and numbers that programs written for it expect. No other part of the program
 //! spells them out; what is not the original's gets names made in the same way.
 
-use proact_types::Moves;
+use proact_types::ControlledDof;
 
 /// The arm's model, and the namespace of its controllers: of whatever arm, since programs that were written for the original
 /// look for this one.
@@ -95,12 +95,12 @@ const BLOCKS: [(&str, &str); 4] = [
 /// may not: that becomes `_`.
 pub fn object_pose_topic(ros_name: &str) -> String {
     let known = BLOCKS.iter().find(|(model, _)| *model == ros_name);
-    known.map_or_else(|| format!("/{}_pose_msg", word(ros_name)), |(_, topic)| (*topic).to_owned())
+    known.map_or_else(|| format!("/{}_pose_msg", topic_segment(ros_name)), |(_, topic)| (*topic).to_owned())
 }
 
 /// The topic with the distance between gaze and the object called `name`, in a picture at unit distance.
 pub fn gaze_distance_topic(name: &str) -> String {
-    format!("{}_dist", word(name))
+    format!("{}_dist", topic_segment(name))
 }
 
 /// The name of an object's collision shape in a grasp event.
@@ -109,7 +109,7 @@ pub fn collision_name(ros_name: &str) -> String {
 }
 
 /// The model of a collision's name, `model::link::collision`.
-pub fn model_of_collision(collision: &str) -> &str {
+pub fn model_from_collision(collision: &str) -> &str {
     collision.split("::").next().unwrap_or_default()
 }
 
@@ -119,16 +119,16 @@ const FIRST_ROTATION: u8 = 10;
 
 /// What is moved, as the original numbers it on `/mode`: joints from 0, translations from 7, rotations from 10. An arm with
 /// more than seven joints has numbers twice.
-pub fn mode_number(moves: Moves) -> u8 {
+pub fn mode_number(moves: ControlledDof) -> u8 {
     match moves {
-        Moves::Joint(joint) => joint,
-        Moves::Translation(axis) => FIRST_TRANSLATION + axis,
-        Moves::Rotation(axis) => FIRST_ROTATION + axis,
+        ControlledDof::Joint(joint) => joint,
+        ControlledDof::Translation(axis) => FIRST_TRANSLATION + axis,
+        ControlledDof::Rotation(axis) => FIRST_ROTATION + axis,
     }
 }
 
 /// A word that may be part of a topic.
-fn word(name: &str) -> String {
+fn topic_segment(name: &str) -> String {
     let fits = |c: char| c.is_ascii_alphanumeric() || c == '_';
     let word: String = name.chars().map(|c| if fits(c) { c } else { '_' }).collect();
     if word.starts_with(|c: char| c.is_ascii_alphabetic()) { word } else { format!("object_{word}") }
@@ -151,6 +151,6 @@ mod tests {
         assert_eq!(object_pose_topic("cube7"), "/cube7_pose_msg");
         assert_eq!(object_pose_topic("1 grüner Würfel"), "/object_1_gr_ner_W_rfel_pose_msg");
         assert_eq!(gaze_distance_topic("red1"), "red1_dist");
-        assert_eq!(model_of_collision(&collision_name("cube7")), "cube7");
+        assert_eq!(model_from_collision(&collision_name("cube7")), "cube7");
     }
 }

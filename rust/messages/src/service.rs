@@ -53,11 +53,11 @@ impl ServiceType {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::known_type;
+    use crate::builtin_type;
 
     #[test]
     fn sums_are_those_of_ros() {
-        let known = |name: &str| known_type(name).map(|kind| kind.text());
+        let known = |name: &str| builtin_type(name).map(|kind| kind.full_text());
         // By rossrv md5.
         for (name, text, sum) in [
             ("std_srvs/Empty", "---\n", "d41d8cd98f00b204e9800998ecf8427e"),

@@ -1,6 +1,6 @@
 //! Rust structs from messages: their fields are found by name, and what a struct lacks is passed over.
 
-use crate::value::Value;
+use crate::value::MessageValue;
 use serde::{
     de::{
         DeserializeOwned, Deserializer, Error, IntoDeserializer, Visitor,
@@ -20,7 +20,7 @@ impl Error for StructError {
     }
 }
 
-impl Value {
+impl MessageValue {
     /// The message as a struct.
     ///
     /// # Errors
@@ -30,7 +30,7 @@ impl Value {
     }
 }
 
-impl<'de> IntoDeserializer<'de, StructError> for Value {
+impl<'de> IntoDeserializer<'de, StructError> for MessageValue {
     type Deserializer = Self;
 
     fn into_deserializer(self) -> Self {
@@ -38,30 +38,30 @@ impl<'de> IntoDeserializer<'de, StructError> for Value {
     }
 }
 
-impl<'de> Deserializer<'de> for Value {
+impl<'de> Deserializer<'de> for MessageValue {
     type Error = StructError;
 
     fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, StructError> {
         match self {
-            Value::Bool(value) => visitor.visit_bool(value),
-            Value::Int(value) => visitor.visit_i64(value),
-            Value::Uint(value) => visitor.visit_u64(value),
-            Value::Float(value) => visitor.visit_f64(value),
-            Value::Text(value) => visitor.visit_string(value),
-            Value::Time(t) => {
+            MessageValue::Bool(value) => visitor.visit_bool(value),
+            MessageValue::Int(value) => visitor.visit_i64(value),
+            MessageValue::Uint(value) => visitor.visit_u64(value),
+            MessageValue::Float(value) => visitor.visit_f64(value),
+            MessageValue::Text(value) => visitor.visit_string(value),
+            MessageValue::Time(t) => {
                 visitor.visit_map(MapDeserializer::new([("secs", t.secs), ("nsecs", t.nsecs)].into_iter()))
             }
-            Value::Duration(t) => {
+            MessageValue::Duration(t) => {
                 visitor.visit_map(MapDeserializer::new([("secs", t.secs), ("nsecs", t.nsecs)].into_iter()))
             }
-            Value::Bytes(bytes) => visitor.visit_seq(SeqDeserializer::new(bytes.into_iter())),
-            Value::Floats(values) => visitor.visit_seq(SeqDeserializer::new(values.into_iter())),
-            Value::List(values) => visitor.visit_seq(SeqDeserializer::new(values.into_iter())),
-            Value::Message(fields) => {
+            MessageValue::Bytes(bytes) => visitor.visit_seq(SeqDeserializer::new(bytes.into_iter())),
+            MessageValue::Floats(values) => visitor.visit_seq(SeqDeserializer::new(values.into_iter())),
+            MessageValue::List(values) => visitor.visit_seq(SeqDeserializer::new(values.into_iter())),
+            MessageValue::Message(fields) => {
                 let fields = fields.into_iter().map(|(name, value)| (name.to_string(), value));
                 visitor.visit_map(MapDeserializer::new(fields))
             }
-            Value::Opaque(json) => json.deserialize_any(visitor).map_err(StructError::custom),
+            MessageValue::Opaque(json) => json.deserialize_any(visitor).map_err(StructError::custom),
         }
     }
 
@@ -73,7 +73,7 @@ impl<'de> Deserializer<'de> for Value {
 
 #[cfg(test)]
 mod tests {
-    use crate::{Duration, MessageType, Time, known_type};
+    use crate::{Duration, MessageType, Time, builtin_type};
     use serde::{Deserialize, Serialize};
     use serde_json::json;
 
@@ -116,7 +116,7 @@ mod tests {
     #[test]
     fn a_labs_own_definition_may_have_more_fields_but_not_fewer_or_others() {
         let more = MessageType::from_text("lab_msgs/Dose", &format!("uint8 id\n{TEXT}string more")).unwrap();
-        let value = more.read(json!({"level": -3, "ends": [0, 1]}), Time::default()).unwrap();
+        let value = more.parse_json(json!({"level": -3, "ends": [0, 1]}), Time::default()).unwrap();
         let read: Dose = value.into_struct().unwrap();
         assert_eq!((read.level, read.ends), (-3, [0.0, 1.0]));
         for (from, to, part) in [
@@ -127,7 +127,7 @@ mod tests {
             let other = MessageType::from_text("lab_msgs/Dose", &TEXT.replace(from, to)).unwrap();
             let level = if to.contains("int32") { 1000 } else { 1 };
             let notes = if to.contains("float64") { json!([1.0]) } else { json!(["x"]) };
-            let value = other.read(json!({"level": level, "notes": notes}), Time::default()).unwrap();
+            let value = other.parse_json(json!({"level": level, "notes": notes}), Time::default()).unwrap();
             let error = value.into_struct::<Dose>().unwrap_err().to_string();
             assert!(error.contains(part), "{error}");
         }
@@ -136,7 +136,7 @@ mod tests {
     #[test]
     fn a_struct_that_does_not_agree_with_the_definition_is_not_written() {
         let (bool, point) =
-            (known_type("std_msgs/Bool").unwrap(), known_type("geometry_msgs/Point").unwrap());
+            (builtin_type("std_msgs/Bool").unwrap(), builtin_type("geometry_msgs/Point").unwrap());
         #[derive(Serialize)]
         struct Swapped {
             y: f64,
@@ -157,7 +157,7 @@ mod tests {
         }
         let error = bool.to_bytes(&Data { data: 1u8 }).unwrap_err().to_string();
         assert_eq!(error, "std_msgs/Bool.data is 1, expected bool");
-        let int8 = known_type("std_msgs/Int8").unwrap();
+        let int8 = builtin_type("std_msgs/Int8").unwrap();
         assert!(int8.to_bytes(&Data { data: 127 }).is_ok());
         let error = int8.to_bytes(&Data { data: 128 }).unwrap_err().to_string();
         assert_eq!(error, "std_msgs/Int8.data is 128, expected int8");

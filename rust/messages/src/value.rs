@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 /// A value in a message.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Value {
+pub enum MessageValue {
     /// `bool`.
     Bool(bool),
     /// Signed whole numbers.
@@ -27,9 +27,9 @@ pub enum Value {
     /// `float32[]` and `float64[]`.
     Floats(Vec<f64>),
     /// Any other array.
-    List(Vec<Value>),
+    List(Vec<MessageValue>),
     /// A message: its fields in ROS's order.
-    Message(Vec<(Arc<str>, Value)>),
+    Message(Vec<(Arc<str>, MessageValue)>),
     /// A message of a type whose definition is not known: handed on as it came.
     Opaque(Json),
 }
@@ -52,11 +52,11 @@ pub struct Duration {
     pub nsecs: i32,
 }
 
-impl Value {
+impl MessageValue {
     /// The field of a message, or none.
-    pub fn get(&self, name: &str) -> Option<&Value> {
+    pub fn get(&self, name: &str) -> Option<&MessageValue> {
         match self {
-            Value::Message(fields) => {
+            MessageValue::Message(fields) => {
                 fields.iter().find(|(field, _)| &**field == name).map(|(_, value)| value)
             }
             _ => None,
@@ -66,9 +66,9 @@ impl Value {
     /// The number, if it is one.
     pub fn as_f64(&self) -> Option<f64> {
         match self {
-            Value::Float(x) => Some(*x),
-            Value::Int(n) => Some(*n as f64),
-            Value::Uint(n) => Some(*n as f64),
+            MessageValue::Float(x) => Some(*x),
+            MessageValue::Int(n) => Some(*n as f64),
+            MessageValue::Uint(n) => Some(*n as f64),
             _ => None,
         }
     }
@@ -76,30 +76,32 @@ impl Value {
     /// The text, if it is one.
     pub fn as_text(&self) -> Option<&str> {
         match self {
-            Value::Text(text) => Some(text),
+            MessageValue::Text(text) => Some(text),
             _ => None,
         }
     }
 }
 
-impl Serialize for Value {
+impl Serialize for MessageValue {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         match self {
-            Value::Bool(value) => to.serialize_bool(*value),
-            Value::Int(value) => to.serialize_i64(*value),
-            Value::Uint(value) => to.serialize_u64(*value),
-            Value::Float(value) => to.serialize_f64(*value),
-            Value::Text(value) => to.serialize_str(value),
-            Value::Time(time) => time.serialize(to),
-            Value::Duration(duration) => duration.serialize(to),
-            Value::Bytes(bytes) if to.is_human_readable() => to.serialize_str(&BASE64.encode(bytes)),
-            Value::Bytes(bytes) => to.serialize_bytes(bytes),
-            Value::Floats(values) => to.collect_seq(values),
-            Value::List(values) => to.collect_seq(values),
-            Value::Message(fields) => to.collect_map(fields.iter().map(|(name, value)| (&**name, value))),
-            Value::Opaque(json) if to.is_human_readable() => json.serialize(to),
+            MessageValue::Bool(value) => to.serialize_bool(*value),
+            MessageValue::Int(value) => to.serialize_i64(*value),
+            MessageValue::Uint(value) => to.serialize_u64(*value),
+            MessageValue::Float(value) => to.serialize_f64(*value),
+            MessageValue::Text(value) => to.serialize_str(value),
+            MessageValue::Time(time) => time.serialize(to),
+            MessageValue::Duration(duration) => duration.serialize(to),
+            MessageValue::Bytes(bytes) if to.is_human_readable() => to.serialize_str(&BASE64.encode(bytes)),
+            MessageValue::Bytes(bytes) => to.serialize_bytes(bytes),
+            MessageValue::Floats(values) => to.collect_seq(values),
+            MessageValue::List(values) => to.collect_seq(values),
+            MessageValue::Message(fields) => {
+                to.collect_map(fields.iter().map(|(name, value)| (&**name, value)))
+            }
+            MessageValue::Opaque(json) if to.is_human_readable() => json.serialize(to),
             // JSON has its keys in any order, bytes have not.
-            Value::Opaque(_) => Err(S::Error::custom("a message whose type is not known")),
+            MessageValue::Opaque(_) => Err(S::Error::custom("a message whose type is not known")),
         }
     }
 }

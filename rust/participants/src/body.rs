@@ -1,5 +1,5 @@
 use nalgebra::{Translation3, UnitQuaternion};
-use proact_types::{Point, Pose, SimTime, TICK_SECS, TrunkPosture, Vector, number_text};
+use proact_types::{Point, Pose, SimTime, TICK_SECS, TrunkPosture, Vector, format_number, shorten_numbers};
 use serde::{Deserialize, Serialize};
 
 /// Peak speed of a minimum-jerk movement over its mean speed.
@@ -8,7 +8,7 @@ const PEAK_OVER_MEAN: f64 = 1.875;
 const TRUNK_STEPS: usize = 12;
 const TRUNK_DIFFERENCE: f64 = 1e-4;
 const TRUNK_DAMPING: f64 = 1e-4;
-const TRUNK_DONE: f64 = 0.012;
+const TRUNK_IK_TOLERANCE_M: f64 = 0.012;
 /// No movement of the trunk is quicker than this, s.
 const SHORTEST_SECS: f64 = 0.4;
 
@@ -18,11 +18,11 @@ const SHORTEST_SECS: f64 = 0.4;
 #[serde(deny_unknown_fields)]
 pub struct Body {
     /// Pivot of the trunk.
-    pub hip: Point,
+    pub hip_m: Point,
     /// Origin of the arm's `base_link`; its axes are those of `world` when upright.
-    pub shoulder: Point,
+    pub shoulder_m: Point,
     /// Between the eyes; the head turns with the trunk.
-    pub eye: Point,
+    pub eye_m: Point,
     /// Furthest lean forward, degrees; backwards a third of it.
     pub forward_max_deg: f64,
     /// Furthest lean to either side, degrees.
@@ -32,12 +32,12 @@ pub struct Body {
     /// Highest speed about any axis, degrees per second.
     pub speed_max_deg_per_s: f64,
     /// Lean from which all places of the task can be reached: forward, lateral, axial, degrees.
-    pub reach_deg: [f64; 3],
+    pub reaching_posture_deg: [f64; 3],
 }
 
 /// A number of a participant that is outside its range.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{key} = {got}, expected {expected}")]
+#[error("{key} = {}, expected {expected}", shorten_numbers(got))]
 pub struct OutOfRange {
     /// As in the configuration of a trial.
     pub key: &'static str,
@@ -55,11 +55,11 @@ impl Body {
     pub fn check(&self) -> Result<(), OutOfRange> {
         let refused = |key, got: String, expected| Err(OutOfRange { key, got, expected });
         for (key, point) in [
-            ("setup.body.hip", &self.hip),
-            ("setup.body.shoulder", &self.shoulder),
-            ("setup.body.eye", &self.eye),
+            ("setup.body.hip_m", &self.hip_m),
+            ("setup.body.shoulder_m", &self.shoulder_m),
+            ("setup.body.eye_m", &self.eye_m),
         ] {
-            if !point.iter().all(|metres| metres.abs() <= 10.0) {
+            if !point.iter().all(|meters| meters.abs() <= 10.0) {
                 return refused(key, format!("{:?}", point.coords.as_slice()), "x, y, z of -10 to 10 m");
             }
         }
@@ -69,20 +69,20 @@ impl Body {
             ("setup.body.axial_max_deg", self.axial_max_deg),
         ] {
             if !(0.0..=90.0).contains(&degrees) {
-                return refused(key, number_text(degrees), "0 to 90");
+                return refused(key, format_number(degrees), "0 to 90");
             }
         }
         if !(0.1..=1000.0).contains(&self.speed_max_deg_per_s) {
             return refused(
                 "setup.body.speed_max_deg_per_s",
-                number_text(self.speed_max_deg_per_s),
+                format_number(self.speed_max_deg_per_s),
                 "0.1 to 1000",
             );
         }
-        if !self.reach_deg.iter().all(|degrees| degrees.abs() <= 90.0) {
+        if !self.reaching_posture_deg.iter().all(|degrees| degrees.abs() <= 90.0) {
             return refused(
-                "setup.body.reach_deg",
-                format!("{:?}", self.reach_deg),
+                "setup.body.reaching_posture_deg",
+                format!("{:?}", self.reaching_posture_deg),
                 "three angles of -90 to 90",
             );
         }
@@ -92,25 +92,32 @@ impl Body {
     /// The same body with the arm on its other side: mirrored across the plane of x and z.
     pub fn mirrored(&self) -> Self {
         let across = |point: Point| Point::new(point.x, -point.y, point.z);
-        let [forward, lateral, axial] = self.reach_deg;
+        let [forward, lateral, axial] = self.reaching_posture_deg;
         Self {
-            hip: across(self.hip),
-            shoulder: across(self.shoulder),
-            eye: across(self.eye),
+            hip_m: across(self.hip_m),
+            shoulder_m: across(self.shoulder_m),
+            eye_m: across(self.eye_m),
             // Adding zero turns -0 into 0.
-            reach_deg: [forward, 0.0 - lateral, 0.0 - axial],
+            reaching_posture_deg: [forward, 0.0 - lateral, 0.0 - axial],
             ..*self
         }
     }
 
     /// The same body beside an arm whose base stands at `base`, `world`, metres. It keeps still: leaning moves no arm.
-    pub fn beside(&self, base: Point) -> Self {
+    pub fn for_fixed_base(&self, base: Point) -> Self {
         let (forward_max_deg, lateral_max_deg, axial_max_deg) = (0.0, 0.0, 0.0);
-        Self { shoulder: base, forward_max_deg, lateral_max_deg, axial_max_deg, reach_deg: [0.0; 3], ..*self }
+        Self {
+            shoulder_m: base,
+            forward_max_deg,
+            lateral_max_deg,
+            axial_max_deg,
+            reaching_posture_deg: [0.0; 3],
+            ..*self
+        }
     }
 
     /// The nearest posture that this body can take; not-a-number becomes upright.
-    pub fn limit(&self, posture: TrunkPosture) -> TrunkPosture {
+    pub fn clamp_posture(&self, posture: TrunkPosture) -> TrunkPosture {
         let within = |value: f64, low: f64, high: f64| {
             if value.is_finite() { value.clamp(low.to_radians(), high.to_radians()) } else { 0.0 }
         };
@@ -123,20 +130,20 @@ impl Body {
 
     /// How long the trunk takes from rest in one posture to rest in another, s.
     pub(crate) fn movement_secs(&self, from: &TrunkPosture, to: &TrunkPosture) -> f64 {
-        let ways = [to.forward - from.forward, to.lateral - from.lateral, to.axial - from.axial];
-        let furthest = ways.into_iter().map(f64::abs).fold(0.0, f64::max);
+        let turns = [to.forward - from.forward, to.lateral - from.lateral, to.axial - from.axial];
+        let furthest = turns.into_iter().map(f64::abs).fold(0.0, f64::max);
         let speed_max = self.speed_max_deg_per_s.to_radians().max(1e-3);
         SHORTEST_SECS.max(PEAK_OVER_MEAN * furthest / speed_max)
     }
 
     /// `world_from_shoulder`: the pose of `base_link`.
     pub fn shoulder_pose(&self, posture: &TrunkPosture) -> Pose {
-        self.carried(&self.shoulder, posture)
+        self.trunk_frame(&self.shoulder_m, posture)
     }
 
     /// The posture near `from` in which `point`, which the shoulder carries, has moved by `shift`, `world`, metres; none if the
     /// trunk does not reach that far.
-    pub(crate) fn posture_that_moves(
+    pub(crate) fn posture_moving_point(
         &self,
         from: &TrunkPosture,
         point: &Point,
@@ -145,7 +152,7 @@ impl Body {
         let carried = self.shoulder_pose(from).inverse() * point;
         let wanted = point + shift;
         let posture = |angles: &Vector| {
-            self.limit(TrunkPosture { forward: angles.x, lateral: angles.y, axial: angles.z })
+            self.clamp_posture(TrunkPosture { forward: angles.x, lateral: angles.y, axial: angles.z })
         };
         let at = |angles: &Vector| self.shoulder_pose(&posture(angles)) * carried;
         let mut angles = Vector::new(from.forward, from.lateral, from.axial);
@@ -158,21 +165,21 @@ impl Body {
             let step = normal.try_inverse()? * jacobian.transpose() * (wanted - here);
             angles += step.map(|angle| angle.clamp(-0.2, 0.2));
         }
-        ((at(&angles) - wanted).norm() < TRUNK_DONE).then(|| posture(&angles))
+        ((at(&angles) - wanted).norm() < TRUNK_IK_TOLERANCE_M).then(|| posture(&angles))
     }
 
     /// `world_from_head`: origin at the eyes, x ahead, y left, z up.
     pub fn head_pose(&self, posture: &TrunkPosture) -> Pose {
-        self.carried(&self.eye, posture)
+        self.trunk_frame(&self.eye_m, posture)
     }
 
     /// A frame that moves with the trunk: first the side lean, then the forward lean, then the turn.
-    fn carried(&self, point: &Point, posture: &TrunkPosture) -> Pose {
+    fn trunk_frame(&self, point: &Point, posture: &TrunkPosture) -> Pose {
         let about = |axis, angle| UnitQuaternion::from_axis_angle(&axis, angle);
         let turn = about(Vector::z_axis(), posture.axial)
             * about(Vector::y_axis(), posture.forward)
             * about(Vector::x_axis(), posture.lateral);
-        let position = self.hip + turn * (point - self.hip);
+        let position = self.hip_m + turn * (point - self.hip_m);
         Pose::from_parts(Translation3::from(position.coords), turn)
     }
 }
@@ -200,9 +207,9 @@ impl Trunk {
         &self.body
     }
 
-    /// Moves for one tick toward `asked`, within the body's limits; the new posture.
-    pub fn step(&mut self, _now: SimTime, asked: TrunkPosture) -> TrunkPosture {
-        let goal = self.body.limit(asked);
+    /// Moves for one tick toward `requested`, within the body's limits; the new posture.
+    pub fn step(&mut self, _now: SimTime, requested: TrunkPosture) -> TrunkPosture {
+        let goal = self.body.clamp_posture(requested);
         let targets = [goal.forward, goal.lateral, goal.axial];
         if goal != self.goal {
             self.goal = goal;
@@ -254,14 +261,14 @@ pub(crate) mod tests {
 
     pub(crate) fn body() -> Body {
         Body {
-            hip: Point::new(-0.6, 0.0, 0.995),
-            shoulder: Point::new(-0.6, -0.18, 1.445),
-            eye: Point::new(-0.55, 0.0, 1.7),
+            hip_m: Point::new(-0.6, 0.0, 0.995),
+            shoulder_m: Point::new(-0.6, -0.18, 1.445),
+            eye_m: Point::new(-0.55, 0.0, 1.7),
             forward_max_deg: 35.0,
             lateral_max_deg: 25.0,
             axial_max_deg: 40.0,
             speed_max_deg_per_s: 60.0,
-            reach_deg: [24.0, -18.0, 28.0],
+            reaching_posture_deg: [24.0, -18.0, 28.0],
         }
     }
 
@@ -280,13 +287,13 @@ pub(crate) mod tests {
     #[test]
     fn a_movement_arrives_at_rest_keeps_to_the_speed_limit_and_never_jumps() {
         let mut trunk = Trunk::new(body());
-        let asked = TrunkPosture { forward: 2.0, lateral: -0.2, axial: 0.4 };
+        let requested = TrunkPosture { forward: 2.0, lateral: -0.2, axial: 0.4 };
         let mut last = trunk.posture();
         let mut fastest: f64 = 0.0;
         for t in 0..3000 {
             // The goal changes in the middle of the movement.
-            let asked = if t > 300 { TrunkPosture { axial: -0.3, ..asked } } else { asked };
-            let posture = trunk.step(SimTime(t), asked);
+            let requested = if t > 300 { TrunkPosture { axial: -0.3, ..requested } } else { requested };
+            let posture = trunk.step(SimTime(t), requested);
             fastest = fastest.max((posture.forward - last.forward).abs() / TICK_SECS);
             fastest = fastest.max((posture.axial - last.axial).abs() / TICK_SECS);
             last = posture;
@@ -301,11 +308,11 @@ pub(crate) mod tests {
         let (body, from) = (body(), TrunkPosture { forward: 0.3, lateral: -0.1, axial: 0.2 });
         let hand = Point::new(-0.1, -0.1, 1.15);
         let shift = Vector::new(0.01, -0.03, -0.03);
-        let to = body.posture_that_moves(&from, &hand, &shift).unwrap();
+        let to = body.posture_moving_point(&from, &hand, &shift).unwrap();
         let moved = body.shoulder_pose(&to) * (body.shoulder_pose(&from).inverse() * hand);
         assert!((moved - hand - shift).norm() < 0.012, "{}", moved - hand);
-        assert_eq!(body.limit(to), to, "a posture that the body can take");
-        assert_eq!(body.posture_that_moves(&from, &hand, &Vector::new(0.8, 0.0, 0.0)), None);
+        assert_eq!(body.clamp_posture(to), to, "a posture that the body can take");
+        assert_eq!(body.posture_moving_point(&from, &hand, &Vector::new(0.8, 0.0, 0.0)), None);
     }
 
     #[test]
@@ -316,13 +323,13 @@ pub(crate) mod tests {
         let (a, b) = (right.shoulder_pose(&posture), left.shoulder_pose(&other));
         let (a, b) = (a.translation.vector, b.translation.vector);
         assert!((a - Vector::new(b.x, -b.y, b.z)).norm() < 1e-12, "{a} {b}");
-        assert_eq!(left.reach_deg, [24.0, 18.0, -28.0]);
+        assert_eq!(left.reaching_posture_deg, [24.0, 18.0, -28.0]);
         assert_eq!(left.mirrored(), right);
     }
 
     #[test]
     fn a_posture_that_is_not_a_number_is_upright() {
         let bad = TrunkPosture { forward: f64::NAN, lateral: f64::INFINITY, axial: 0.1 };
-        assert_eq!(body().limit(bad), TrunkPosture { axial: 0.1, ..Default::default() });
+        assert_eq!(body().clamp_posture(bad), TrunkPosture { axial: 0.1, ..Default::default() });
     }
 }

@@ -1,9 +1,9 @@
 //! What tests show to a participant.
 
-use proact_types::{DisplayFrame, Gesture, HandView, PlannerView, Pose, SimTime, TargetView};
+use proact_types::{Command, DisplayFrame, HandView, PlannerView, Pose, SimTime, TargetView};
 
 /// A frame with nothing in it.
-pub(crate) fn frame() -> DisplayFrame {
+pub(crate) fn empty_frame() -> DisplayFrame {
     DisplayFrame {
         time: SimTime(0),
         method: "D".to_owned(),
@@ -16,17 +16,17 @@ pub(crate) fn frame() -> DisplayFrame {
         gaze: None,
         target: TargetView::default(),
         planner: PlannerView::Idle,
-        goal: None,
+        plan_goal: None,
         mode: None,
         stop: None,
-        gesture: Gesture::NoMotion,
-        recognised: Gesture::NoMotion.into(),
+        command: Command::NoMotion,
+        recognized_gesture: Command::NoMotion.into(),
         confidence: 1.0,
         effort: 0.0,
         emg_source: String::new(),
         time_left_secs: 60.0,
-        next: None,
-        asked: None,
+        next_object: None,
+        task_goal: None,
         score: 0,
         finished: false,
         events: Vec::new(),

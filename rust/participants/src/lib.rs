@@ -10,25 +10,25 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod body;
-mod choice;
 #[cfg(test)]
 mod doubles;
-mod habits;
 mod imitating;
 mod jogging;
 mod person;
 mod reach;
 mod selecting;
+mod sensorimotor;
 mod steering;
+mod target_choice;
 
 use proact_types::{DisplayFrame, Intention};
 
 pub use body::{Body, OutOfRange, Trunk};
-pub use habits::ParticipantOptions;
 pub use imitating::ImitatingParticipant;
 pub use jogging::JoggingParticipant;
-pub use person::{Learning, PersonTraits, Population, Practice, Trait};
+pub use person::{Learning, PersonTraits, Population, PracticeHistory, TraitDistribution};
 pub use selecting::SelectingParticipant;
+pub use sensorimotor::ParticipantOptions;
 pub use steering::SteeringParticipant;
 
 /// Somebody who sees and acts. Deterministic for its seed.

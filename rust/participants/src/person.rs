@@ -5,23 +5,23 @@
 //!
 //! [`ParticipantOptions`]: crate::ParticipantOptions
 
-mod eyes;
-mod muscles;
+mod confusion_model;
+mod decision_timer;
+mod gaze_model;
 mod perception;
 mod population;
 mod practice;
 mod skill;
-mod thinking;
 mod traits;
 
-pub(crate) use eyes::Eyes;
-pub(crate) use muscles::Muscles;
+pub(crate) use confusion_model::ConfusionModel;
+pub(crate) use decision_timer::DecisionTimer;
+pub(crate) use gaze_model::GazeModel;
 pub(crate) use perception::Perception;
-pub(crate) use skill::Skill;
-pub(crate) use thinking::Thinking;
+pub(crate) use skill::MotorSkill;
 
-pub use population::{Population, Trait};
-pub use practice::{Learning, Practice};
+pub use population::{Population, TraitDistribution};
+pub use practice::{Learning, PracticeHistory};
 pub use traits::PersonTraits;
 
 use rand::SeedableRng;

@@ -9,18 +9,18 @@ use proact_arm::{ArmModel, Chain, ChainPoses, damped_step, upright_axis};
 use proact_types::{JointVector, Point, Pose, Shape, Vector};
 use std::sync::Arc;
 
-pub(crate) use turn_sequences::{Conditions, Turn, back_is_shorter, made};
+pub(crate) use turn_sequences::{JointTurn, TurnConstraints, apply_turns, back_is_shorter};
 
 /// Position of the elbow among the arm joints: what hangs on it is minded.
 const ELBOW: usize = 3;
 /// Places of forearm and wrist that are minded, at most.
-const MOST_BULGES: usize = 16;
+const MAX_COLLISION_SPHERES: usize = 16;
 /// Steps of the search for joint angles.
 const STEPS: usize = 40;
 /// Damping of a step, metres: the search stays calm where the arm is stretched.
 const DAMPING: f64 = 0.03;
 /// One radian of the hand's tilt counts as this many metres: first the place, then the attitude.
-const TILT_WEIGHT: f64 = 0.03;
+const TILT_WEIGHT_M_PER_RAD: f64 = 0.03;
 /// Largest change of a joint in one step, rad.
 const STEP_MAX: f64 = 0.2;
 /// The search ends when a step is shorter than this, rad.
@@ -39,19 +39,19 @@ pub(crate) struct HandGoal {
     /// What upright is, in `base_link`, unit length.
     pub(crate) up: Vector,
     /// A metre too high counts as this many.
-    pub(crate) high_counts: f64,
+    pub(crate) excess_height_weight: f64,
     /// How far off the point may be, metres.
-    pub(crate) point_done: f64,
+    pub(crate) point_tolerance_m: f64,
     /// How far off upright the axis may be, rad.
-    pub(crate) tilt_done: f64,
+    pub(crate) tilt_tolerance_rad: f64,
     /// Where the yaw is not free: `base_from_tip`'s rotation.
-    pub(crate) attitude: Option<UnitQuaternion<f64>>,
+    pub(crate) orientation: Option<UnitQuaternion<f64>>,
 }
 
 impl HandGoal {
     /// What `base_from_tip` leaves: metres of the point, and rad of tilt, or of all attitude.
-    pub(crate) fn off(&self, base_from_tip: &Pose) -> (f64, f64) {
-        let tilt = match &self.attitude {
+    pub(crate) fn error(&self, base_from_tip: &Pose) -> (f64, f64) {
+        let tilt = match &self.orientation {
             Some(wanted) => base_from_tip.rotation.angle_to(wanted),
             None => (base_from_tip.rotation * self.axis).angle(&self.up),
         };
@@ -59,48 +59,48 @@ impl HandGoal {
         // Too high by as much is less of a fault than too far to the side.
         let high = -off.dot(&self.up);
         let aside = off + self.up * high;
-        (aside.norm().hypot(if high > 0.0 { high * self.high_counts } else { high }), tilt)
+        (aside.norm().hypot(if high > 0.0 { high * self.excess_height_weight } else { high }), tilt)
     }
 
     /// True if nothing is left to do.
-    pub(crate) fn reached(&self, base_from_tip: &Pose) -> bool {
-        let (off, tilt) = self.off(base_from_tip);
-        off <= self.point_done && tilt <= self.tilt_done
+    pub(crate) fn is_reached(&self, base_from_tip: &Pose) -> bool {
+        let (off, tilt) = self.error(base_from_tip);
+        off <= self.point_tolerance_m && tilt <= self.tilt_tolerance_rad
     }
 }
 
 /// The arm as its user knows it.
 #[derive(Clone, Debug)]
-pub(crate) struct ArmSense {
+pub(crate) struct InternalArmModel {
     model: Arc<ArmModel>,
     chain: Chain,
-    forearm: Vec<Bulge>,
+    forearm_spheres: Vec<ArmCollisionSphere>,
 }
 
 /// A place in the arm, and how thick the arm is there.
 #[derive(Clone, Copy, Debug)]
-struct Bulge {
+struct ArmCollisionSphere {
     /// Position of the joint that carries it.
     joint: usize,
     /// In the frame of the link behind that joint.
-    at: Point,
+    center: Point,
     /// Metres.
     radius: f64,
 }
 
 /// How the arm stands: where its hand and its thick places are, in `base_link`.
 #[derive(Clone, Debug)]
-pub(crate) struct Stance {
+pub(crate) struct ArmPosture {
     /// `base_from_tip`.
     pub(crate) tip: Pose,
     /// Places in forearm and wrist, and how thick the arm is there, metres.
-    pub(crate) forearm: ArrayVec<(Point, f64), MOST_BULGES>,
+    pub(crate) forearm_spheres: ArrayVec<(Point, f64), MAX_COLLISION_SPHERES>,
 }
 
-impl ArmSense {
+impl InternalArmModel {
     pub(crate) fn new(model: Arc<ArmModel>) -> Self {
-        let (chain, forearm) = (Chain::new(&model), bulges(&model));
-        Self { model, chain, forearm }
+        let (chain, forearm) = (Chain::new(&model), collision_spheres(&model));
+        Self { model, chain, forearm_spheres: forearm }
     }
 
     /// Joints of the arm.
@@ -110,18 +110,18 @@ impl ArmSense {
 
     /// Where the middle of a grasped object of `width` is, metres, in the tip's frame.
     pub(crate) fn grasp_centre(&self, width: f64) -> Point {
-        Point::from(self.model.grasp_for(width).centre)
+        Point::from(self.model.grasp_for(width).center)
     }
 
     /// The same for the widest objects.
     pub(crate) fn widest_grasp_centre(&self) -> Point {
-        Point::from(self.model.widest_grasp().centre)
+        Point::from(self.model.widest_grasp().center)
     }
 
     /// The axis of the tip's frame that is up when the fingers close around a standing object of `width`, metres; unit
     /// length.
     pub(crate) fn grasp_axis(&self, width: f64) -> Vector {
-        upright_axis(self.model.grasp_for(width).roll, 0.0)
+        upright_axis(self.model.grasp_for(width).roll_rad, 0.0)
     }
 
     /// How many joints the arm has.
@@ -130,15 +130,15 @@ impl ArmSense {
     }
 
     /// How the arm stands at the angles `q`.
-    pub(crate) fn stance(&self, q: &[f64]) -> Stance {
+    pub(crate) fn posture(&self, q: &[f64]) -> ArmPosture {
         let mut poses = ChainPoses::default();
-        self.chain.place(q, &mut poses);
-        let place = |bulge: &Bulge| (poses.links[bulge.joint] * bulge.at, bulge.radius);
-        Stance { tip: poses.tip, forearm: self.forearm.iter().map(place).collect() }
+        self.chain.link_poses_into(q, &mut poses);
+        let sphere_at = |bulge: &ArmCollisionSphere| (poses.links[bulge.joint] * bulge.center, bulge.radius);
+        ArmPosture { tip: poses.tip, forearm_spheres: self.forearm_spheres.iter().map(sphere_at).collect() }
     }
 
     /// Where bones, joints and tips of the fingers are in the tip's frame at the angles `moving` of all joints.
-    pub(crate) fn fingers(&self, moving: &[f64]) -> Vec<Point> {
+    pub(crate) fn finger_points(&self, moving: &[f64]) -> Vec<Point> {
         self.model.finger_points(moving)
     }
 
@@ -152,14 +152,14 @@ impl ArmSense {
         let mut q: JointVector = from.iter().copied().collect();
         let mut poses = ChainPoses::default();
         for _ in 0..STEPS {
-            self.chain.place(&q, &mut poses);
+            self.chain.link_poses_into(&q, &mut poses);
             let point = poses.tip * goal.point;
             let axis = poses.tip.rotation * goal.axis;
             let off = goal.target - point;
-            let tilt = match &goal.attitude {
+            let tilt = match &goal.orientation {
                 Some(wanted) => (wanted * poses.tip.rotation.inverse()).scaled_axis(),
                 None => axis.cross(&goal.up),
-            } * TILT_WEIGHT;
+            } * TILT_WEIGHT_M_PER_RAD;
             let error = Vector6::from_iterator(off.iter().chain(tilt.iter()).copied());
             let mut columns = self.chain.jacobian(&poses, &point);
             for (k, column) in columns.iter_mut().enumerate() {
@@ -168,20 +168,20 @@ impl ArmSense {
                     continue;
                 }
                 let about: Vector = column.fixed_rows::<3>(3).into();
-                let leans = match goal.attitude {
+                let leans = match goal.orientation {
                     Some(_) => about,
                     None => goal.up.cross(&about.cross(&axis)),
-                } * TILT_WEIGHT;
+                } * TILT_WEIGHT_M_PER_RAD;
                 column.fixed_rows_mut::<3>(3).copy_from(&leans);
             }
             let Some(step) = damped_step(&columns, &error, DAMPING * DAMPING) else { break };
-            let mut longest = 0.0_f64;
+            let mut max_reach = 0.0_f64;
             for (k, limits) in self.chain.limits().iter().enumerate() {
                 let next = (q[k] + step[k].clamp(-STEP_MAX, STEP_MAX)).clamp(limits.lower, limits.upper);
-                longest = longest.max((next - q[k]).abs());
+                max_reach = max_reach.max((next - q[k]).abs());
                 q[k] = next;
             }
-            if longest < STEP_MIN {
+            if max_reach < STEP_MIN {
                 break;
             }
         }
@@ -190,7 +190,7 @@ impl ArmSense {
 }
 
 /// Ends and middle of each tube of forearm and wrist: what hangs on the elbow or behind it, before the hand.
-fn bulges(model: &ArmModel) -> Vec<Bulge> {
+fn collision_spheres(model: &ArmModel) -> Vec<ArmCollisionSphere> {
     let last = model.arm.len().saturating_sub(1);
     let of_joint = |k: usize| {
         let link = &model.links[model.joints[model.arm[k]].child];
@@ -202,25 +202,30 @@ fn bulges(model: &ArmModel) -> Vec<Bulge> {
                 Shape::Sphere { radius } => (radius, 0.0),
                 _ => return vec![],
             };
-            let place = |z: f64| Bulge { joint: k, at: part.pose * Point::new(0.0, 0.0, z), radius };
-            if half > radius { vec![place(-half), place(0.0), place(half)] } else { vec![place(0.0)] }
+            let position =
+                |z: f64| ArmCollisionSphere { joint: k, center: part.pose * Point::new(0.0, 0.0, z), radius };
+            if half > radius {
+                vec![position(-half), position(0.0), position(half)]
+            } else {
+                vec![position(0.0)]
+            }
         })
     };
-    (ELBOW.min(last)..last).flat_map(of_joint).take(MOST_BULGES).collect()
+    (ELBOW.min(last)..last).flat_map(of_joint).take(MAX_COLLISION_SPHERES).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proact_arm::{CollisionShape, Joint, Link, doubles::three_joints};
+    use proact_arm::{CollisionShape, Joint, Link, doubles::three_joint_arm};
 
-    pub(super) fn arm() -> ArmSense {
-        ArmSense::new(Arc::new(three_joints()))
+    pub(super) fn arm() -> InternalArmModel {
+        InternalArmModel::new(Arc::new(three_joint_arm()))
     }
 
     #[test]
     fn forearm_and_wrist_are_where_the_joints_take_them_and_the_hand_is_not_among_them() {
-        let mut model = three_joints();
+        let mut model = three_joint_arm();
         let tube = |length: f64| CollisionShape {
             pose: Pose::rotation(Vector::y() * std::f64::consts::FRAC_PI_2)
                 * Pose::translation(0.0, 0.0, 0.1),
@@ -242,26 +247,26 @@ mod tests {
         model.links[4].collisions = vec![tube(0.1), tube(0.02)];
         model.links[5].collisions = vec![tube(0.1)];
         let quarter = std::f64::consts::FRAC_PI_2;
-        let stance = ArmSense::new(Arc::new(model)).stance(&[quarter, 0.0, 0.0, quarter, 0.3]);
+        let stance = InternalArmModel::new(Arc::new(model)).posture(&[quarter, 0.0, 0.0, quarter, 0.3]);
         // A quarter turn to y, out by three links, and a quarter turn down at the elbow.
         let expected = [-0.05, -0.1, -0.15, -0.1].map(|z| (Point::new(0.0, 0.9, z), 0.03));
-        assert_eq!(stance.forearm.len(), expected.len(), "{:?}", stance.forearm);
-        for ((at, radius), (point, thick)) in stance.forearm.iter().zip(&expected) {
+        assert_eq!(stance.forearm_spheres.len(), expected.len(), "{:?}", stance.forearm_spheres);
+        for ((at, radius), (point, thick)) in stance.forearm_spheres.iter().zip(&expected) {
             assert!((at - point).norm() < 1e-12 && radius == thick, "{at}, expected {point}");
         }
     }
 
-    pub(super) fn goal(arm: &ArmSense) -> HandGoal {
+    pub(super) fn goal(arm: &InternalArmModel) -> HandGoal {
         let wanted = arm.forward(&[0.4, -0.5, 0.9]);
         HandGoal {
             point: Point::new(0.1, 0.0, 0.0),
             axis: Vector::z(),
             target: wanted * Point::new(0.1, 0.0, 0.0),
             up: wanted.rotation * Vector::z(),
-            high_counts: 1.0,
-            point_done: 0.01,
-            tilt_done: 0.1,
-            attitude: None,
+            excess_height_weight: 1.0,
+            point_tolerance_m: 0.01,
+            tilt_tolerance_rad: 0.1,
+            orientation: None,
         }
     }
 
@@ -270,12 +275,12 @@ mod tests {
         let arm = arm();
         let near = goal(&arm);
         let q = arm.inverse(&[0.0, 0.1, 0.1], &near, 0b111);
-        assert!(near.reached(&arm.forward(&q)), "{:?} left at {q:?}", near.off(&arm.forward(&q)));
+        assert!(near.is_reached(&arm.forward(&q)), "{:?} left at {q:?}", near.error(&arm.forward(&q)));
         let wanted = arm.forward(&[0.4, -0.5, 0.9]).rotation;
-        let whole = HandGoal { attitude: Some(wanted), ..near };
+        let whole = HandGoal { orientation: Some(wanted), ..near };
         let q = arm.inverse(&[0.0, 0.1, 0.1], &whole, 0b111);
-        assert!(whole.reached(&arm.forward(&q)), "{:?} left at {q:?}", whole.off(&arm.forward(&q)));
+        assert!(whole.is_reached(&arm.forward(&q)), "{:?} left at {q:?}", whole.error(&arm.forward(&q)));
         let far = HandGoal { target: Point::new(3.0, 0.0, 0.0), ..near };
-        assert!(far.off(&arm.forward(&arm.inverse(&[0.0, 0.1, 0.1], &far, 0b111))).0 > 1.0);
+        assert!(far.error(&arm.forward(&arm.inverse(&[0.0, 0.1, 0.1], &far, 0b111))).0 > 1.0);
     }
 }

@@ -7,7 +7,7 @@
 #[path = "../tests/common/mod.rs"]
 mod common;
 
-use common::{Region, model, pick, planner, still, target};
+use common::{BlockRegion, model, pick, planner, still, target};
 use proact_planning::{PlanWorker, PlannerOptions};
 use proact_testbed::ports::PlanService;
 use proact_types::PlanStatus;
@@ -16,12 +16,12 @@ use std::time::{Duration, Instant};
 fn main() {
     let model = model();
     let mut planner_alone = planner(PlannerOptions::default());
-    let picked = planner_alone.solve(&pick(&model, still(), Region::NM, 1));
+    let picked = planner_alone.solve(&pick(&model, still(), BlockRegion::NM, 1));
     let grip = &picked.trajectory.points[picked.trajectory.points.len() - 1].q;
     let mut worker = PlanWorker::new(planner(PlannerOptions::default()));
     let mut late_ms = Vec::new();
     for id in 1..=500 {
-        let mut request = common::place(&model, still(), Region::NM, target(Region::FL), grip, id);
+        let mut request = common::place(&model, still(), BlockRegion::NM, target(BlockRegion::FL), grip, id);
         request.id = id;
         worker.submit(request);
         // Cancels at moments spread over the whole of a plan.

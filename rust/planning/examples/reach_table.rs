@@ -15,8 +15,8 @@
 #[path = "../tests/common/mod.rs"]
 mod common;
 
-use common::{Region, model, pick, place, seated, still, target, with_person};
-use proact_planning::{ArmPlanner, Person, PlannerOptions};
+use common::{BlockRegion, model, pick, place, seated, still, target, with_person};
+use proact_planning::{ArmPlanner, PersonGeometry, PlannerOptions};
 use proact_types::{PlanReply, Pose, TrunkPosture};
 use std::time::Instant;
 
@@ -34,8 +34,8 @@ fn main() {
     let mut planner =
         ArmPlanner::new(model.clone(), Box::new(kinematics), options).expect("the arm can be planned for");
     // With PERSON set, the one who wears the arm stands or sits in the way.
-    let person =
-        std::env::var_os("PERSON").map(|_| if mode == "still" { Person::STANDING } else { Person::SEATED });
+    let person = std::env::var_os("PERSON")
+        .map(|_| if mode == "still" { PersonGeometry::STANDING } else { PersonGeometry::SEATED });
     let mut solve = |request: &proact_types::PlanRequest| -> (PlanReply, f64) {
         let request = match &person {
             Some(person) => &with_person(request.clone(), person),
@@ -45,20 +45,20 @@ fn main() {
         let reply = planner.solve(request);
         (reply, begin.elapsed().as_secs_f64() * 1e3)
     };
-    let mut asked: Vec<f64> = std::env::args().skip(2).filter_map(|text| text.parse().ok()).collect();
-    if let (Some(stand), []) = (model.settings.stand, asked.as_slice()) {
-        asked.extend(stand.xyz.iter());
+    let mut coordinates: Vec<f64> = std::env::args().skip(2).filter_map(|text| text.parse().ok()).collect();
+    if let (Some(stand), []) = (model.settings.fixed_base, coordinates.as_slice()) {
+        coordinates.extend(stand.xyz.iter());
     }
-    let bases: Vec<(String, Pose)> = match (mode.as_str(), asked.as_slice()) {
+    let bases: Vec<(String, Pose)> = match (mode.as_str(), coordinates.as_slice()) {
         ("still", _) => vec![("still".to_owned(), still())],
-        (_, &[x, y, z]) if model.settings.stand.is_some() => {
+        (_, &[x, y, z]) if model.settings.fixed_base.is_some() => {
             vec![(format!("{x} {y} {z}"), Pose::translation(x, y, z))]
         }
         (_, &[forward, lateral, axial]) => vec![named(lean(forward, lateral, axial))],
         _ => leans().into_iter().map(named).collect(),
     };
     let seeds = if bases.len() == 1 { 20 } else { 1 };
-    for region in Region::ALL {
+    for region in BlockRegion::ALL {
         for (name, base) in &bases {
             let mut times = Vec::new();
             for seed in 1..=seeds {
@@ -72,7 +72,7 @@ fn main() {
                 );
                 if picked.status == proact_types::PlanStatus::Ok {
                     let end = &picked.trajectory.points[picked.trajectory.points.len() - 1].q;
-                    for to in Region::ALL {
+                    for to in BlockRegion::ALL {
                         let request = place(&model, *base, region, target(to), end, seed);
                         let (placed, place_ms) = solve(&request);
                         line += &format!(

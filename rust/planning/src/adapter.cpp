@@ -12,7 +12,7 @@ namespace proact::planning {
 namespace {
 
 PlacedShape placed_of(const ShapeRow& row) {
-  return {{row.kind, row.size, nullptr}, pose_of(row.pose)};
+  return {{row.kind, row.size, nullptr}, pose_from_array(row.pose)};
 }
 
 Resolution resolution_of(const SearchRow& search) {
@@ -30,7 +30,7 @@ JointQuery query_of(const SearchRow& search) {
   query.max_seconds = search.max_seconds;
   query.more_searches = search.more_searches;
   query.range = search.range;
-  query.shortcuts = search.shortcuts;
+  query.shortcut_attempts = search.shortcuts;
   query.resolution = resolution_of(search);
   return query;
 }
@@ -75,7 +75,7 @@ void add_link(Arm& arm, rust::Str name, rust::Slice<const ShapeRow> shapes) {
 }
 
 void add_joint(Arm& arm, const JointRow& row) {
-  arm.joints.push_back({row.parent, row.child, row.kind, pose_of(row.pose), row.axis, row.lower, row.upper});
+  arm.joints.push_back({row.parent, row.child, row.kind, pose_from_array(row.pose), row.axis, row.lower, row.upper});
 }
 
 void set_groups(Arm& arm, rust::Slice<const std::size_t> chain, rust::Slice<const std::size_t> hand, std::size_t tip) {
@@ -84,7 +84,7 @@ void set_groups(Arm& arm, rust::Slice<const std::size_t> chain, rust::Slice<cons
   arm.tip = tip;
 }
 
-void allow_pair(Arm& arm, std::size_t a, std::size_t b) { arm.allowed.emplace_back(a, b); }
+void allow_pair(Arm& arm, std::size_t a, std::size_t b) { arm.allowed_collisions.emplace_back(a, b); }
 
 std::shared_ptr<Roadmap> new_roadmap(const RoadmapRow& row, std::size_t joints) {
   auto roadmap = std::make_shared<Roadmap>();
@@ -95,7 +95,7 @@ std::shared_ptr<Roadmap> new_roadmap(const RoadmapRow& row, std::size_t joints) 
 
 std::unique_ptr<Scene> new_scene(const Arm& arm) { return std::make_unique<Scene>(arm); }
 
-void set_base(Scene& scene, const std::array<double, 7>& pose) { scene.set_base(pose_of(pose)); }
+void set_base(Scene& scene, const std::array<double, 7>& pose) { scene.set_base(pose_from_array(pose)); }
 
 void set_hand(Scene& scene, rust::Slice<const double> angles) {
   scene.set_hand(std::vector<double>(angles.begin(), angles.end()));
@@ -113,7 +113,7 @@ void set_obstacles(Scene& scene, rust::Slice<const rust::String> names, rust::Sl
     for (std::size_t k = 0; k + 2 < row.triangles.size(); k += 3) {
       mesh->triangles.push_back({row.triangles[k], row.triangles[k + 1], row.triangles[k + 2]});
     }
-    obstacles.push_back({std::string(row.name), {{ShapeKind::mesh, {}, std::move(mesh)}, pose_of(row.pose)}});
+    obstacles.push_back({std::string(row.name), {{ShapeKind::mesh, {}, std::move(mesh)}, pose_from_array(row.pose)}});
   }
   scene.set_obstacles(obstacles);
 }
@@ -130,7 +130,7 @@ void allow_contact(Scene& scene, rust::Str member, rust::Str obstacle) {
   scene.allow_contact(std::string(member), std::string(obstacle));
 }
 
-void forget_allowed_contacts(Scene& scene) { scene.forget_allowed_contacts(); }
+void clear_allowed_contacts(Scene& scene) { scene.clear_allowed_contacts(); }
 
 rust::Vec<ContactRow> collisions(Scene& scene, rust::Slice<const double> q, bool all_links) {
   rust::Vec<ContactRow> rows;
@@ -161,7 +161,7 @@ PlanRow plan_joint(Scene& scene, rust::Slice<const double> start, rust::Slice<co
   return row_of(plan_joint(scene, query, cancel));
 }
 
-PlanRow plan_joint_where(Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
+PlanRow plan_joint_constrained(Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
                          const SearchRow& search, StateCheck& check, const CancelFlag& cancel) {
   JointQuery query = query_between(scene, start, goals, search);
   const std::size_t joints = scene.joint_count();
@@ -194,15 +194,15 @@ RoadmapRow grow_roadmap(Scene& scene, const SearchRow& search, std::size_t miles
   return row;
 }
 
-PlainRow search_plainly(const Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
+BaselineRow search_baseline(const Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
                         const SearchRow& search) {
-  PlainSettings settings;
+  BaselineSettings settings;
   const JointQuery query = query_of(search);
   settings.planner = query.planner;
   settings.seconds = query.max_seconds;
-  if (query.resolution.equal_steps > 0.0) settings.equal_steps = query.resolution.equal_steps;
-  const PlainPlan plan = search_plainly(scene, {start.begin(), start.end()}, rows_of(goals, scene.joint_count()),
-                                        settings, query.seed);
+  if (query.resolution.fixed_validity_step > 0.0) settings.fixed_validity_step = query.resolution.fixed_validity_step;
+  const BaselinePlan plan = search_baseline(scene, {start.begin(), start.end()}, rows_of(goals, scene.joint_count()),
+                                            settings, query.seed);
   return {flat(plan.path), plan.attempts, plan.search_secs, plan.cpu_secs};
 }
 

@@ -1,7 +1,7 @@
 // What cxx sees: slices and rows in and out over the plain core.
 #pragma once
 
-#include "proact/planning/plain_search.hpp"
+#include "proact/planning/baseline_search.hpp"
 #include "rust/cxx.h"
 
 #include <array>
@@ -14,7 +14,7 @@ struct JointRow;
 struct ContactRow;
 struct SearchRow;
 struct PlanRow;
-struct PlainRow;
+struct BaselineRow;
 struct MeshRow;
 struct RoadmapRow;
 struct StateCheck;
@@ -36,7 +36,7 @@ void set_attached(Scene& scene, rust::Str name, const ShapeRow& shape);
 void clear_attached(Scene& scene);
 void set_padding(Scene& scene, double metres);
 void allow_contact(Scene& scene, rust::Str member, rust::Str obstacle);
-void forget_allowed_contacts(Scene& scene);
+void clear_allowed_contacts(Scene& scene);
 rust::Vec<ContactRow> collisions(Scene& scene, rust::Slice<const double> q, bool all_links);
 bool is_free(Scene& scene, rust::Slice<const double> q);
 bool motion_is_free(Scene& scene, rust::Slice<const double> a, rust::Slice<const double> b, const SearchRow& search);
@@ -44,12 +44,12 @@ bool path_is_free(Scene& scene, rust::Slice<const double> states, const SearchRo
 bool states_are_free(Scene& scene, rust::Slice<const double> states);
 PlanRow plan_joint(Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
                    const SearchRow& search, const std::shared_ptr<Roadmap>& roadmap, const CancelFlag& cancel);
-PlanRow plan_joint_where(Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
+PlanRow plan_joint_constrained(Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
                          const SearchRow& search, StateCheck& check, const CancelFlag& cancel);
 std::size_t count_free(Scene& scene, rust::Slice<const double> states);
 std::size_t count_accepted(rust::Slice<const double> states, std::size_t joints, StateCheck& check);
 RoadmapRow grow_roadmap(Scene& scene, const SearchRow& search, std::size_t milestones, const CancelFlag& cancel);
-PlainRow search_plainly(const Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
+BaselineRow search_baseline(const Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
                         const SearchRow& search);
 void check_planner(const SearchRow& search);
 

@@ -1,21 +1,21 @@
 //! From a request to a reply: the start is left, paths to the goal are found, a search connects the two.
 
-use crate::approach_paths::{ApproachPath, ApproachPaths};
+use crate::approach_paths::{ApproachPath, ApproachPlanner};
 use crate::blending::BlendedPath;
-use crate::connection::Connection;
+use crate::clearance::increase_clearance;
+use crate::connected_path::ConnectedPath;
 use crate::context::{Attempt, PlanningContext};
-use crate::effort::{PlanEffort, PlanStage, StageCell, thread_cpu_secs};
-use crate::endless::EndlessJoints;
-use crate::failure::Failure;
-use crate::intermediate::Intermediate;
-use crate::leave::Leaving;
-use crate::part::solve_part;
-use crate::problem::Problem;
-use crate::refining::refine;
-use crate::route::Route;
-use crate::smoothing::{Smoother, Timed};
-use crate::widening::widened;
-use crate::{CancelFlag, MeshObstacle, PlannerOptions, PlanningError, Roadmap, SearchEffort};
+use crate::continuous_joints::TurnNormalizer;
+use crate::departure::DeparturePlanner;
+use crate::failure::PlanFailure;
+use crate::intermediate_goal::IntermediateGoalPlanner;
+use crate::joint_path::JointPath;
+use crate::partial_arm::plan_with_held_joints;
+use crate::path_refinement::refine;
+use crate::plan_stats::{PlanStage, PlanStats, SharedPlanStage, thread_cpu_secs};
+use crate::problem::PlanProblem;
+use crate::smoothing::{CheckedTrajectory, Smoother};
+use crate::{CancelFlag, MeshObstacle, PlannerOptions, PlanningError, Roadmap, SearchStats};
 use proact_arm::ArmModel;
 use proact_control::ports::ArmKinematics;
 use proact_types::{AttachedObject, Obstacle, PlanReply, PlanRequest, PlanStatus, Pose};
@@ -26,23 +26,23 @@ use std::time::{Duration, Instant};
 /// get equal replies, bit for bit, whatever was asked before and whatever other threads do.
 pub struct ArmPlanner {
     pub(crate) context: PlanningContext,
-    leaving: Leaving,
-    paths: ApproachPaths,
-    intermediate: Intermediate,
+    departure: DeparturePlanner,
+    approach: ApproachPlanner,
+    intermediate: IntermediateGoalPlanner,
     smoother: Smoother,
-    effort: PlanEffort,
-    endless: EndlessJoints,
+    stats: PlanStats,
+    turns: TurnNormalizer,
 }
 
 /// A failure, and how far the arm could still go: off what it was on or around.
-struct Setback {
-    failure: Failure,
-    way_out: Option<Vec<Vec<f64>>>,
+struct PartialPlan {
+    failure: PlanFailure,
+    retreat_path: Option<Vec<Vec<f64>>>,
 }
 
-impl From<Failure> for Setback {
-    fn from(failure: Failure) -> Self {
-        Self { failure, way_out: None }
+impl From<PlanFailure> for PartialPlan {
+    fn from(failure: PlanFailure) -> Self {
+        Self { failure, retreat_path: None }
     }
 }
 
@@ -56,15 +56,15 @@ impl ArmPlanner {
         kinematics: Box<dyn ArmKinematics + Send>,
         options: PlannerOptions,
     ) -> Result<Self, PlanningError> {
-        let (endless, model) = EndlessJoints::of(model);
+        let (turn_normalizer, model) = TurnNormalizer::for_model(model);
         let context = PlanningContext::new(model, kinematics, options)?;
         Ok(Self {
-            leaving: Leaving::new(&context.options),
-            paths: ApproachPaths::new(&context.options),
-            intermediate: Intermediate::new(&context.options),
+            departure: DeparturePlanner::new(&context.options),
+            approach: ApproachPlanner::new(&context.options),
+            intermediate: IntermediateGoalPlanner::new(&context.options),
             smoother: Smoother::new(&context.model, &context.options),
-            effort: PlanEffort::default(),
-            endless,
+            stats: PlanStats::default(),
+            turns: turn_normalizer,
             context,
         })
     }
@@ -79,7 +79,7 @@ impl ArmPlanner {
         &self.context.options
     }
 
-    /// A handle that ends a running [`ArmPlanner::solve`] from another thread. It stays raised until lowered.
+    /// A handle that ends a running [`ArmPlanner::solve_ik`] from another thread. It stays raised until lowered.
     pub fn cancel_flag(&self) -> CancelFlag {
         self.context.cancel.clone()
     }
@@ -132,19 +132,19 @@ impl ArmPlanner {
     ) -> Result<Roadmap, PlanningError> {
         let context = &mut self.context;
         context.set_scene(hand, obstacles, None, world_from_base)?;
-        context.scene.forget_allowed_contacts()?;
-        context.scene.set_padding(context.options.padding)?;
+        context.scene.clear_allowed_contacts()?;
+        context.scene.set_padding(context.options.padding_m)?;
         context.scene.grow_roadmap(milestones, seed, &context.options.search, &context.cancel)
     }
 
     /// What the planner is doing, for another thread to look at.
-    pub(crate) fn stage(&self) -> StageCell {
+    pub(crate) fn stage(&self) -> SharedPlanStage {
         self.context.stage.clone()
     }
 
-    /// What the last [`ArmPlanner::solve`] took.
-    pub fn effort(&self) -> &PlanEffort {
-        &self.effort
+    /// What the last [`ArmPlanner::solve_ik`] took.
+    pub fn stats(&self) -> &PlanStats {
+        &self.stats
     }
 
     /// Answers `request`. Never fails otherwise than by the status of the reply.
@@ -152,62 +152,75 @@ impl ArmPlanner {
         let (begin, cpu_begin) = (Instant::now(), thread_cpu_secs());
         self.context.deadline =
             self.context.options.deadline_secs.map(|secs| begin + Duration::from_secs_f64(secs));
-        self.context.scene.effort = SearchEffort::default();
-        let reply = match self.endless.near_zero(request) {
+        self.context.scene.stats = SearchStats::default();
+        let reply = match self.turns.wrap(request) {
             Some((near, taken)) => {
                 let mut reply = self.reply(&near);
-                EndlessJoints::put_back(&mut reply, &taken);
+                TurnNormalizer::unwrap(&mut reply, &taken);
                 reply
             }
             None => self.reply(request),
         };
         self.context.stage.set(PlanStage::Idle);
         let timed_out = self.context.is_out_of_time();
-        self.effort = PlanEffort {
+        self.stats = PlanStats {
             request: request.id,
             status: reply.status,
             reason: reply.reason.clone(),
-            clearance: reply.clearance,
-            iterations: self.context.scene.effort.iterations,
-            state_checks: self.context.scene.effort.state_checks,
+            clearance_m: reply.clearance_m,
+            iterations: self.context.scene.stats.iterations,
+            state_checks: self.context.scene.stats.state_checks,
             wall_secs: begin.elapsed().as_secs_f64(),
             cpu_secs: thread_cpu_secs() - cpu_begin,
-            timed_out: timed_out || self.context.scene.effort.timed_out,
+            timed_out: timed_out || self.context.scene.stats.timed_out,
         };
         reply
     }
 
     fn reply(&mut self, request: &PlanRequest) -> PlanReply {
-        if request.held.is_empty() { self.answer(request) } else { solve_part(self, request) }
-    }
-
-    /// The answer to a request that holds no joint.
-    pub(crate) fn answer(&mut self, request: &PlanRequest) -> PlanReply {
-        let id = request.id;
-        match self.solve_inner(request) {
-            Ok((Timed { trajectory, clearance }, shortfall)) => {
-                let status = if shortfall.is_some() { PlanStatus::Intermediate } else { PlanStatus::Ok };
-                PlanReply { id, status, trajectory, reason: shortfall.unwrap_or_default(), clearance }
-            }
-            Err(failure) => PlanReply::without_a_way(id, failure.status, failure.reason),
+        if request.held_joints.is_empty() {
+            self.plan_all_joints(request)
+        } else {
+            plan_with_held_joints(self, request)
         }
     }
 
-    fn solve_inner(&mut self, request: &PlanRequest) -> Result<(Timed, Option<String>), Failure> {
-        let problem = Problem::accept(&mut self.context, request)?;
+    /// The answer to a request that holds no joint.
+    pub(crate) fn plan_all_joints(&mut self, request: &PlanRequest) -> PlanReply {
+        let id = request.id;
+        match self.solve_inner(request) {
+            Ok((CheckedTrajectory { trajectory, clearance_m: clearance }, shortfall)) => {
+                let status = if shortfall.is_some() { PlanStatus::Intermediate } else { PlanStatus::Ok };
+                PlanReply {
+                    id,
+                    status,
+                    trajectory,
+                    reason: shortfall.unwrap_or_default(),
+                    clearance_m: clearance,
+                }
+            }
+            Err(failure) => PlanReply::without_plan(id, failure.status, failure.reason),
+        }
+    }
+
+    fn solve_inner(
+        &mut self,
+        request: &PlanRequest,
+    ) -> Result<(CheckedTrajectory, Option<String>), PlanFailure> {
+        let problem = PlanProblem::from_request(&mut self.context, request)?;
         // Where the usual clearance is not to be had, a narrower way, looked at more finely, is better than none.
-        let mut first: Option<Setback> = None;
+        let mut first: Option<PartialPlan> = None;
         for attempt in Attempt::all(&self.context.options) {
             self.context.attempt = attempt;
             match self.solve_with_clearance(&problem) {
                 Ok(plan) if plan.1.is_none() || first.is_none() => return Ok(plan),
                 Ok(_) => break,
-                Err(setback) => {
-                    let again = could_do_with_less_clearance(setback.failure.status);
-                    if setback.failure.status == PlanStatus::Cancelled {
-                        return Err(setback.failure);
+                Err(partial_plan) => {
+                    let again = is_clearance_limited(partial_plan.failure.status);
+                    if partial_plan.failure.status == PlanStatus::Cancelled {
+                        return Err(partial_plan.failure);
                     }
-                    first = first.or(Some(setback));
+                    first = first.or(Some(partial_plan));
                     if !again {
                         break;
                     }
@@ -215,79 +228,91 @@ impl ArmPlanner {
             }
         }
         [self.context.attempt, ..] = Attempt::all(&self.context.options);
-        let Some(setback) = first else { return Err(Failure::out_of_time()) };
-        match setback.way_out {
+        let Some(partial_plan) = first else { return Err(PlanFailure::timed_out()) };
+        match partial_plan.retreat_path {
             // No way on, but a way out of the box: from up there another base or another try may reach.
             Some(points) => {
                 let end = points.len() - 1;
-                let route = Route { points, curved: [end, end], searched: self.context.attempt.transit };
-                Ok((self.smoother.timed(&mut self.context, &route, 0.0)?, Some(setback.failure.reason)))
+                let route = JointPath {
+                    waypoints: points,
+                    blend_range: [end, end],
+                    clearance_m: self.context.attempt.transit_clearance_m,
+                };
+                Ok((self.smoother.smooth(&mut self.context, &route, 0.0)?, Some(partial_plan.failure.reason)))
             }
-            None => Err(setback.failure),
+            None => Err(partial_plan.failure),
         }
     }
 
-    fn solve_with_clearance(&mut self, problem: &Problem) -> Result<(Timed, Option<String>), Setback> {
-        self.context.stage.set(PlanStage::Leaving);
-        let mut path = self.leaving.path(&mut self.context, problem)?;
-        self.context.stage.set(PlanStage::SeekingGoals);
+    fn solve_with_clearance(
+        &mut self,
+        problem: &PlanProblem,
+    ) -> Result<(CheckedTrajectory, Option<String>), PartialPlan> {
+        self.context.stage.set(PlanStage::Departure);
+        let mut path = self.departure.path(&mut self.context, problem)?;
+        self.context.stage.set(PlanStage::ApproachSearch);
         let left = path.len() - 1;
         let from = path[left].clone();
-        let (found, shortfall) = match self.path_on(problem, &from) {
+        let (found, shortfall) = match self.path_to_goal(problem, &from) {
             Ok(found) => found,
             Err(failure) => {
                 let moved = from != problem.start && failure.status != PlanStatus::Cancelled;
-                return Err(Setback { failure, way_out: moved.then_some(path) });
+                return Err(PartialPlan { failure, retreat_path: moved.then_some(path) });
             }
         };
-        path.extend(found.points.into_iter().skip(1));
-        let mut path = BlendedPath::new(path, [left, left + found.entry]);
-        let transit = self.context.attempt.transit;
-        path.widen(&mut self.context, transit)?;
+        path.extend(found.waypoints.into_iter().skip(1));
+        let mut path = BlendedPath::new(path, [left, left + found.approach_start]);
+        let transit = self.context.attempt.transit_clearance_m;
+        path.maximize_blends(&mut self.context, transit)?;
         // Paths to compare with stay as OMPL simplifies them.
-        if self.context.options.search.equal_steps.is_none() {
-            refine(&mut self.context, problem, &self.paths, found.aim.as_ref(), &mut path)?;
+        if self.context.options.search.fixed_validity_step.is_none() {
+            refine(&mut self.context, problem, &self.approach, found.approach_goal.as_ref(), &mut path)?;
         }
-        let route = path.route(transit);
+        let route = path.to_joint_path(transit);
         let (context, smoother) = (&mut self.context, &self.smoother);
-        context.go_on()?;
+        context.check_interrupt()?;
         context.stage.set(PlanStage::Smoothing);
-        let timed = smoother.timed(context, &route, 0.0)?;
-        Ok((widened(context, problem, smoother, &route, timed)?, shortfall))
+        let timed = smoother.smooth(context, &route, 0.0)?;
+        Ok((increase_clearance(context, problem, smoother, &route, timed)?, shortfall))
     }
 
     /// From `from` to the goal, or with the reason for falling short to a point on the way.
-    fn path_on(&mut self, problem: &Problem, from: &[f64]) -> Result<(Connection, Option<String>), Failure> {
-        let failure = match self.paths.find(&mut self.context, problem, from) {
+    fn path_to_goal(
+        &mut self,
+        problem: &PlanProblem,
+        from: &[f64],
+    ) -> Result<(ConnectedPath, Option<String>), PlanFailure> {
+        let failure = match self.approach.find(&mut self.context, problem, from) {
             Ok(paths) => return Ok((self.search(problem, from, &paths)?, None)),
             Err(failure) if failure.status == PlanStatus::Unreachable => failure,
             Err(failure) => return Err(failure),
         };
-        let way = self.intermediate.find(&mut self.context, problem, from).map_err(|other| {
+        let path = self.intermediate.find(&mut self.context, problem, from).map_err(|other| {
             // Nothing useful on the way either: the first reason is the one that helps.
             if other.status == PlanStatus::Cancelled { other } else { failure.clone() }
         })?;
-        Ok((way, Some(failure.reason)))
+        Ok((path, Some(failure.reason)))
     }
 
     /// To one of `paths`, best first: to one where the hand has room to open, if any of these can be got to.
     fn search(
         &mut self,
-        problem: &Problem,
+        problem: &PlanProblem,
         from: &[f64],
         paths: &[ApproachPath],
-    ) -> Result<Connection, Failure> {
-        let roomy = paths.partition_point(|path| !path.cramped);
-        if (1..paths.len()).contains(&roomy) {
-            match Connection::search(&mut self.context, problem, from, &paths[..roomy]) {
-                Err(failure) if failure.status == PlanStatus::NoPlan && self.context.go_on().is_ok() => {}
+    ) -> Result<ConnectedPath, PlanFailure> {
+        let clear_count = paths.partition_point(|path| !path.opening_blocked);
+        if (1..paths.len()).contains(&clear_count) {
+            match ConnectedPath::search(&mut self.context, problem, from, &paths[..clear_count]) {
+                Err(failure)
+                    if failure.status == PlanStatus::NoPlan && self.context.check_interrupt().is_ok() => {}
                 other => return other,
             }
         }
-        Connection::search(&mut self.context, problem, from, paths)
+        ConnectedPath::search(&mut self.context, problem, from, paths)
     }
 }
 
-fn could_do_with_less_clearance(status: PlanStatus) -> bool {
+fn is_clearance_limited(status: PlanStatus) -> bool {
     matches!(status, PlanStatus::StartInCollision | PlanStatus::GoalInCollision | PlanStatus::NoPlan)
 }

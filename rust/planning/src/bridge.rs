@@ -126,7 +126,7 @@ pub(crate) mod ffi {
     }
 
     /// A plain program's path, processor time of its searches, and of all that it did.
-    struct PlainRow {
+    struct BaselineRow {
         path: Vec<f64>,
         attempts: u32,
         search_secs: f64,
@@ -171,7 +171,7 @@ pub(crate) mod ffi {
         fn clear_attached(scene: Pin<&mut Scene>) -> Result<()>;
         fn set_padding(scene: Pin<&mut Scene>, metres: f64) -> Result<()>;
         fn allow_contact(scene: Pin<&mut Scene>, member: &str, obstacle: &str) -> Result<()>;
-        fn forget_allowed_contacts(scene: Pin<&mut Scene>) -> Result<()>;
+        fn clear_allowed_contacts(scene: Pin<&mut Scene>) -> Result<()>;
         fn collisions(scene: Pin<&mut Scene>, q: &[f64], all_links: bool) -> Result<Vec<ContactRow>>;
         fn is_free(scene: Pin<&mut Scene>, q: &[f64]) -> Result<bool>;
         fn motion_is_free(scene: Pin<&mut Scene>, a: &[f64], b: &[f64], search: &SearchRow) -> Result<bool>;
@@ -188,7 +188,7 @@ pub(crate) mod ffi {
             cancel: &CancelFlag,
         ) -> Result<PlanRow>;
         /// As `plan_joint`; a state is valid only if `check` accepts it too.
-        fn plan_joint_where(
+        fn plan_joint_constrained(
             scene: Pin<&mut Scene>,
             start: &[f64],
             goals: &[f64],
@@ -204,12 +204,12 @@ pub(crate) mod ffi {
             cancel: &CancelFlag,
         ) -> Result<RoadmapRow>;
 
-        fn search_plainly(
+        fn search_baseline(
             scene: &Scene,
             start: &[f64],
             goals: &[f64],
             search: &SearchRow,
-        ) -> Result<PlainRow>;
+        ) -> Result<BaselineRow>;
 
         fn check_planner(search: &SearchRow) -> Result<()>;
         fn count_free(scene: Pin<&mut Scene>, states: &[f64]) -> Result<usize>;

@@ -46,7 +46,7 @@ impl From<proact_control::ports::KinematicsError> for PlanningError {
 }
 
 /// Refuses a vector of the wrong length or with a value that is not finite: FCL and OMPL would take either.
-pub(crate) fn check(what: &'static str, values: &[f64], expected: usize) -> Result<(), PlanningError> {
+pub(crate) fn check_vector(what: &'static str, values: &[f64], expected: usize) -> Result<(), PlanningError> {
     if values.len() != expected {
         return Err(PlanningError::WrongLength { what, got: values.len(), expected });
     }

@@ -5,17 +5,17 @@ use proact_types::PlanStatus;
 
 /// Why there is no full plan.
 #[derive(Clone, Debug)]
-pub(crate) struct Failure {
+pub(crate) struct PlanFailure {
     pub status: PlanStatus,
     pub reason: String,
 }
 
-impl Failure {
+impl PlanFailure {
     pub fn new(status: PlanStatus, reason: impl Into<String>) -> Self {
         Self { status, reason: reason.into() }
     }
 
-    pub fn out_of_time() -> Self {
+    pub fn timed_out() -> Self {
         Self::new(PlanStatus::NoPlan, "No way to the goal was found in time.")
     }
 
@@ -25,7 +25,7 @@ impl Failure {
     }
 }
 
-impl From<PlanningError> for Failure {
+impl From<PlanningError> for PlanFailure {
     fn from(error: PlanningError) -> Self {
         Self::new(PlanStatus::Invalid, error.to_string())
     }

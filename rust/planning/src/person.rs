@@ -5,7 +5,7 @@ use proact_types::{Obstacle, Point, Pose, Shape, Vector};
 
 /// Sizes of a person, metres. Points are in the frame of the shoulder (`base_link`): x ahead, y left, z up, upright.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Person {
+pub struct PersonGeometry {
     /// Pivot of the trunk between the hips. The set-ups have it half a shoulder breadth (0.18 m) inwards of the
     /// shoulder and 0.45 m below.
     pub hip: Vector,
@@ -18,11 +18,11 @@ pub struct Person {
     /// out beside it is where the upper arm hangs.
     pub trunk_radius: f64,
     /// Length of a thigh: 0.245 of a stature of 1.75 m (Drillis and Contini 1966).
-    pub thigh: f64,
+    pub thigh_length: f64,
     /// Radius of a thigh (assumed).
     pub thigh_radius: f64,
     /// Length of a lower leg with the foot: 0.285 of the stature (Drillis and Contini 1966).
-    pub shank: f64,
+    pub shank_length: f64,
     /// Radius of a lower leg (assumed).
     pub shank_radius: f64,
     /// Distance of each hip joint from the midline: half of 0.191 of the stature, the breadth of the hips
@@ -37,16 +37,16 @@ pub struct Person {
 /// in front of a pivot at 0.995 m.
 const THIGH_DROP: f64 = 0.11;
 
-impl Person {
+impl PersonGeometry {
     /// A seated person of 1.75 m with the right arm amputated; the arm is on the right.
-    pub const SEATED: Person = Person {
+    pub const SEATED: PersonGeometry = PersonGeometry {
         hip: Vector::new(0.0, 0.18, -0.45),
         head: Vector::new(0.0, 0.18, 0.25),
         head_radius: 0.095,
         trunk_radius: 0.11,
-        thigh: 0.43,
+        thigh_length: 0.43,
         thigh_radius: 0.07,
-        shank: 0.5,
+        shank_length: 0.5,
         shank_radius: 0.05,
         hip_offset: 0.097,
         seated: true,
@@ -58,7 +58,7 @@ impl Person {
     }
 
     /// The same person standing.
-    pub const STANDING: Person = Person { seated: false, ..Self::SEATED };
+    pub const STANDING: PersonGeometry = PersonGeometry { seated: false, ..Self::SEATED };
 }
 
 /// Trunk, head and legs of `person` whose shoulder is at `world_from_base`, as capsules and a ball in `world`.
@@ -68,7 +68,7 @@ impl Person {
 /// trunk ends one radius below the shoulders' height, so that the socket has room.
 ///
 /// Known weakness: no neck, no left arm, no clothes; knees keep straight below a standing person.
-pub fn person_obstacles(world_from_base: &Pose, person: &Person) -> Vec<Obstacle> {
+pub fn person_obstacles(world_from_base: &Pose, person: &PersonGeometry) -> Vec<Obstacle> {
     let hip = world_from_base * Point::from(person.hip);
     let head = world_from_base * Point::from(person.head);
     let up = (head - hip).normalize();
@@ -86,8 +86,8 @@ pub fn person_obstacles(world_from_base: &Pose, person: &Person) -> Vec<Obstacle
         let root = hip + Vector::new(0.0, offset, -THIGH_DROP);
         let down = -Vector::z();
         let ahead = if person.seated { Vector::x() } else { down };
-        let knee = root + ahead * person.thigh;
-        let foot = knee + down * person.shank;
+        let knee = root + ahead * person.thigh_length;
+        let foot = knee + down * person.shank_length;
         all.push(capsule(&format!("person_thigh_{side}"), root, knee, person.thigh_radius));
         all.push(capsule(&format!("person_shank_{side}"), knee, foot, person.shank_radius));
     }

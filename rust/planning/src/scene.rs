@@ -1,8 +1,8 @@
 //! The safe side of the bridge: a collision scene and the search in it.
 
 use crate::bridge::{ffi, pose_row, shape_row};
-use crate::error::{PlanningError, check};
-use crate::search::{CancelFlag, MeshObstacle, PlainOutcome, Roadmap, SearchEffort, SearchOutcome};
+use crate::error::{PlanningError, check_vector};
+use crate::search::{BaselineOutcome, CancelFlag, MeshObstacle, Roadmap, SearchOutcome, SearchStats};
 use crate::state_check::StateCheck;
 use crate::{PlannerName, SearchLimits};
 use proact_arm::{ArmModel, JointKind};
@@ -17,7 +17,7 @@ const NO_PARAMETERS: BTreeMap<String, String> = BTreeMap::new();
 /// Poses are in `world`, metres and radians. Links that keep still against each other during a plan (the links
 /// of the hand, and the base) are not compared with each other.
 pub struct CollisionScene {
-    pub(crate) effort: SearchEffort,
+    pub(crate) stats: SearchStats,
     inner: cxx::UniquePtr<ffi::Scene>,
     roadmap: cxx::SharedPtr<ffi::Roadmap>,
     joint_count: usize,
@@ -63,7 +63,7 @@ impl CollisionScene {
         }
         let inner = ffi::new_scene(&arm)?;
         Ok(Self {
-            effort: SearchEffort::default(),
+            stats: SearchStats::default(),
             inner,
             roadmap: cxx::SharedPtr::null(),
             joint_count: model.arm.len(),
@@ -82,7 +82,7 @@ impl CollisionScene {
     /// A component that is not finite.
     pub fn set_base(&mut self, world_from_base: &Pose) -> Result<(), PlanningError> {
         let row = pose_row(world_from_base);
-        check("base pose", &row, row.len())?;
+        check_vector("base pose", &row, row.len())?;
         Ok(ffi::set_base(self.inner.pin_mut(), &row)?)
     }
 
@@ -91,7 +91,7 @@ impl CollisionScene {
     /// # Errors
     /// Wrong length or a value that is not finite.
     pub fn set_hand(&mut self, angles: &[f64]) -> Result<(), PlanningError> {
-        check("hand", angles, self.hand_count)?;
+        check_vector("hand", angles, self.hand_count)?;
         Ok(ffi::set_hand(self.inner.pin_mut(), angles)?)
     }
 
@@ -143,13 +143,13 @@ impl CollisionScene {
         }
     }
 
-    /// Grows every obstacle by `metres` on all sides; a negative number shrinks it.
+    /// Grows every obstacle by `meters` on all sides; a negative number shrinks it.
     ///
     /// # Errors
     /// A number that is not finite.
-    pub fn set_padding(&mut self, metres: f64) -> Result<(), PlanningError> {
-        check("padding", &[metres], 1)?;
-        Ok(ffi::set_padding(self.inner.pin_mut(), metres)?)
+    pub fn set_padding(&mut self, meters: f64) -> Result<(), PlanningError> {
+        check_vector("padding", &[meters], 1)?;
+        Ok(ffi::set_padding(self.inner.pin_mut(), meters)?)
     }
 
     /// From now on `member` (a link or the carried object) may touch `obstacle`.
@@ -164,8 +164,8 @@ impl CollisionScene {
     ///
     /// # Errors
     /// None at present; the bridge could run out of memory.
-    pub fn forget_allowed_contacts(&mut self) -> Result<(), PlanningError> {
-        Ok(ffi::forget_allowed_contacts(self.inner.pin_mut())?)
+    pub fn clear_allowed_contacts(&mut self) -> Result<(), PlanningError> {
+        Ok(ffi::clear_allowed_contacts(self.inner.pin_mut())?)
     }
 
     /// Names of the pairs that touch at the arm angles `q`.
@@ -186,7 +186,7 @@ impl CollisionScene {
     }
 
     fn contacts(&mut self, q: &[f64], all_links: bool) -> Result<Vec<(String, String)>, PlanningError> {
-        check("arm angles", q, self.joint_count)?;
+        check_vector("arm angles", q, self.joint_count)?;
         let rows = ffi::collisions(self.inner.pin_mut(), q, all_links)?;
         Ok(rows.into_iter().map(|row| (row.a, row.b)).collect())
     }
@@ -196,7 +196,7 @@ impl CollisionScene {
     /// # Errors
     /// Wrong length or a value that is not finite.
     pub fn is_free(&mut self, q: &[f64]) -> Result<bool, PlanningError> {
-        check("arm angles", q, self.joint_count)?;
+        check_vector("arm angles", q, self.joint_count)?;
         Ok(ffi::is_free(self.inner.pin_mut(), q)?)
     }
 
@@ -210,8 +210,8 @@ impl CollisionScene {
         b: &[f64],
         limits: &SearchLimits,
     ) -> Result<bool, PlanningError> {
-        check("arm angles", a, self.joint_count)?;
-        check("arm angles", b, self.joint_count)?;
+        check_vector("arm angles", a, self.joint_count)?;
+        check_vector("arm angles", b, self.joint_count)?;
         let row = search_row(PlannerName::default(), &NO_PARAMETERS, 0, limits);
         Ok(ffi::motion_is_free(self.inner.pin_mut(), a, b, &row)?)
     }
@@ -225,7 +225,7 @@ impl CollisionScene {
         states: impl IntoIterator<Item = &'a [f64]>,
         limits: &SearchLimits,
     ) -> Result<bool, PlanningError> {
-        let flat = self.rows(states)?;
+        let flat = self.flatten_states(states)?;
         let row = search_row(PlannerName::default(), &NO_PARAMETERS, 0, limits);
         Ok(ffi::path_is_free(self.inner.pin_mut(), &flat, &row)?)
     }
@@ -239,14 +239,17 @@ impl CollisionScene {
         &mut self,
         states: impl IntoIterator<Item = &'a [f64]>,
     ) -> Result<bool, PlanningError> {
-        let flat = self.rows(states)?;
+        let flat = self.flatten_states(states)?;
         Ok(ffi::states_are_free(self.inner.pin_mut(), &flat)?)
     }
 
-    fn rows<'a>(&self, states: impl IntoIterator<Item = &'a [f64]>) -> Result<Vec<f64>, PlanningError> {
+    fn flatten_states<'a>(
+        &self,
+        states: impl IntoIterator<Item = &'a [f64]>,
+    ) -> Result<Vec<f64>, PlanningError> {
         let mut flat = Vec::new();
         for state in states {
-            check("arm angles", state, self.joint_count)?;
+            check_vector("arm angles", state, self.joint_count)?;
             flat.extend_from_slice(state);
         }
         Ok(flat)
@@ -265,7 +268,7 @@ impl CollisionScene {
         limits: &SearchLimits,
         cancel: &CancelFlag,
     ) -> Result<SearchOutcome, PlanningError> {
-        self.search_by(PlannerName::default(), &NO_PARAMETERS, start, goals, seed, limits, cancel)
+        self.search_with(PlannerName::default(), &NO_PARAMETERS, start, goals, seed, limits, cancel)
     }
 
     /// As [`CollisionScene::search`], by any planner. `parameters` are values as text by OMPL's names, such as
@@ -277,7 +280,7 @@ impl CollisionScene {
     /// # Errors
     /// As for [`CollisionScene::search`], and a parameter that the planner does not know or refuses.
     #[allow(clippy::too_many_arguments)]
-    pub fn search_by(
+    pub fn search_with(
         &mut self,
         planner: PlannerName,
         parameters: &BTreeMap<String, String>,
@@ -287,9 +290,9 @@ impl CollisionScene {
         limits: &SearchLimits,
         cancel: &CancelFlag,
     ) -> Result<SearchOutcome, PlanningError> {
-        check("start", start, self.joint_count)?;
+        check_vector("start", start, self.joint_count)?;
         for goal in goals {
-            check("goal", goal, self.joint_count)?;
+            check_vector("goal", goal, self.joint_count)?;
         }
         let flat: Vec<f64> = goals.iter().flatten().copied().collect();
         let search = search_row(planner, parameters, seed, limits);
@@ -327,7 +330,7 @@ impl CollisionScene {
             return Ok(());
         };
         for milestone in &roadmap.milestones {
-            check("a milestone of the roadmap", milestone, self.joint_count)?;
+            check_vector("a milestone of the roadmap", milestone, self.joint_count)?;
         }
         let count = roadmap.milestones.len();
         if let Some(edge) = roadmap.edges.iter().find(|edge| edge[0].max(edge[1]) >= count) {
@@ -349,7 +352,7 @@ impl CollisionScene {
     ///
     /// # Errors
     /// As for [`CollisionScene::search`]; [`PlanningError::Scene`] with the message if `accepts` panicked.
-    pub fn search_where(
+    pub fn search_constrained(
         &mut self,
         start: &[f64],
         goals: &[Vec<f64>],
@@ -358,15 +361,15 @@ impl CollisionScene {
         cancel: &CancelFlag,
         accepts: &mut dyn FnMut(&[f64]) -> bool,
     ) -> Result<SearchOutcome, PlanningError> {
-        check("start", start, self.joint_count)?;
+        check_vector("start", start, self.joint_count)?;
         for goal in goals {
-            check("goal", goal, self.joint_count)?;
+            check_vector("goal", goal, self.joint_count)?;
         }
         let flat: Vec<f64> = goals.iter().flatten().copied().collect();
         let search = search_row(PlannerName::default(), &NO_PARAMETERS, seed, limits);
         let mut condition = StateCheck::new(accepts);
         let scene = self.inner.pin_mut();
-        let row = ffi::plan_joint_where(scene, start, &flat, &search, &mut condition, &cancel.0)?;
+        let row = ffi::plan_joint_constrained(scene, start, &flat, &search, &mut condition, &cancel.0)?;
         match condition.panicked() {
             Some(text) => Err(PlanningError::Scene(format!("the condition panicked: {text}"))),
             None => self.outcome(row),
@@ -378,7 +381,7 @@ impl CollisionScene {
     /// # Errors
     /// A length that is no multiple of the joints, a value that is not finite.
     pub fn count_free(&mut self, states: &[f64]) -> Result<usize, PlanningError> {
-        check("states", states, states.len() - states.len() % self.joint_count)?;
+        check_vector("states", states, states.len() - states.len() % self.joint_count)?;
         Ok(ffi::count_free(self.inner.pin_mut(), states)?)
     }
 
@@ -391,15 +394,15 @@ impl CollisionScene {
         states: &[f64],
         accepts: &mut dyn FnMut(&[f64]) -> bool,
     ) -> Result<usize, PlanningError> {
-        check("states", states, states.len() - states.len() % self.joint_count)?;
+        check_vector("states", states, states.len() - states.len() % self.joint_count)?;
         Ok(ffi::count_accepted(states, self.joint_count, &mut StateCheck::new(accepts))?)
     }
 
     fn outcome(&mut self, row: ffi::PlanRow) -> Result<SearchOutcome, PlanningError> {
-        self.effort.iterations += row.iterations;
-        self.effort.state_checks += row.state_checks;
-        self.effort.search_secs += row.seconds;
-        self.effort.timed_out |= row.timed_out;
+        self.stats.iterations += row.iterations;
+        self.stats.state_checks += row.state_checks;
+        self.stats.search_secs += row.seconds;
+        self.stats.timed_out |= row.timed_out;
         match row.status {
             ffi::JointPlanStatus::Solved => Ok(SearchOutcome::Solved {
                 path: row.path.chunks_exact(self.joint_count).map(<[f64]>::to_vec).collect(),
@@ -419,7 +422,7 @@ impl CollisionScene {
     ///
     /// # Errors
     /// Wrong lengths, values that are not finite or outside the joint limits, no goal.
-    pub fn search_plainly(
+    pub fn search_baseline(
         &mut self,
         start: &[f64],
         goals: &[Vec<f64>],
@@ -427,26 +430,26 @@ impl CollisionScene {
         attempt_secs: f64,
         equal_steps: f64,
         seed: u64,
-    ) -> Result<PlainOutcome, PlanningError> {
-        check("start", start, self.joint_count)?;
+    ) -> Result<BaselineOutcome, PlanningError> {
+        check_vector("start", start, self.joint_count)?;
         for goal in goals {
-            check("goal", goal, self.joint_count)?;
+            check_vector("goal", goal, self.joint_count)?;
         }
         let flat: Vec<f64> = goals.iter().flatten().copied().collect();
         let row = {
             let limits = SearchLimits {
                 max_secs: Some(attempt_secs),
-                equal_steps: Some(equal_steps),
+                fixed_validity_step: Some(equal_steps),
                 ..SearchLimits::default()
             };
-            ffi::search_plainly(
+            ffi::search_baseline(
                 &self.inner,
                 start,
                 &flat,
                 &search_row(planner, &NO_PARAMETERS, seed, &limits),
             )?
         };
-        Ok(PlainOutcome {
+        Ok(BaselineOutcome {
             path: row.path.chunks_exact(self.joint_count).map(<[f64]>::to_vec).collect(),
             attempts: row.attempts,
             search_secs: row.search_secs,
@@ -480,13 +483,13 @@ fn search_row(
             PlannerName::AnytimePathShortening => ffi::PlannerKind::Anytime,
         },
         parameters: parameters.iter().flat_map(|(name, value)| [name.clone(), value.clone()]).collect(),
-        equal_steps: limits.equal_steps.unwrap_or(0.0),
+        equal_steps: limits.fixed_validity_step.unwrap_or(0.0),
         max_iterations: limits.max_iterations,
         max_seconds: limits.max_secs.unwrap_or(0.0),
         more_searches: limits.more_searches,
         range: limits.range_rad,
-        shortcuts: limits.shortcuts,
+        shortcuts: limits.shortcut_attempts,
         step_radians: limits.step_rad,
-        step_metres: limits.step_metres,
+        step_metres: limits.step_m,
     }
 }

@@ -73,7 +73,7 @@ pub struct Roadmap {
 
 /// What searches in joint space took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct SearchEffort {
+pub struct SearchStats {
     /// Iterations of the planner.
     pub iterations: u64,
     /// States looked at.
@@ -104,9 +104,9 @@ pub enum SearchOutcome {
     Cancelled,
 }
 
-/// What a plain program on OMPL and FCL found: [`CollisionScene::search_plainly`].
+/// What a plain program on OMPL and FCL found: [`CollisionScene::search_baseline`].
 #[derive(Clone, Debug, PartialEq)]
-pub struct PlainOutcome {
+pub struct BaselineOutcome {
     /// Arm angles from start to goal; empty if none was found in time.
     pub path: Vec<Vec<f64>>,
     /// How often it began.

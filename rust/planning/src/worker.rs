@@ -1,7 +1,7 @@
 //! The planner on a thread of its own, as the testbed's plan service.
 
-use crate::effort::StageCell;
-use crate::{ArmPlanner, CancelFlag, Person, PlanEffort, PlanStage, person_obstacles};
+use crate::plan_stats::SharedPlanStage;
+use crate::{ArmPlanner, CancelFlag, PersonGeometry, PlanStage, PlanStats, person_obstacles};
 use proact_testbed::ports::PlanService;
 use proact_types::{PlanReply, PlanRequest, PlanStatus};
 use std::collections::BTreeMap;
@@ -9,25 +9,25 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::thread::JoinHandle;
 
 /// Replies that are kept for a late question; a trial has one request under way at a time.
-const KEPT: usize = 64;
+const MAX_KEPT_REPLIES: usize = 64;
 
 /// A background thread that owns an [`ArmPlanner`]. The newest request wins; dropping the worker ends the
 /// thread.
 pub struct PlanWorker {
-    shared: Arc<Shared>,
+    shared: Arc<PlanWorkerShared>,
     cancel: CancelFlag,
-    stage: StageCell,
-    person: Option<Person>,
+    stage: SharedPlanStage,
+    person: Option<PersonGeometry>,
     thread: Option<JoinHandle<()>>,
 }
 
 /// What each plan of a worker took, readable while it works.
 #[derive(Clone)]
-pub struct PlanLog(Arc<Shared>);
+pub struct PlanLog(Arc<PlanWorkerShared>);
 
 impl PlanLog {
     /// One entry for each request that was answered by planning, oldest first.
-    pub fn entries(&self) -> Vec<PlanEffort> {
+    pub fn entries(&self) -> Vec<PlanStats> {
         self.0.lock().log.clone()
     }
 
@@ -37,33 +37,33 @@ impl PlanLog {
     }
 }
 
-struct Shared {
-    state: Mutex<State>,
+struct PlanWorkerShared {
+    state: Mutex<PlanWorkerState>,
     changed: Condvar,
 }
 
 #[derive(Default)]
-struct State {
+struct PlanWorkerState {
     waiting: Option<PlanRequest>,
     running: Option<u64>,
     replies: BTreeMap<u64, PlanReply>,
-    log: Vec<PlanEffort>,
-    ended: bool,
+    log: Vec<PlanStats>,
+    shutdown: bool,
     /// The thread's clock of processor time, once it runs.
-    clock: Option<i32>,
+    cpu_clock: Option<i32>,
 }
 
-impl Shared {
+impl PlanWorkerShared {
     /// The state; a panic of the other side leaves it whole, because nothing is changed in steps.
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, PlanWorkerState> {
         self.state.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 }
 
-impl State {
-    fn keep(&mut self, reply: PlanReply) {
+impl PlanWorkerState {
+    fn store_reply(&mut self, reply: PlanReply) {
         self.replies.insert(reply.id, reply);
-        while self.replies.len() > KEPT {
+        while self.replies.len() > MAX_KEPT_REPLIES {
             self.replies.pop_first();
         }
     }
@@ -72,17 +72,20 @@ impl State {
 impl PlanWorker {
     /// Starts the thread.
     pub fn new(planner: ArmPlanner) -> Self {
-        let shared = Arc::new(Shared { state: Mutex::new(State::default()), changed: Condvar::new() });
+        let shared = Arc::new(PlanWorkerShared {
+            state: Mutex::new(PlanWorkerState::default()),
+            changed: Condvar::new(),
+        });
         let cancel = planner.cancel_flag();
         let stage = planner.stage();
         let theirs = shared.clone();
-        let thread = std::thread::spawn(move || run(planner, &theirs));
+        let thread = std::thread::spawn(move || run_worker(planner, &theirs));
         Self { shared, cancel, stage, person: None, thread: Some(thread) }
     }
 
     /// The same, with the person who wears the arm among the obstacles of every request, where its base has them.
     #[must_use]
-    pub fn around(mut self, person: Person) -> Self {
+    pub fn with_person(mut self, person: PersonGeometry) -> Self {
         self.person = Some(person);
         self
     }
@@ -94,7 +97,7 @@ impl PlanWorker {
 
     /// Processor time that the worker's thread has used so far, seconds.
     pub fn cpu_secs(&self) -> f64 {
-        self.shared.lock().clock.map_or(0.0, crate::bridge::ffi::cpu_secs_of)
+        self.shared.lock().cpu_clock.map_or(0.0, crate::bridge::ffi::cpu_secs_of)
     }
 
     /// The request under way, and how far it has got; none while idle.
@@ -103,12 +106,12 @@ impl PlanWorker {
     }
 }
 
-fn run(mut planner: ArmPlanner, shared: &Shared) {
+fn run_worker(mut planner: ArmPlanner, shared: &PlanWorkerShared) {
     let flag = planner.cancel_flag();
     let mut state = shared.lock();
-    state.clock = Some(crate::bridge::ffi::thread_cpu_clock());
+    state.cpu_clock = Some(crate::bridge::ffi::thread_cpu_clock());
     loop {
-        if state.ended {
+        if state.shutdown {
             return;
         }
         let Some(request) = state.waiting.take() else {
@@ -123,17 +126,19 @@ fn run(mut planner: ArmPlanner, shared: &Shared) {
         state = shared.lock();
         state.running = None;
         if reply.is_ok() {
-            state.log.push(planner.effort().clone());
+            state.log.push(planner.stats().clone());
         }
-        state.keep(
-            reply.unwrap_or_else(|_| failed(request.id, PlanStatus::Invalid, "The planner failed inside.")),
+        state.store_reply(
+            reply.unwrap_or_else(|_| {
+                failed_reply(request.id, PlanStatus::Invalid, "The planner failed inside.")
+            }),
         );
         shared.changed.notify_all();
     }
 }
 
-fn failed(id: u64, status: PlanStatus, reason: &str) -> PlanReply {
-    PlanReply::without_a_way(id, status, reason)
+fn failed_reply(id: u64, status: PlanStatus, reason: &str) -> PlanReply {
+    PlanReply::without_plan(id, status, reason)
 }
 
 impl PlanService for PlanWorker {
@@ -160,7 +165,7 @@ impl PlanService for PlanWorker {
             }
             let pending = state.running == Some(id) || state.waiting.as_ref().is_some_and(|r| r.id == id);
             if !pending {
-                return failed(id, PlanStatus::Invalid, "No such request was handed in.");
+                return failed_reply(id, PlanStatus::Invalid, "No such request was handed in.");
             }
             state = self.shared.changed.wait(state).unwrap_or_else(std::sync::PoisonError::into_inner);
         }
@@ -169,7 +174,7 @@ impl PlanService for PlanWorker {
     fn cancel(&mut self) {
         let mut state = self.shared.lock();
         if let Some(request) = state.waiting.take() {
-            state.keep(failed(request.id, PlanStatus::Cancelled, "The request was cancelled."));
+            state.store_reply(failed_reply(request.id, PlanStatus::Cancelled, "The request was cancelled."));
         }
         if state.running.is_some() {
             self.cancel.raise();
@@ -181,7 +186,7 @@ impl PlanService for PlanWorker {
 impl Drop for PlanWorker {
     fn drop(&mut self) {
         self.cancel();
-        self.shared.lock().ended = true;
+        self.shared.lock().shutdown = true;
         self.shared.changed.notify_all();
         if let Some(thread) = self.thread.take() {
             // A panic inside was already turned into a reply; there is nobody left to tell.

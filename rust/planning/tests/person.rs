@@ -4,7 +4,7 @@
 mod common;
 
 use common::*;
-use proact_planning::{CollisionScene, Person, PlannerOptions, person_obstacles};
+use proact_planning::{CollisionScene, PersonGeometry, PlannerOptions, person_obstacles};
 use proact_types::{PlanGoal, PlanStatus, Point, Pose, TrunkPosture, joints};
 
 /// From here the set-up `seated` reaches everything.
@@ -17,12 +17,12 @@ fn leaning() -> Pose {
 fn every_block_is_still_picked_and_placed_past_the_person() {
     let model = model();
     let mut planner = planner(PlannerOptions::default());
-    for (base, person) in [(still(), Person::STANDING), (leaning(), Person::SEATED)] {
-        for region in Region::ALL {
+    for (base, person) in [(still(), PersonGeometry::STANDING), (leaning(), PersonGeometry::SEATED)] {
+        for region in BlockRegion::ALL {
             let picked = planner.solve(&with_person(pick(&model, base, region, 1), &person));
             assert_eq!((picked.status, picked.reason.as_str()), (PlanStatus::Ok, ""), "pick {region:?}");
             let q = &picked.trajectory.points.last().unwrap().q;
-            for to in Region::ALL {
+            for to in BlockRegion::ALL {
                 let request = with_person(place(&model, base, region, target(to), q, 1), &person);
                 let placed = planner.solve(&request);
                 assert_eq!(
@@ -40,7 +40,7 @@ fn an_arm_across_the_chest_or_at_the_head_is_a_collision() {
     let model = model();
     let mut planner = planner(PlannerOptions::default());
     let mut scene = CollisionScene::new(&model).unwrap();
-    let person = person_obstacles(&Pose::identity(), &Person::SEATED);
+    let person = person_obstacles(&Pose::identity(), &PersonGeometry::SEATED);
     scene.set_hand(&pose_of(&model, "hand", "open")).unwrap();
     // Of many postures some fold the arm onto every part that it can reach.
     let mut touched: Vec<String> = Vec::new();
@@ -54,7 +54,8 @@ fn an_arm_across_the_chest_or_at_the_head_is_a_collision() {
             if part.starts_with("person") && !touched.contains(&part) {
                 touched.push(part);
                 // As a goal such a posture is refused, with the part's name.
-                let mut request = with_person(pick(&model, still(), Region::FL, 1), &Person::STANDING);
+                let mut request =
+                    with_person(pick(&model, still(), BlockRegion::FL, 1), &PersonGeometry::STANDING);
                 request.goal = PlanGoal::Joints { q: joints(&q) };
                 let reply = planner.solve(&request);
                 assert_ne!(reply.status, PlanStatus::Ok);
@@ -68,8 +69,8 @@ fn an_arm_across_the_chest_or_at_the_head_is_a_collision() {
 
 #[test]
 fn trunk_and_head_lean_about_the_hip_while_the_legs_keep_still() {
-    let upright = person_obstacles(&seated(TrunkPosture::default()), &Person::SEATED);
-    let leant = person_obstacles(&leaning(), &Person::SEATED);
+    let upright = person_obstacles(&seated(TrunkPosture::default()), &PersonGeometry::SEATED);
+    let leant = person_obstacles(&leaning(), &PersonGeometry::SEATED);
     let moved = |name: &str| {
         let at = |all: &[proact_types::Obstacle]| all.iter().find(|o| o.name == name).unwrap().pose;
         (at(&upright).translation.vector - at(&leant).translation.vector).norm()

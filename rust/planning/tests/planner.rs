@@ -17,7 +17,7 @@ use std::cell::RefCell;
 
 /// How deep two shapes may overlap along a plan, metres: the straight paths are checked at steps of 5 mm, and
 /// neighbouring states are at most that far apart.
-const CLOSE_CALL: f64 = 0.001;
+const MIN_CLEARANCE_M: f64 = 0.001;
 
 fn end(reply: &PlanReply) -> Vec<f64> {
     reply.trajectory.points.last().expect("a plan has points").q.to_vec()
@@ -35,7 +35,7 @@ fn samples(trajectory: &Trajectory, every_secs: f64) -> Vec<Vec<f64>> {
 }
 
 /// Contacts along a plan at steps of 10 ms (5 mrad a joint), but for those that already exist at its start.
-fn contacts_on_the_way(
+fn contacts_along(
     checker: &mut ArmPlanner,
     request: &PlanRequest,
     reply: &PlanReply,
@@ -47,10 +47,10 @@ fn contacts_on_the_way(
         .map(|o| {
             let mut o = o.clone();
             if let Shape::Box { size } = &mut o.shape {
-                size.iter_mut().for_each(|s| *s -= 2.0 * CLOSE_CALL);
+                size.iter_mut().for_each(|s| *s -= 2.0 * MIN_CLEARANCE_M);
             } else if let Shape::Cylinder { radius, length } = &mut o.shape {
-                *radius -= CLOSE_CALL;
-                *length -= 2.0 * CLOSE_CALL;
+                *radius -= MIN_CLEARANCE_M;
+                *length -= 2.0 * MIN_CLEARANCE_M;
             }
             o
         })
@@ -84,16 +84,16 @@ fn every_block_is_gripped_from_above_and_put_down_upright_on_every_target_withou
     let mut planner = planner(PlannerOptions::default());
     let mut checker = common::planner(PlannerOptions::default());
     for (base, seed) in [(still(), 1), (still(), 2), (leaning(), 3)] {
-        for region in Region::ALL {
+        for region in BlockRegion::ALL {
             let request = pick(&model, base, region, seed);
             let reply = planner.solve(&request);
             assert_eq!((reply.status, reply.reason.as_str()), (PlanStatus::Ok, ""), "pick {region:?}");
             let q = end(&reply);
-            let gripped = tip(&request, &q) * Point::from(model.widest_grasp().centre);
+            let gripped = tip(&request, &q) * Point::from(model.widest_grasp().center);
             assert!((gripped - block_centre(region)).norm() < 1e-4, "the grasp centre is at the block");
-            assert_eq!(contacts_on_the_way(&mut checker, &request, &reply), [], "pick {region:?}");
+            assert_eq!(contacts_along(&mut checker, &request, &reply), [], "pick {region:?}");
 
-            for to in Region::ALL {
+            for to in BlockRegion::ALL {
                 let request = place(&model, base, region, target(to), &q, seed);
                 let reply = planner.solve(&request);
                 assert_eq!(
@@ -105,11 +105,11 @@ fn every_block_is_gripped_from_above_and_put_down_upright_on_every_target_withou
                 let block = tip(&request, &end(&reply)) * object.tip_from_object;
                 let lean = (block.rotation * Vector::z()).angle(&Vector::z());
                 let options = planner.options();
-                assert!(lean <= options.place_tilt + 1e-3, "it leans by {lean}");
+                assert!(lean <= options.place_tilt_rad + 1e-3, "it leans by {lean}");
                 let bottom = block.translation.z - 0.025 * lean.cos() - 0.025 * lean.sin() - target(to).z;
-                assert!((bottom - options.place_gap).abs() < 3e-4, "it hangs {bottom} m above the table");
+                assert!((bottom - options.place_gap_m).abs() < 3e-4, "it hangs {bottom} m above the table");
                 assert!((block.translation.vector - target(to).coords).xy().norm() < 1e-4);
-                let mut contacts = contacts_on_the_way(&mut checker, &request, &reply);
+                let mut contacts = contacts_along(&mut checker, &request, &reply);
                 // Picked up in place, the block stands on the table at first; that pair is known.
                 contacts.retain(|(_, b)| b != "table");
                 assert_eq!(contacts, [], "{region:?} to {to:?}");
@@ -124,31 +124,31 @@ fn after_letting_go_the_open_hand_leaves_a_standing_block_straight_up() {
     let mut planner = planner(PlannerOptions::default());
     let mut checker = common::planner(PlannerOptions::default());
     for seed in 1..=4 {
-        let first = planner.solve(&pick(&model, still(), Region::NM, seed));
-        let there = place(&model, still(), Region::NM, target(Region::FM), &end(&first), seed);
+        let first = planner.solve(&pick(&model, still(), BlockRegion::NM, seed));
+        let there = place(&model, still(), BlockRegion::NM, target(BlockRegion::FM), &end(&first), seed);
         let placed = planner.solve(&there);
         assert_eq!(placed.status, PlanStatus::Ok);
         let object = there.attached.as_ref().unwrap();
         let mut block = tip(&there, &end(&placed)) * object.tip_from_object;
-        block.translation.z = target(Region::FM).z + 0.025;
+        block.translation.z = target(BlockRegion::FM).z + 0.025;
 
-        let mut request = pick(&model, still(), Region::FL, seed);
+        let mut request = pick(&model, still(), BlockRegion::FL, seed);
         request.start = joints(&end(&placed));
-        let moved = block_name(Region::NM);
+        let moved = block_name(BlockRegion::NM);
         request.obstacles.iter_mut().find(|o| o.name == moved).unwrap().pose = block;
         let reply = planner.solve(&request);
         assert_eq!((reply.status, reply.reason.as_str()), (PlanStatus::Ok, ""));
         // While the grasp centre is less than 4 cm above the block's, it keeps within a finger's width of the axis.
         let path: Vec<Point> = samples(&reply.trajectory, 0.01)
             .iter()
-            .map(|q| tip(&request, q) * Point::from(model.widest_grasp().centre))
+            .map(|q| tip(&request, q) * Point::from(model.widest_grasp().center))
             .collect();
         let low: Vec<_> = path.iter().take_while(|p| p.z < block.translation.z + 0.04).collect();
         assert!(low.len() > 5 && low.len() < path.len());
         for p in low {
             assert!((p.coords - block.translation.vector).xy().norm() < 0.006, "sideways at {p}");
         }
-        assert_eq!(contacts_on_the_way(&mut checker, &request, &reply), []);
+        assert_eq!(contacts_along(&mut checker, &request, &reply), []);
     }
 }
 
@@ -156,8 +156,9 @@ fn after_letting_go_the_open_hand_leaves_a_standing_block_straight_up() {
 fn speed_acceleration_and_jerk_stay_within_the_limits_and_both_ends_are_at_rest() {
     let model = model();
     let mut planner = planner(PlannerOptions::default());
-    let first = planner.solve(&pick(&model, still(), Region::FL, 5));
-    let second = planner.solve(&place(&model, still(), Region::FL, target(Region::NM), &end(&first), 5));
+    let first = planner.solve(&pick(&model, still(), BlockRegion::FL, 5));
+    let second =
+        planner.solve(&place(&model, still(), BlockRegion::FL, target(BlockRegion::NM), &end(&first), 5));
     for trajectory in [&first.trajectory, &second.trajectory] {
         let points = &trajectory.points;
         assert!(points.windows(2).all(|w| w[0].time_secs < w[1].time_secs) && points[0].time_secs == 0.0);
@@ -195,7 +196,7 @@ fn speed_acceleration_and_jerk_stay_within_the_limits_and_both_ends_are_at_rest(
 fn the_start_of_a_plan_is_the_start_of_the_request() {
     let model = model();
     let mut planner = planner(PlannerOptions::default());
-    let mut request = pick(&model, still(), Region::NL, 1);
+    let mut request = pick(&model, still(), BlockRegion::NL, 1);
     // A measured angle just outside its limit is brought back inside.
     request.start[4] = model.joints[model.arm[4]].limits.upper + 0.01;
     let reply = planner.solve(&request);
@@ -208,19 +209,19 @@ fn a_block_out_of_reach_gives_a_way_towards_it_that_stays_above_the_table() {
     let model = model();
     let mut planner = planner(PlannerOptions::default());
     let base = seated(TrunkPosture::default());
-    let request = pick(&model, base, Region::FL, 1);
+    let request = pick(&model, base, BlockRegion::FL, 1);
     let reply = planner.solve(&request);
     assert_eq!(reply.status, PlanStatus::Intermediate);
     assert_eq!(reply.reason, "The block is out of the hand's reach.");
     let distance = |q: &[f64]| {
-        (tip(&request, q) * Point::from(model.widest_grasp().centre) - block_centre(Region::FL)).norm()
+        (tip(&request, q) * Point::from(model.widest_grasp().center) - block_centre(BlockRegion::FL)).norm()
     };
     assert!(distance(&end(&reply)) < distance(&request.start) - 0.03, "it brings the hand closer");
     for q in samples(&reply.trajectory, 0.02) {
         assert!(tip(&request, &q).translation.z > 1.015);
     }
 
-    let mut away = pick(&model, base, Region::FL, 1);
+    let mut away = pick(&model, base, BlockRegion::FL, 1);
     away.goal = PlanGoal::Pick { object: ObjectId(0), centre: Point::new(0.0, 0.0, -50.0) };
     let reply = planner.solve(&away);
     assert_eq!(reply.status, PlanStatus::Unreachable);
@@ -231,7 +232,7 @@ fn a_block_out_of_reach_gives_a_way_towards_it_that_stays_above_the_table() {
 fn a_tip_pose_is_reached_and_one_out_of_reach_is_approached() {
     let model = model();
     let mut planner = planner(PlannerOptions::default());
-    let mut request = pick(&model, still(), Region::FL, 1);
+    let mut request = pick(&model, still(), BlockRegion::FL, 1);
     let q = planner.solve(&request);
     let above = tip(&request, &end(&q)) * Pose::identity();
     let pose = Pose::translation(0.0, 0.0, 0.12) * above;
@@ -252,7 +253,7 @@ fn a_tip_pose_is_reached_and_one_out_of_reach_is_approached() {
 fn what_is_in_the_way_is_named() {
     let model = model();
     let mut planner = planner(PlannerOptions::default());
-    let mut request = pick(&model, still(), Region::FL, 1);
+    let mut request = pick(&model, still(), BlockRegion::FL, 1);
     let goal = end(&planner.solve(&request));
     // The wrist stands where a ball is put.
     let wrist = tip(&request, &goal).translation;
@@ -272,22 +273,22 @@ fn what_is_in_the_way_is_named() {
 fn a_block_that_can_be_put_down_nowhere_is_still_lifted_out_of_the_box() {
     let model = model();
     let mut planner = planner(PlannerOptions::default());
-    let first = planner.solve(&pick(&model, still(), Region::NM, 1));
+    let first = planner.solve(&pick(&model, still(), BlockRegion::NM, 1));
     let on_partition = Point::new(0.0, 0.0, 1.015);
-    let request = place(&model, still(), Region::NM, on_partition, &end(&first), 1);
+    let request = place(&model, still(), BlockRegion::NM, on_partition, &end(&first), 1);
     let reply = planner.solve(&request);
     assert_eq!(reply.status, PlanStatus::Intermediate);
     assert!(reply.reason.contains("partition"), "{}", reply.reason);
     let rise = tip(&request, &end(&reply)).translation.z - tip(&request, &request.start).translation.z;
-    assert!((rise - planner.options().lift_height).abs() < 0.006, "it rises by {rise}");
+    assert!((rise - planner.options().lift_height_m).abs() < 0.006, "it rises by {rise}");
 }
 
 #[test]
 fn a_graze_at_the_start_is_left_upwards_and_a_deep_contact_is_refused() {
     let model = model();
     let mut planner = planner(PlannerOptions::default());
-    let picked = planner.solve(&pick(&model, still(), Region::NM, 1));
-    let mut request = pick(&model, still(), Region::FL, 1);
+    let picked = planner.solve(&pick(&model, still(), BlockRegion::NM, 1));
+    let mut request = pick(&model, still(), BlockRegion::FL, 1);
     request.start = joints(&end(&picked));
     // A slab that reaches a few millimetres into the fingertips, then one that swallows the hand.
     let slab = |top: f64| proact_types::Obstacle {
@@ -325,7 +326,7 @@ fn a_graze_at_the_start_is_left_upwards_and_a_deep_contact_is_refused() {
 fn a_malformed_request_is_answered_as_invalid_with_what_was_wrong() {
     let model = model();
     let mut planner = planner(PlannerOptions::default());
-    let good = pick(&model, still(), Region::NM, 1);
+    let good = pick(&model, still(), BlockRegion::NM, 1);
     let mut ask = |change: &dyn Fn(&mut PlanRequest)| {
         let mut request = good.clone();
         change(&mut request);
@@ -354,7 +355,7 @@ fn a_malformed_request_is_answered_as_invalid_with_what_was_wrong() {
 fn without_obstacles_the_way_is_straight() {
     let model = model();
     let mut planner = planner(PlannerOptions::default());
-    let mut request = pick(&model, still(), Region::NM, 1);
+    let mut request = pick(&model, still(), BlockRegion::NM, 1);
     request.obstacles.clear();
     let goal: Vec<f64> = request.start.iter().map(|q| 0.5 * q).collect();
     request.goal =
@@ -381,10 +382,10 @@ fn options_that_make_no_sense_are_refused_by_name() {
         let kinematics = Box::new(kinematics(&model));
         ArmPlanner::new(model.clone(), kinematics, options).err().expect("refused").to_string()
     };
-    let text = refused(PlannerOptions { max_velocity: 0.0, ..Default::default() });
-    assert_eq!(text, "planner.max_velocity = 0, expected 0.01 to 100");
-    let text = refused(PlannerOptions { padding: f64::NAN, ..Default::default() });
-    assert_eq!(text, "planner.padding = NaN, expected 0 to 1");
+    let text = refused(PlannerOptions { max_velocity_rad_per_s: 0.0, ..Default::default() });
+    assert_eq!(text, "planner.max_velocity_rad_per_s = 0, expected 0.01 to 100");
+    let text = refused(PlannerOptions { padding_m: f64::NAN, ..Default::default() });
+    assert_eq!(text, "planner.padding_m = NaN, expected 0 to 1");
 }
 
 #[test]
@@ -421,10 +422,10 @@ fn every_planner_picks_a_block_twice_alike_and_without_a_contact() {
         if planner == PlannerName::LbKpiece1 {
             options.parameters = [("border_fraction".to_owned(), "0.8".to_owned())].into();
         }
-        let request = pick(&model, still(), Region::FL, 4);
+        let request = pick(&model, still(), BlockRegion::FL, 4);
         let reply = common::planner(options.clone()).solve(&request);
         assert_eq!((reply.status, reply.reason.as_str()), (PlanStatus::Ok, ""), "{planner}");
-        assert_eq!(contacts_on_the_way(&mut checker, &request, &reply), [], "{planner}");
+        assert_eq!(contacts_along(&mut checker, &request, &reply), [], "{planner}");
         assert_eq!(common::planner(options).solve(&request), reply, "{planner}");
         ends.push(end(&reply));
     }
@@ -453,17 +454,17 @@ fn a_condition_of_ones_own_is_kept_everywhere_and_a_panic_in_it_is_an_error() {
     let goals = [goal.clone()];
     // A wall across the straight way, in the space of the first two joints.
     let middle = 0.5 * (start[0] + goal[0]);
-    let mut asked = 0;
+    let mut checked_count = 0;
     let mut around = |q: &[f64]| {
-        asked += 1;
+        checked_count += 1;
         (q[0] - middle).abs() > 0.02 || q[2] > start[2].max(goal[2]) + 0.2
     };
-    let found = scene.search_where(&start, &goals, 1, &limits, &cancel, &mut around).unwrap();
+    let found = scene.search_constrained(&start, &goals, 1, &limits, &cancel, &mut around).unwrap();
     let SearchOutcome::Solved { path, .. } = found else { panic!("{found:?}") };
     assert!(path.len() > 2 && path.iter().all(|q| around(q)), "{path:?}");
-    assert!(asked > 10);
+    assert!(checked_count > 10);
     let mut fails = |_: &[f64]| -> bool { panic!("no idea") };
-    let error = scene.search_where(&start, &goals, 1, &limits, &cancel, &mut fails).unwrap_err();
+    let error = scene.search_constrained(&start, &goals, 1, &limits, &cancel, &mut fails).unwrap_err();
     assert!(error.to_string().contains("no idea"), "{error}");
 }
 
@@ -471,7 +472,7 @@ fn a_condition_of_ones_own_is_kept_everywhere_and_a_panic_in_it_is_an_error() {
 fn a_mesh_is_in_the_way_of_every_request_and_what_is_carried_cannot_be() {
     let model = model();
     let mut planner = planner(PlannerOptions::default());
-    let request = pick(&model, still(), Region::FL, 1);
+    let request = pick(&model, still(), BlockRegion::FL, 1);
     let free = planner.solve(&request);
     assert_eq!(free.status, PlanStatus::Ok);
     let sheet = MeshObstacle {
@@ -512,17 +513,18 @@ fn a_bound_on_the_time_ends_a_search_without_end_and_a_plan_says_that_the_clock_
     // A wall with no way round: only the clock ends this.
     let mut shut = |q: &[f64]| (q[0] - middle).abs() > 0.02;
     let limits = SearchLimits { max_iterations: u32::MAX, max_secs: Some(0.05), ..SearchLimits::default() };
-    let outcome = scene.search_where(&start, &[goal], 1, &limits, &CancelFlag::new(), &mut shut).unwrap();
+    let outcome =
+        scene.search_constrained(&start, &[goal], 1, &limits, &CancelFlag::new(), &mut shut).unwrap();
     assert_eq!(outcome, SearchOutcome::NoPlan);
 
     // A thousandth of a second is too short for any plan.
     let options = PlannerOptions { deadline_secs: Some(1e-3), ..PlannerOptions::default() };
     let mut planner = planner(options);
-    let reply = planner.solve(&pick(&model, still(), Region::FL, 1));
+    let reply = planner.solve(&pick(&model, still(), BlockRegion::FL, 1));
     assert_eq!(reply.status, PlanStatus::NoPlan, "{}", reply.reason);
     assert!(reply.reason.contains("in time"), "{}", reply.reason);
-    assert!(planner.effort().timed_out);
-    assert_eq!(planner.effort().status, PlanStatus::NoPlan);
+    assert!(planner.stats().timed_out);
+    assert_eq!(planner.stats().status, PlanStatus::NoPlan);
 }
 
 /// Some reasons said "something" and named nothing.
@@ -530,7 +532,7 @@ fn a_bound_on_the_time_ends_a_search_without_end_and_a_plan_says_that_the_clock_
 fn a_start_or_goal_in_collision_names_both_links_or_the_link_and_the_obstacle() {
     let model = model();
     let mut planner = planner(PlannerOptions::default());
-    let free = planner.solve(&pick(&model, still(), Region::FL, 1));
+    let free = planner.solve(&pick(&model, still(), BlockRegion::FL, 1));
     let there = end(&free);
     let mut seen = std::collections::BTreeMap::new();
     // A ball and a slab at the start and at the goal, from a touch to deep inside, for each kind of goal.
@@ -538,14 +540,14 @@ fn a_start_or_goal_in_collision_names_both_links_or_the_link_and_the_obstacle() 
         [true, false].into_iter().flat_map(|at| [-0.05, 0.0, 0.03, 0.08].map(|r| (at, r)))
     {
         for (goal, shape) in
-            [PlanGoal::Joints { q: joints(&there) }, pick(&model, still(), Region::FL, 1).goal]
+            [PlanGoal::Joints { q: joints(&there) }, pick(&model, still(), BlockRegion::FL, 1).goal]
                 .into_iter()
                 .flat_map(|goal| {
                     [Shape::Sphere { radius: 0.03 }, Shape::Box { size: [0.2, 0.2, 0.02] }]
                         .map(|s| (goal.clone(), s))
                 })
         {
-            let mut request = pick(&model, still(), Region::FL, 1);
+            let mut request = pick(&model, still(), BlockRegion::FL, 1);
             request.goal = goal;
             let near = if at_start { request.start.to_vec() } else { there.clone() };
             let mut pose = tip(&request, &near);
@@ -568,7 +570,7 @@ fn a_start_or_goal_in_collision_names_both_links_or_the_link_and_the_obstacle() 
                 .filter(|name| reply.reason.split([' ', '.', ':', ',']).any(|word| word == *name))
                 .collect();
             assert!(named.len() >= 2, "{:?}: {} names {named:?}", reply.status, reply.reason);
-            assert_eq!(planner.effort().reason, reply.reason, "the plans log has the same");
+            assert_eq!(planner.stats().reason, reply.reason, "the plans log has the same");
         }
     }
     assert_eq!(seen.len(), 2, "both kinds came up: {seen:?}");

@@ -120,9 +120,9 @@ fn a_path_over_the_partition_equals_that_of_raw_ompl_and_fcl() {
         .collect();
     // From a grip on one side to a place on the other, both low in the box.
     let mut planner = planner(PlannerOptions::default());
-    let picked = planner.solve(&pick(&model, still(), Region::NM, 1));
+    let picked = planner.solve(&pick(&model, still(), BlockRegion::NM, 1));
     let start = picked.trajectory.points.last().unwrap().q.to_vec();
-    let placed = planner.solve(&place(&model, still(), Region::NM, target(Region::NL), &start, 1));
+    let placed = planner.solve(&place(&model, still(), BlockRegion::NM, target(BlockRegion::NL), &start, 1));
     let goal = placed.trajectory.points.last().unwrap().q.to_vec();
 
     let mut scene = CollisionScene::new(&model).unwrap();
@@ -143,7 +143,7 @@ fn a_path_over_the_partition_equals_that_of_raw_ompl_and_fcl() {
             numbers(&goal),
             limits.max_iterations,
             limits.range_rad,
-            limits.shortcuts
+            limits.shortcut_attempts
         );
         let raw = run(&program, &(world.clone() + &query));
         assert_eq!(path.len(), raw.len(), "seed {seed}");

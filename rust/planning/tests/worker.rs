@@ -16,7 +16,7 @@ fn requests() -> Vec<PlanRequest> {
     let model = model();
     (0..8_u64)
         .map(|id| {
-            let mut request = pick(&model, still(), Region::ALL[id as usize % 4], id / 4);
+            let mut request = pick(&model, still(), BlockRegion::ALL[id as usize % 4], id / 4);
             request.id = id + 1;
             request
         })
@@ -50,15 +50,15 @@ fn two_workers_side_by_side_give_the_replies_of_one_alone_whatever_was_asked_bef
     assert!(second.into_iter().rev().collect::<Vec<_>>() == alone);
     // Another seed is another search, where no straight motion leads to the goal: the replies must be able to differ.
     let grip = alone[0].trajectory.points.last().unwrap().q.clone();
-    let [one, other] =
-        [0, 1].map(|seed| place(&model(), still(), Region::ALL[0], target(Region::ALL[0]), &grip, seed));
+    let [one, other] = [0, 1]
+        .map(|seed| place(&model(), still(), BlockRegion::ALL[0], target(BlockRegion::ALL[0]), &grip, seed));
     let carried = answers(&[one, PlanRequest { id: 2, ..other }]);
     assert!(carried.iter().all(|reply| reply.status == PlanStatus::Ok));
     assert!(carried[0].trajectory != carried[1].trajectory);
 }
 
 /// A goal to which no way leads, and a worker that would search for it for ever.
-fn endless() -> (PlanWorker, PlanRequest) {
+fn unending_request() -> (PlanWorker, PlanRequest) {
     // The time is no bound that a test would see, but more iterations than a million need one.
     let search = |max_iterations| PlannerOptions {
         search: SearchLimits { max_iterations, max_secs: Some(3600.0), ..SearchLimits::default() },
@@ -67,7 +67,7 @@ fn endless() -> (PlanWorker, PlanRequest) {
     let mut planner = planner(search(100));
     // From an arm stretched ahead to one hanging down through the hole of a floor: the upper arm would have to
     // shrink.
-    let mut request = pick(&model(), still(), Region::NM, 1);
+    let mut request = pick(&model(), still(), BlockRegion::NM, 1);
     request.start = joints(&[1.4, -0.1, 0.0, 0.3, 0.0, 0.0, 0.0]);
     request.goal = proact_types::PlanGoal::Joints { q: joints(&[0.0, -0.05, 0.0, 0.1, 0.0, 0.0, 0.0]) };
     request.obstacles.clear();
@@ -107,7 +107,7 @@ fn the_newest_request_wins_and_the_older_one_is_told_so() {
 
 #[test]
 fn a_cancel_ends_a_search_without_end_and_the_next_request_is_answered() {
-    let (mut worker, mut request) = endless();
+    let (mut worker, mut request) = unending_request();
     request.id = 1;
     worker.submit(request.clone());
     worker.cancel();

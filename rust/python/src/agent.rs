@@ -1,39 +1,39 @@
 //! Environments: a trial step by step.
 
-use crate::choice::{Choice, emg_origin, refused};
+use crate::trial_keywords::{TrialKeywords, emg_origin, fault_policy, value_error};
 use nix::time::{ClockId, clock_gettime};
 use numpy::{PyArray1, PyReadonlyArray1, PyReadwriteArray1};
 use proact_app::{
     Registry,
     agent::{self, ActionKind, AgentOptions, AgentStep},
 };
-use proact_camera::{Studio, View};
+use proact_camera::{CameraView, Renderer};
 use pyo3::{exceptions::PyValueError, prelude::*, types::PyDict};
 use std::time::Duration;
 
 /// Widest angle of the camera between the upper and the lower edge, rad.
-const VERTICAL_FOV: f64 = 60.0 * std::f64::consts::PI / 180.0;
+const VERTICAL_FOV_RAD: f64 = 60.0 * std::f64::consts::PI / 180.0;
 /// Longest side of a picture, pixels.
-const MOST_PIXELS: u32 = 2048;
+const MAX_PIXELS: u32 = 2048;
 
 /// Of this thread; zero where the system does not tell.
-fn processor_time() -> Duration {
+fn thread_cpu_time() -> Duration {
     clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID).map_or(Duration::ZERO, Duration::from)
 }
 
 /// A trial that a program drives. It stays in the thread that made it, as the physics does.
 #[pyclass(unsendable, module = "proact._proact")]
-pub(crate) struct AgentTrial {
-    trial: agent::AgentTrial,
-    studio: Option<Studio>,
+pub(crate) struct PyAgentTrial {
+    trial: agent::AgentEnvironment,
+    studio: Option<Renderer>,
     /// Of the last step, without what the border costs.
     step_secs: f64,
 }
 
 #[pymethods]
-impl AgentTrial {
+impl PyAgentTrial {
     #[new]
-    #[pyo3(signature = (choice, *, action, observation, reward, period_ms, emg=None, gaze_error_deg=1.5, record=None))]
+    #[pyo3(signature = (choice, *, action, observation, reward, period_ms, emg=None, gaze_error_deg=1.5, record=None, accept_faults=false))]
     #[expect(clippy::too_many_arguments, reason = "they are keywords of Python")]
     fn new(
         choice: &Bound<'_, PyDict>,
@@ -44,19 +44,20 @@ impl AgentTrial {
         emg: Option<String>,
         gaze_error_deg: f64,
         record: Option<std::path::PathBuf>,
+        accept_faults: bool,
     ) -> PyResult<Self> {
         let methods = Registry::standard().methods;
-        let (arm, config) = Choice::of(choice)?.config(&methods)?;
+        let (arm, config) = TrialKeywords::from_dict(choice)?.config(&methods)?;
         let options = AgentOptions {
-            action: action.parse().map_err(refused)?,
-            observation: observation.parse().map_err(refused)?,
-            reward: reward.parse().map_err(refused)?,
+            action: action.parse().map_err(value_error)?,
+            observation: observation.parse().map_err(value_error)?,
+            reward: reward.parse().map_err(value_error)?,
             period_ms,
-            emg: emg.map(emg_origin),
+            emg: emg.map(|name| emg_origin(name, fault_policy(accept_faults))),
             gaze_error_deg,
             record,
         };
-        let trial = agent::AgentTrial::new(&methods, &arm, config, &options).map_err(refused)?;
+        let trial = agent::AgentEnvironment::new(&methods, &arm, config, &options).map_err(value_error)?;
         Ok(Self { trial, studio: None, step_secs: 0.0 })
     }
 
@@ -67,17 +68,17 @@ impl AgentTrial {
         action: PyReadonlyArray1<'_, f64>,
         mut out: PyReadwriteArray1<'_, f64>,
     ) -> PyResult<(f64, bool, bool)> {
-        let began = processor_time();
+        let began = thread_cpu_time();
         let AgentStep { reward, terminated, truncated } =
-            self.trial.step(action.as_slice()?).map_err(refused)?;
-        self.write(out.as_slice_mut()?)?;
-        self.step_secs = processor_time().saturating_sub(began).as_secs_f64();
+            self.trial.step(action.as_slice()?).map_err(value_error)?;
+        self.write_observation(out.as_slice_mut()?)?;
+        self.step_secs = thread_cpu_time().saturating_sub(began).as_secs_f64();
         Ok((reward, terminated, truncated))
     }
 
     /// Writes the observation into `out`.
     fn observe(&self, mut out: PyReadwriteArray1<'_, f64>) -> PyResult<()> {
-        self.write(out.as_slice_mut()?)
+        self.write_observation(out.as_slice_mut()?)
     }
 
     /// Names of the observed numbers, in their order.
@@ -90,8 +91,8 @@ impl AgentTrial {
     #[getter]
     fn action_choices(&self) -> Option<Vec<Vec<String>>> {
         match self.trial.action_kind() {
-            ActionKind::Choices(choices) => Some(choices.clone()),
-            ActionKind::Numbers(_) => None,
+            ActionKind::Discrete(choices) => Some(choices.clone()),
+            ActionKind::Continuous(_) => None,
         }
     }
 
@@ -99,21 +100,21 @@ impl AgentTrial {
     #[getter]
     fn action_names(&self) -> Option<Vec<String>> {
         match self.trial.action_kind() {
-            ActionKind::Choices(_) => None,
-            ActionKind::Numbers(names) => Some(names.clone()),
+            ActionKind::Discrete(_) => None,
+            ActionKind::Continuous(names) => Some(names.clone()),
         }
     }
 
     /// Digest of the trial up to its last full span of 100 ms, or to its end.
     #[getter]
     fn digest(&self) -> String {
-        self.trial.session().testbed().digest()
+        self.trial.running_trial().testbed().digest()
     }
 
     /// Simulated seconds.
     #[getter]
     fn time_secs(&self) -> f64 {
-        self.trial.session().testbed().now().as_secs()
+        self.trial.running_trial().testbed().now().as_secs()
     }
 
     /// What the last step and its observation took within the testbed, seconds of this thread's processor time.
@@ -125,32 +126,32 @@ impl AgentTrial {
     /// What the task counted so far.
     #[getter]
     fn score(&self) -> u32 {
-        self.trial.session().testbed().task().state().score
+        self.trial.running_trial().testbed().task().state().score
     }
 
     /// What happened in the last step, JSON text.
     fn events(&self) -> PyResult<String> {
-        serde_json::to_string(self.trial.events()).map_err(refused)
+        serde_json::to_string(self.trial.events()).map_err(value_error)
     }
 
     /// The newest displayed instant, JSON text.
     fn frame(&self) -> PyResult<String> {
-        serde_json::to_string(self.trial.frame()).map_err(refused)
+        serde_json::to_string(self.trial.frame()).map_err(value_error)
     }
 
     /// The result as of now, JSON text.
     fn result(&self) -> PyResult<String> {
-        serde_json::to_string(&self.trial.result()).map_err(refused)
+        serde_json::to_string(&self.trial.result()).map_err(value_error)
     }
 
     /// The configuration, TOML text.
     fn config(&self) -> PyResult<String> {
-        self.trial.session().testbed().config().to_toml().map_err(refused)
+        self.trial.running_trial().testbed().config().to_toml().map_err(value_error)
     }
 
     /// Ends the trial if it has not ended, and closes its record; the result, JSON text.
     fn close(&mut self) -> PyResult<String> {
-        serde_json::to_string(&self.trial.close().map_err(refused)?).map_err(refused)
+        serde_json::to_string(&self.trial.close().map_err(value_error)?).map_err(value_error)
     }
 
     /// What a camera sees now: uint8, `3 * width * height`, rows from the top. `overhead` hangs it above the table.
@@ -161,21 +162,22 @@ impl AgentTrial {
         height: u32,
         overhead: bool,
     ) -> PyResult<Bound<'py, PyArray1<u8>>> {
-        if !(1..=MOST_PIXELS).contains(&width) || !(1..=MOST_PIXELS).contains(&height) {
+        if !(1..=MAX_PIXELS).contains(&width) || !(1..=MAX_PIXELS).contains(&height) {
             return Err(PyValueError::new_err(format!(
-                "the picture would have {width} x {height} pixels, expected 1 to {MOST_PIXELS} along each side"
+                "the picture would have {width} x {height} pixels, expected 1 to {MAX_PIXELS} along each side"
             )));
         }
-        let testbed = self.trial.session().testbed();
-        let studio = self.studio.get_or_insert_with(|| Studio::new(testbed.model(), testbed.task().scene()));
-        let view = if overhead { View::Overhead } else { View::Head };
-        let camera = studio.camera(view, self.trial.frame(), [width, height], VERTICAL_FOV);
-        Ok(PyArray1::from_vec(py, studio.take(self.trial.frame(), &camera).rgb))
+        let testbed = self.trial.running_trial().testbed();
+        let renderer =
+            self.studio.get_or_insert_with(|| Renderer::new(testbed.model(), testbed.task().scene()));
+        let view = if overhead { CameraView::Overhead } else { CameraView::Head };
+        let camera = renderer.camera(view, self.trial.frame(), [width, height], VERTICAL_FOV_RAD);
+        Ok(PyArray1::from_vec(py, renderer.render(self.trial.frame(), &camera).rgb))
     }
 }
 
-impl AgentTrial {
-    fn write(&self, out: &mut [f64]) -> PyResult<()> {
+impl PyAgentTrial {
+    fn write_observation(&self, out: &mut [f64]) -> PyResult<()> {
         let expected = self.trial.observation_names().len();
         if out.len() != expected {
             return Err(PyValueError::new_err(format!(
@@ -183,7 +185,7 @@ impl AgentTrial {
                 out.len()
             )));
         }
-        self.trial.observe(out);
+        self.trial.write_observation(out);
         Ok(())
     }
 }

@@ -1,10 +1,14 @@
 //! EMG for classifiers in Python: what they are trained on, and the model in which they stand.
 
-use crate::choice::{emg_origin, refused};
+use crate::trial_keywords::{emg_origin, fault_policy, value_error};
 use numpy::{PyArray2, ToPyArray, ndarray::Array2};
-use proact_devices::{EmgOrigin, Recordings, SyntheticEmg, SyntheticModel, default_config, stream};
-use proact_emg::{ClassifierKind, EmgConfig, EmgModel, ProcessConfig, ProcessInput, extract};
-use proact_types::{EmgSample, Gesture, GestureName};
+use proact_devices::{
+    EmgOrigin, Recordings, SyntheticEmg, SyntheticModel, accepted_fault_texts, default_config, random_stream,
+};
+use proact_emg::{
+    ClassifierKind, DecoderProcessConfig, DecoderProcessInput, EmgConfig, EmgModel, extract_features,
+};
+use proact_types::{Command, EmgSample, Gesture};
 use pyo3::prelude::*;
 use std::error::Error;
 
@@ -17,54 +21,67 @@ const SYNTHETIC_REPETITIONS: usize = 2;
 const TRAINING_STREAM: &str = "emg/synthetic/train";
 
 /// Recordings to train on, one gesture each.
-type Labelled = Vec<(GestureName, Vec<EmgSample>)>;
+type LabeledRecordings = Vec<(Gesture, Vec<EmgSample>)>;
 
-/// The repetitions of `origin` on which a trial with `seed` trains, with the settings for their stream.
-fn training(origin: &EmgOrigin, seed: u64) -> Result<(EmgConfig, Labelled), Box<dyn Error>> {
+/// What a trial trains on.
+struct TrainingRecordings {
+    /// Settings for the stream.
+    config: EmgConfig,
+    recordings: LabeledRecordings,
+    /// Findings that make an accuracy wrong and were accepted, one sentence each.
+    accepted_faults: Vec<String>,
+}
+
+/// The repetitions of `origin` on which a trial with `seed` trains.
+fn read_training(origin: &EmgOrigin, seed: u64) -> Result<TrainingRecordings, Box<dyn Error>> {
     let config = default_config(origin)?;
+    let mut accepted_faults = Vec::new();
     let recordings = match origin {
         EmgOrigin::Synthetic => {
             let model = SyntheticModel::shipped()?;
-            let random = stream(seed, TRAINING_STREAM);
+            let random = random_stream(seed, TRAINING_STREAM);
             let mut generator = SyntheticEmg::new(&model, config.rate_hz, config.channels, 1.0, random)?;
             let samples = (SYNTHETIC_SECS * config.rate_hz).round() as u64;
-            let mut take = |gesture: Gesture| -> Vec<EmgSample> {
+            let mut take = |gesture: Command| -> Vec<EmgSample> {
                 (0..samples).map(|counter| EmgSample { counter, channels: generator.next(gesture) }).collect()
             };
-            let each = (0..SYNTHETIC_REPETITIONS).flat_map(|_| Gesture::ALL);
-            each.map(|gesture| (GestureName::from(gesture), take(gesture))).collect()
+            let each = (0..SYNTHETIC_REPETITIONS).flat_map(|_| Command::ALL);
+            each.map(|gesture| (Gesture::from(gesture), take(gesture))).collect()
         }
         EmgOrigin::Recording { dir, rate_hz, train_reps, faults, .. } => {
             let recordings = Recordings::open(dir, *rate_hz)?;
-            recordings.judge(train_reps, *faults)?;
+            accepted_faults = accepted_fault_texts(&recordings.check_faults(train_reps, *faults)?);
             let trained = recordings.items.iter().filter(|item| train_reps.contains(&item.repetition));
-            trained.map(|item| (item.gesture, item.numbered().collect())).collect()
+            trained.map(|item| (item.gesture, item.numbered_samples().collect())).collect()
         }
     };
-    Ok((config, recordings))
+    Ok(TrainingRecordings { config, recordings, accepted_faults })
 }
 
 /// Features of all windows, shape (windows, f), and the gesture of each.
 #[pyfunction]
+#[pyo3(signature = (emg, seed, *, accept_faults=false))]
 pub(crate) fn training_windows(
     py: Python<'_>,
     emg: String,
     seed: u64,
+    accept_faults: bool,
 ) -> PyResult<(Bound<'_, PyArray2<f64>>, Vec<String>)> {
-    let (rows, labels) = windows(&emg_origin(emg), seed).map_err(refused)?;
+    let origin = emg_origin(emg, fault_policy(accept_faults));
+    let (rows, labels) = labeled_features(&origin, seed).map_err(value_error)?;
     let width = rows.first().map_or(0, Vec::len);
-    let features = Array2::from_shape_vec((rows.len(), width), rows.concat()).map_err(refused)?;
+    let features = Array2::from_shape_vec((rows.len(), width), rows.concat()).map_err(value_error)?;
     Ok((features.to_pyarray(py), labels))
 }
 
 /// Features of windows, and the gesture of each.
-type Windows = (Vec<Vec<f64>>, Vec<String>);
+type LabeledFeatures = (Vec<Vec<f64>>, Vec<String>);
 
-fn windows(origin: &EmgOrigin, seed: u64) -> Result<Windows, Box<dyn Error>> {
-    let (config, recordings) = training(origin, seed)?;
+fn labeled_features(origin: &EmgOrigin, seed: u64) -> Result<LabeledFeatures, Box<dyn Error>> {
+    let TrainingRecordings { config, recordings, .. } = read_training(origin, seed)?;
     let (mut rows, mut labels) = (Vec::new(), Vec::new());
     for (gesture, samples) in &recordings {
-        rows.extend(extract(&config, samples)?.into_iter().map(|features| features.to_vec()));
+        rows.extend(extract_features(&config, samples)?.into_iter().map(|features| features.to_vec()));
         labels.resize(rows.len(), gesture.to_string());
     }
     Ok((rows, labels))
@@ -72,16 +89,18 @@ fn windows(origin: &EmgOrigin, seed: u64) -> Result<Windows, Box<dyn Error>> {
 
 /// The model of a trial whose windows a classifier in Python decodes, JSON text. Its gestures are in ascending order.
 #[pyfunction]
-pub(crate) fn outside_model(emg: String, seed: u64) -> PyResult<String> {
+#[pyo3(signature = (emg, seed, *, accept_faults=false))]
+pub(crate) fn external_model(emg: String, seed: u64, accept_faults: bool) -> PyResult<String> {
     let made = || -> Result<String, Box<dyn Error>> {
-        let (config, mut recordings) = training(&emg_origin(emg), seed)?;
+        let origin = emg_origin(emg, fault_policy(accept_faults));
+        let TrainingRecordings { config, mut recordings, accepted_faults } = read_training(&origin, seed)?;
         recordings.sort_by_key(|(gesture, _)| gesture.to_string());
-        let slices: Vec<(GestureName, &[EmgSample])> =
+        let slices: Vec<(Gesture, &[EmgSample])> =
             recordings.iter().map(|(gesture, samples)| (*gesture, samples.as_slice())).collect();
         let stand_in = EmgModel::train(&config, &vec![0.0; config.channels], &slices)?;
-        let process = ProcessConfig {
+        let process = DecoderProcessConfig {
             command: vec![PYTHON_COMMAND.to_owned()],
-            input: ProcessInput::Features,
+            input: DecoderProcessInput::Features,
             deadline_ms: 1000,
             gestures: Vec::new(),
         };
@@ -90,7 +109,8 @@ pub(crate) fn outside_model(emg: String, seed: u64) -> PyResult<String> {
             process: Some(process),
             ..stand_in.config.clone()
         };
-        Ok(stand_in.decoded_by_process(&outside, "null")?.to_json()?)
+        let model = stand_in.decoded_by_process(&outside, "null")?;
+        Ok(EmgModel { accepted_faults, ..model }.to_json()?)
     };
-    made().map_err(refused)
+    made().map_err(value_error)
 }

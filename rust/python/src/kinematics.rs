@@ -1,6 +1,6 @@
 //! Kinematics, dynamics, plans and collisions of an arm: the questions of `proact query`.
 
-use crate::choice::refused;
+use crate::trial_keywords::value_error;
 use proact_app::{Arm, query::QueryHandler};
 use pyo3::prelude::*;
 
@@ -16,14 +16,14 @@ impl ArmQuery {
     /// The arm called `name`, or the one in the folder `name`.
     #[new]
     fn new(name: &str) -> PyResult<Self> {
-        let arm = Arm::named(name).map_err(refused)?;
-        let handler = QueryHandler::of(arm.model().as_ref().clone()).map_err(refused)?;
+        let arm = Arm::load(name).map_err(value_error)?;
+        let handler = QueryHandler::for_model(arm.model().as_ref().clone()).map_err(value_error)?;
         Ok(Self { handler, arm })
     }
 
     /// The answer to one question; both are JSON text.
     fn ask(&mut self, question: &str) -> PyResult<String> {
-        self.handler.answer(question.as_bytes()).map(|answer| answer.to_string()).map_err(refused)
+        self.handler.handle_line(question.as_bytes()).map(|answer| answer.to_string()).map_err(value_error)
     }
 
     /// Names of the arm's joints, base to tip.

@@ -1,22 +1,22 @@
 //! Whole trials, with methods, intent models, participants and classifiers in Python.
 
 use crate::{
-    choice::{Choice, emg_origin, refused},
-    worker::{Decoder, Faults, Meaning, Method, Person, Worker},
+    trial_keywords::{TrialKeywords, emg_origin, fault_policy, value_error},
+    worker::{FaultList, PythonDecoder, PythonIntentModel, PythonMethod, PythonParticipant, PythonWorker},
 };
 use proact_app::{
-    Arm, Audience, Recorder, Registry, ReplayOptions, replay_trial, run_to_end,
-    trial::{Assembly, EmgOf, OwnParts, simulated_by},
+    Arm, Recorder, Registry, ReplayOptions, RunOutputs, replay_trial, run_to_end,
+    trial::{Assembly, CustomParts, EmgInput, simulate_with},
 };
 use proact_control::{MethodEntry, MethodProgram, MethodRegistry, ports::MethodProcess};
-use proact_devices::FeedbackSinks;
+use proact_devices::{EmgOrigin, FeedbackSinks, findings_json};
 use proact_emg::{DecoderProcess, EmgModel};
 use proact_intent::{IntentProcess, IntentProgram};
 use proact_participants::Participant;
 use proact_testbed::{TrialConfig, TrialResult};
 use proact_types::{MethodInfo, PlannerView};
 use pyo3::{exceptions::PyKeyboardInterrupt, prelude::*, types::PyDict};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::{
     collections::BTreeSet,
     fs,
@@ -38,7 +38,7 @@ const FAULTS_FILE: &str = "python_faults.json";
 /// What of a trial is in Python.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-struct InPython {
+struct PythonParts {
     /// Told of the method, JSON text.
     method_info: Option<String>,
     method: Option<Py<PyAny>>,
@@ -47,23 +47,23 @@ struct InPython {
     /// Model whose windows the classifier decodes, JSON text.
     model: Option<String>,
     intent: Option<Py<PyAny>>,
-    patience_secs: f64,
+    timeout_secs: f64,
 }
 
 /// How a trial is run.
-struct Run {
+struct TrialRun {
     arm: Arm,
     methods: MethodRegistry,
     config: TrialConfig,
-    emg: Option<String>,
+    emg: Option<EmgOrigin>,
     gaze_error_deg: f64,
     dir: Option<PathBuf>,
-    python: InPython,
+    python: PythonParts,
 }
 
-/// Runs a trial to its end; the result with `faults` and `reasons`, JSON text.
+/// Runs a trial to its end; the result with `faults`, `reasons`, `findings` and `accepted_faults`, JSON text.
 #[pyfunction]
-#[pyo3(signature = (choice, python, *, emg=None, gaze_error_deg=1.5, record=None))]
+#[pyo3(signature = (choice, python, *, emg=None, gaze_error_deg=1.5, record=None, accept_faults=false))]
 pub(crate) fn run_trial(
     py: Python<'_>,
     choice: &Bound<'_, PyDict>,
@@ -71,74 +71,76 @@ pub(crate) fn run_trial(
     emg: Option<String>,
     gaze_error_deg: f64,
     record: Option<PathBuf>,
+    accept_faults: bool,
 ) -> PyResult<String> {
     let methods = Registry::standard().methods;
-    let python: InPython = python.extract()?;
-    let (arm, mut config) = Choice::of(choice)?.config(&methods)?;
+    let python: PythonParts = python.extract()?;
+    let (arm, mut config) = TrialKeywords::from_dict(choice)?.config(&methods)?;
     if let Some(info) = &python.method_info {
-        let info: MethodInfo = serde_json::from_str(info).map_err(refused)?;
+        let info: MethodInfo = serde_json::from_str(info).map_err(value_error)?;
         let program =
             MethodProgram { info: Some(info.clone()), ..MethodProgram::new(vec![PYTHON_COMMAND.to_owned()]) };
-        program.check().map_err(refused)?;
-        config = config.by(&MethodEntry::outside(info, program));
+        program.check().map_err(value_error)?;
+        config = config.with_method(&MethodEntry::external(info, program));
     }
     if python.intent.is_some() {
         config.intent_process = Some(IntentProgram::new(vec![PYTHON_COMMAND.to_owned()]));
     }
-    let run = Run { arm, methods, config, emg, gaze_error_deg, dir: record, python };
+    let emg = emg.map(|name| emg_origin(name, fault_policy(accept_faults)));
+    let run = TrialRun { arm, methods, config, emg, gaze_error_deg, dir: record, python };
     // Others may run while the trial does; what is asked of Python comes back for the interpreter.
-    let ran = py.detach(move || run.finish());
+    let ran = py.detach(move || run.run());
     py.check_signals()?;
     match ran {
         Ok(None) => Err(PyKeyboardInterrupt::new_err("the trial was interrupted; its record is closed")),
         Ok(Some(result)) => Ok(result),
-        Err(reason) => Err(refused(reason)),
+        Err(reason) => Err(value_error(reason)),
     }
 }
 
-impl Run {
+impl TrialRun {
     /// The result as JSON text; none if it was interrupted.
-    fn finish(self) -> Result<Option<String>, String> {
-        let Run { arm, methods, config, emg, gaze_error_deg, dir, python } = self;
-        let (interrupted, faults) = (Arc::new(AtomicBool::new(false)), Faults::default());
-        if !(python.patience_secs > 0.0 && python.patience_secs <= 3600.0) {
+    fn run(self) -> Result<Option<String>, String> {
+        let TrialRun { arm, methods, config, emg, gaze_error_deg, dir, python } = self;
+        let (interrupted, faults) = (Arc::new(AtomicBool::new(false)), FaultList::default());
+        if !(python.timeout_secs > 0.0 && python.timeout_secs <= 3600.0) {
             return Err(format!(
                 "patience_secs is {}, expected above 0 and at most 3600",
-                python.patience_secs
+                python.timeout_secs
             ));
         }
-        let patience = Duration::from_secs_f64(python.patience_secs);
-        let worker = |object| Worker::new(object, patience, interrupted.clone());
-        let own = OwnParts {
-            participant: python
-                .participant
-                .map(|object| Box::new(Person::new(worker(object), faults.clone())) as Box<dyn Participant>),
-            method: python
-                .method
-                .map(|object| Box::new(Method(worker(object), faults.clone())) as Box<dyn MethodProcess>),
-            decoder: python
-                .classifier
-                .map(|object| Box::new(Decoder(worker(object), faults.clone())) as Box<dyn DecoderProcess>),
-            intent: python
-                .intent
-                .map(|object| Box::new(Meaning(worker(object), faults.clone())) as Box<dyn IntentProcess>),
+        let timeout = Duration::from_secs_f64(python.timeout_secs);
+        let worker = |object| PythonWorker::new(object, timeout, interrupted.clone());
+        let own = CustomParts {
+            participant: python.participant.map(|object| {
+                Box::new(PythonParticipant::new(worker(object), faults.clone())) as Box<dyn Participant>
+            }),
+            method: python.method.map(|object| {
+                Box::new(PythonMethod(worker(object), faults.clone())) as Box<dyn MethodProcess>
+            }),
+            decoder: python.classifier.map(|object| {
+                Box::new(PythonDecoder(worker(object), faults.clone())) as Box<dyn DecoderProcess>
+            }),
+            intent: python.intent.map(|object| {
+                Box::new(PythonIntentModel(worker(object), faults.clone())) as Box<dyn IntentProcess>
+            }),
         };
         let trained = python.model.map(|model| EmgModel::from_json(&model)).transpose();
         let trained = trained.map_err(|error| error.to_string())?;
-        let origin = emg.map(emg_origin);
-        let emg = origin.as_ref().map(|origin| EmgOf { origin, trained: trained.as_ref() });
+        let emg = emg.as_ref().map(|origin| EmgInput { origin, trained: trained.as_ref() });
         let text = |error: &dyn std::fmt::Display| error.to_string();
-        let Assembly { session, classifier, arm, plans, .. } =
-            simulated_by(&methods, &arm, config, emg, gaze_error_deg, own).map_err(|e| text(&e))?;
+        let Assembly { trial, classifier, arm, plans, recording_faults: findings } =
+            simulate_with(&methods, &arm, config, emg, gaze_error_deg, own).map_err(|e| text(&e))?;
+        let accepted_faults = trial.testbed().config().emg_accepted_faults.clone();
         let recorder = match &dir {
             Some(dir) => {
-                let config = session.testbed().config();
+                let config = trial.testbed().config();
                 let recorder = Recorder::create(dir, config, &arm, classifier.as_ref());
                 Some(recorder.and_then(|recorder| recorder.with_plans(plans)).map_err(|e| text(&e))?)
             }
             None => None,
         };
-        let mut audience = Audience {
+        let mut outputs = RunOutputs {
             page: None,
             inputs: None,
             rosbridge: None,
@@ -148,7 +150,7 @@ impl Run {
         };
         let mut reasons = BTreeSet::new();
         let mut known = 0;
-        let ran = run_to_end(session, recorder, &mut audience, dir.as_deref(), |step, _| {
+        let ran = run_to_end(trial, recorder, &mut outputs, dir.as_deref(), |step, _| {
             if let Some(frame) = &step.frame {
                 if let PlannerView::Failed { reason, .. } = &frame.planner {
                     reasons.insert(reason.clone());
@@ -169,17 +171,23 @@ impl Run {
         if interrupted.load(Ordering::Relaxed) {
             return Ok(None);
         }
-        told(&result, &faults.all(), &reasons).map(Some)
+        let beside = [
+            ("faults", json!(faults.all())),
+            ("reasons", json!(reasons)),
+            ("findings", findings_json(&findings)),
+            ("accepted_faults", json!(accepted_faults)),
+        ];
+        result_json(&result, beside).map(Some)
     }
 }
 
-fn told(result: &TrialResult, faults: &[String], reasons: &BTreeSet<String>) -> Result<String, String> {
-    let mut told = serde_json::to_value(result).map_err(|error| error.to_string())?;
-    if let Some(object) = told.as_object_mut() {
-        object.insert("faults".to_owned(), json!(faults));
-        object.insert("reasons".to_owned(), json!(reasons));
+/// The result with what stands `beside` it, JSON text.
+fn result_json(result: &TrialResult, beside: [(&str, Value); 4]) -> Result<String, String> {
+    let mut json = serde_json::to_value(result).map_err(|error| error.to_string())?;
+    if let Some(object) = json.as_object_mut() {
+        object.extend(beside.map(|(key, value)| (key.to_owned(), value)));
     }
-    Ok(told.to_string())
+    Ok(json.to_string())
 }
 
 /// Recomputes the trial recorded in `dir`; what was found, JSON text.
@@ -190,5 +198,5 @@ pub(crate) fn replay(py: Python<'_>, dir: PathBuf) -> PyResult<String> {
         let replayed = replay_trial(Path::new(&dir), options).map_err(|error| error.to_string())?;
         serde_json::to_string(&replayed).map_err(|error| error.to_string())
     });
-    replayed.map_err(refused)
+    replayed.map_err(value_error)
 }

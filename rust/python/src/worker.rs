@@ -6,7 +6,7 @@ use proact_emg::DecoderProcess;
 use proact_intent::IntentProcess;
 use proact_participants::Participant;
 use proact_types::{
-    DisplayFrame, ExternalAnswer, Gesture, IntentAnswer, Intention, MethodAnswer, SimTime, TrunkPosture,
+    Command, DisplayFrame, ExternalAnswer, IntentAnswer, Intention, MethodAnswer, SimTime, TrunkPosture,
     Vector, WindowAnswer,
 };
 use pyo3::{exceptions::PyKeyboardInterrupt, prelude::*};
@@ -20,51 +20,51 @@ use std::{
 
 /// Why Python has not answered.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Fault {
+pub(crate) enum WorkerFault {
     /// Not in time; it may still be at it.
-    Late(Duration),
+    Timeout(Duration),
     /// It raised.
     Raised(String),
 }
 
-impl Fault {
+impl WorkerFault {
     fn text(&self, whose: &str) -> String {
         match self {
-            Fault::Late(patience) => {
-                format!("the Python {whose} has not answered within {} ms", patience.as_millis())
+            WorkerFault::Timeout(timeout) => {
+                format!("the Python {whose} has not answered within {} ms", timeout.as_millis())
             }
-            Fault::Raised(reason) => format!("the Python {whose} {reason}"),
+            WorkerFault::Raised(reason) => format!("the Python {whose} {reason}"),
         }
     }
 }
 
 /// A Python object with `ask(text, patience_secs)`, which gives `(answer, None)`, `(None, reason)` when it raised, or
 /// `(None, None)` when it is late (`proact/_worker.py`).
-pub(crate) struct Worker {
+pub(crate) struct PythonWorker {
     worker: Py<PyAny>,
-    patience: Duration,
+    timeout: Duration,
     interrupted: Arc<AtomicBool>,
 }
 
-impl Worker {
-    /// Asks `worker`, waiting for each answer at most for `patience`. Ctrl-C meanwhile raises `interrupted`.
-    pub(crate) fn new(worker: Py<PyAny>, patience: Duration, interrupted: Arc<AtomicBool>) -> Self {
-        Self { worker, patience, interrupted }
+impl PythonWorker {
+    /// Asks `worker`, waiting for each answer at most for `timeout`. Ctrl-C meanwhile raises `interrupted`.
+    pub(crate) fn new(worker: Py<PyAny>, timeout: Duration, interrupted: Arc<AtomicBool>) -> Self {
+        Self { worker, timeout, interrupted }
     }
 
     /// Its answer to `question`.
-    fn ask(&self, question: &str) -> Result<String, Fault> {
+    fn ask(&self, question: &str) -> Result<String, WorkerFault> {
         Python::attach(|py| {
-            let asked = self.worker.call_method1(py, "ask", (question, self.patience.as_secs_f64()));
-            match asked.and_then(|answer| answer.extract::<(Option<String>, Option<String>)>(py)) {
+            let reply = self.worker.call_method1(py, "ask", (question, self.timeout.as_secs_f64()));
+            match reply.and_then(|answer| answer.extract::<(Option<String>, Option<String>)>(py)) {
                 Ok((Some(answer), _)) => Ok(answer),
-                Ok((None, Some(reason))) => Err(Fault::Raised(reason)),
-                Ok((None, None)) => Err(Fault::Late(self.patience)),
+                Ok((None, Some(reason))) => Err(WorkerFault::Raised(reason)),
+                Ok((None, None)) => Err(WorkerFault::Timeout(self.timeout)),
                 Err(error) => {
                     if error.is_instance_of::<PyKeyboardInterrupt>(py) {
                         self.interrupted.store(true, Ordering::Relaxed);
                     }
-                    Err(Fault::Raised(format!("raised {error}")))
+                    Err(WorkerFault::Raised(format!("raised {error}")))
                 }
             }
         })
@@ -73,9 +73,9 @@ impl Worker {
 
 /// What went wrong in Python in the course of a trial, each once, in their order.
 #[derive(Clone, Default)]
-pub(crate) struct Faults(Arc<Mutex<Vec<String>>>);
+pub(crate) struct FaultList(Arc<Mutex<Vec<String>>>);
 
-impl Faults {
+impl FaultList {
     fn note(&self, text: &str) {
         let mut faults = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if !faults.iter().any(|known| known == text) {
@@ -89,7 +89,7 @@ impl Faults {
 }
 
 /// The answer of `worker`, which is this `part` of the trial, to `line`; what went wrong is noted among the `faults`.
-fn answer(worker: &Worker, faults: &Faults, part: &str, line: &str) -> ExternalAnswer {
+fn ask_part(worker: &PythonWorker, faults: &FaultList, part: &str, line: &str) -> ExternalAnswer {
     let fault = match worker.ask(line) {
         Ok(line) => return ExternalAnswer::Line(line),
         Err(fault) => fault,
@@ -97,34 +97,34 @@ fn answer(worker: &Worker, faults: &Faults, part: &str, line: &str) -> ExternalA
     let text = fault.text(part);
     faults.note(&text);
     match fault {
-        Fault::Late(_) => ExternalAnswer::Missed(text),
-        Fault::Raised(_) => ExternalAnswer::Failed(text),
+        WorkerFault::Timeout(_) => ExternalAnswer::TimedOut(text),
+        WorkerFault::Raised(_) => ExternalAnswer::Failed(text),
     }
 }
 
 /// A control method.
-pub(crate) struct Method(pub Worker, pub Faults);
+pub(crate) struct PythonMethod(pub PythonWorker, pub FaultList);
 
-impl MethodProcess for Method {
+impl MethodProcess for PythonMethod {
     fn ask(&mut self, _now: SimTime, line: &str) -> MethodAnswer {
-        answer(&self.0, &self.1, "method", line)
+        ask_part(&self.0, &self.1, "method", line)
     }
 }
 
 /// An intent model.
-pub(crate) struct Meaning(pub Worker, pub Faults);
+pub(crate) struct PythonIntentModel(pub PythonWorker, pub FaultList);
 
-impl IntentProcess for Meaning {
+impl IntentProcess for PythonIntentModel {
     fn ask(&mut self, _now: SimTime, line: &str) -> IntentAnswer {
-        answer(&self.0, &self.1, "intent model", line)
+        ask_part(&self.0, &self.1, "intent model", line)
     }
 }
 
 /// A classifier of EMG.
-pub(crate) struct Decoder(pub Worker, pub Faults);
+pub(crate) struct PythonDecoder(pub PythonWorker, pub FaultList);
 
-impl DecoderProcess for Decoder {
-    fn ask(&mut self, _window: u64, line: &str) -> WindowAnswer {
+impl DecoderProcess for PythonDecoder {
+    fn decode(&mut self, _window: u64, line: &str) -> WindowAnswer {
         let fault = match self.0.ask(line) {
             Ok(answer) => return WindowAnswer::Line(answer),
             Err(fault) => fault,
@@ -132,21 +132,23 @@ impl DecoderProcess for Decoder {
         let text = fault.text("classifier");
         self.1.note(&text);
         match fault {
-            Fault::Late(patience) => WindowAnswer::Late { deadline_ms: patience.as_millis() as u64 },
-            Fault::Raised(_) => WindowAnswer::Failed(text),
+            WorkerFault::Timeout(timeout) => {
+                WindowAnswer::TimedOut { deadline_ms: timeout.as_millis() as u64 }
+            }
+            WorkerFault::Raised(_) => WindowAnswer::Failed(text),
         }
     }
 }
 
 /// A participant, and why it gave nothing when it was asked last.
-pub(crate) struct Person {
-    worker: Worker,
-    faults: Faults,
+pub(crate) struct PythonParticipant {
+    worker: PythonWorker,
+    faults: FaultList,
     fault: Option<String>,
 }
 
-impl Person {
-    pub(crate) fn new(worker: Worker, faults: Faults) -> Self {
+impl PythonParticipant {
+    pub(crate) fn new(worker: PythonWorker, faults: FaultList) -> Self {
         Self { worker, faults, fault: None }
     }
 
@@ -158,7 +160,7 @@ impl Person {
     }
 }
 
-impl Participant for Person {
+impl Participant for PythonParticipant {
     /// Who fails lets go and closes the eyes.
     fn step(&mut self, frame: &DisplayFrame) -> Intention {
         self.fault = None;
@@ -166,7 +168,7 @@ impl Participant for Person {
             self.faults.note(&text);
             self.fault = Some(text);
             Intention {
-                gesture: Gesture::NoMotion,
+                gesture: Command::NoMotion,
                 gaze_direction: frame.world_from_head.rotation * Vector::x(),
                 eyes_open: false,
                 trunk: TrunkPosture::default(),

@@ -12,8 +12,8 @@ mod state_messages;
 pub mod trial_bag;
 mod writer;
 
-pub use messages::Message;
+pub use messages::RosMessage;
 pub use proact_messages::{Duration, Time};
-pub use reader::{BagEnd, BagMessage, read_bag};
+pub use reader::{BagEnd, BagMessage, read_bag, read_bag_by_time};
 pub use trial_bag::{BAG_EPOCH_SECS, TrialBag};
 pub use writer::BagWriter;

@@ -5,7 +5,7 @@
 
 use crate::{
     RecordingError,
-    files::{self, MOST_LOG_BYTES},
+    files::{self, MAX_LOG_BYTES},
 };
 use serde::{Serialize, de::DeserializeOwned};
 use std::{
@@ -19,18 +19,18 @@ use std::{
 pub(crate) struct LineWriter {
     file: BufWriter<File>,
     path: PathBuf,
-    checked: bool,
+    has_checksums: bool,
     lines: u64,
 }
 
 impl LineWriter {
     pub(crate) fn new(file: File, path: &Path, checked: bool) -> Self {
-        LineWriter { file: BufWriter::new(file), path: path.to_owned(), checked, lines: 0 }
+        LineWriter { file: BufWriter::new(file), path: path.to_owned(), has_checksums: checked, lines: 0 }
     }
 
     pub(crate) fn write<T: Serialize>(&mut self, value: &T) -> Result<(), RecordingError> {
         let json = serde_json::to_string(value).map_err(RecordingError::encode("a line of a log"))?;
-        let written = if self.checked {
+        let written = if self.has_checksums {
             writeln!(self.file, "{:08x} {json}", crc32fast::hash(json.as_bytes()))
         } else {
             writeln!(self.file, "{json}")
@@ -60,18 +60,18 @@ impl LineWriter {
 }
 
 /// The good lines at the start of a file.
-pub(crate) struct Lines<T> {
+pub(crate) struct ValidLines<T> {
     pub values: Vec<T>,
     /// Byte at which each starts.
     pub offsets: Vec<u64>,
     /// Why it goes no further; none at the end of the file.
-    pub stop: Option<RecordingError>,
+    pub error: Option<RecordingError>,
 }
 
-impl<T> Lines<T> {
+impl<T> ValidLines<T> {
     /// The first `count` of them.
-    pub(crate) fn first(mut self, count: usize) -> Result<Vec<T>, RecordingError> {
-        match self.stop {
+    pub(crate) fn take_first(mut self, count: usize) -> Result<Vec<T>, RecordingError> {
+        match self.error {
             Some(error) if self.values.len() < count => Err(error),
             _ => {
                 self.values.truncate(count);
@@ -85,20 +85,26 @@ impl<T> Lines<T> {
 pub(crate) fn read_lines<T: DeserializeOwned>(
     path: &Path,
     checked: bool,
-) -> Result<Lines<T>, RecordingError> {
-    let bytes = files::read(path, MOST_LOG_BYTES).map_err(RecordingError::io("read", path))?;
-    let mut lines = Lines { values: Vec::new(), offsets: Vec::new(), stop: None };
+) -> Result<ValidLines<T>, RecordingError> {
+    let bytes = files::read(path, MAX_LOG_BYTES).map_err(RecordingError::io("read", path))?;
+    let mut lines = ValidLines { values: Vec::new(), offsets: Vec::new(), error: None };
     let mut offset = 0;
     for line in bytes.split_inclusive(|b| *b == b'\n') {
         let Some((b'\n', text)) = line.split_last() else {
             let records = lines.values.len() as u64;
-            lines.stop = Some(RecordingError::Truncated { file: path.to_owned(), offset, records });
+            lines.error = Some(RecordingError::Truncated { file: path.to_owned(), offset, records });
             break;
         };
         match parse(text, checked) {
             Ok(value) => lines.values.push(value),
-            Err(reason) => {
-                lines.stop = Some(RecordingError::Damaged { file: path.to_owned(), offset, reason });
+            Err(fault) => {
+                let line = lines.values.len() + 1;
+                lines.error = Some(match fault {
+                    LineReadError::Checksum(reason) => {
+                        RecordingError::Damaged { file: path.to_owned(), offset, reason }
+                    }
+                    LineReadError::Json(error) => RecordingError::json(path, line, offset, &error),
+                });
                 break;
             }
         }
@@ -108,9 +114,15 @@ pub(crate) fn read_lines<T: DeserializeOwned>(
     Ok(lines)
 }
 
-fn parse<T: DeserializeOwned>(text: &[u8], checked: bool) -> Result<T, String> {
-    let json = if checked { check(text)? } else { text };
-    serde_json::from_slice(json).map_err(|e| e.to_string())
+/// Why a line cannot be read.
+enum LineReadError {
+    Checksum(String),
+    Json(serde_json::Error),
+}
+
+fn parse<T: DeserializeOwned>(text: &[u8], checked: bool) -> Result<T, LineReadError> {
+    let json = if checked { check(text).map_err(LineReadError::Checksum)? } else { text };
+    serde_json::from_slice(json).map_err(LineReadError::Json)
 }
 
 /// The JSON text behind a matching checksum.

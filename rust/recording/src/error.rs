@@ -1,3 +1,4 @@
+use crate::MANIFEST_FILE;
 use proact_types::SimTime;
 use std::{io, path::Path, path::PathBuf};
 
@@ -41,6 +42,12 @@ pub enum RecordingError {
         /// The directory.
         dir: PathBuf,
     },
+    /// The record was not closed: its process ended before the hashes were written, or they were removed.
+    #[error("the record in {} is not closed: {MANIFEST_FILE} is missing, so that nothing tells whether it is as it was recorded", dir.display())]
+    MissingManifest {
+        /// The directory.
+        dir: PathBuf,
+    },
     /// Files are not those that were recorded.
     #[error(
         "the trial in {} is not as it was recorded: {files}; expected what was written, so take it from a copy",
@@ -60,6 +67,19 @@ pub enum RecordingError {
         /// Byte offset of the damaged record from the start of the file.
         offset: u64,
         /// What does not fit.
+        reason: String,
+    },
+    /// A line of JSON has a key, a kind or a value that this program does not know, or lacks a key.
+    #[error(
+        "{}, line {line}: {reason}; take the file from a copy, or read it with the program that wrote it",
+        file.display()
+    )]
+    UnknownKey {
+        /// The file.
+        file: PathBuf,
+        /// Its line, from 1.
+        line: usize,
+        /// Which key or value, and what is expected.
         reason: String,
     },
     /// The file ends before its end mark. All records before that are good.
@@ -152,6 +172,23 @@ impl RecordingError {
     pub(crate) fn io(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_owned();
         move |source| RecordingError::Io { action, path, source }
+    }
+
+    /// For what is not the expected value in `line`, from 1, of a file of JSON: its keys where the text is JSON, else the byte `offset`.
+    pub(crate) fn json(file: &Path, line: usize, offset: u64, error: &serde_json::Error) -> Self {
+        let text = error.to_string();
+        let location = format!(" at line {} column {}", error.line(), error.column());
+        let reason = text
+            .strip_suffix(location.as_str())
+            .unwrap_or(&text)
+            .replace("unknown field `", "unknown key `")
+            .replace("unknown variant `", "unknown value `")
+            .replace("missing field `", "missing key `");
+        let file = file.to_owned();
+        match error.is_data() {
+            true => RecordingError::UnknownKey { file, line, reason },
+            false => RecordingError::Damaged { file, offset, reason },
+        }
     }
 
     /// For `map_err`: a serialisation error.

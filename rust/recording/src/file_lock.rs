@@ -13,7 +13,7 @@ impl FileLock {
     ///
     /// # Errors
     /// As the system.
-    pub fn hold(file: File) -> io::Result<Self> {
+    pub fn acquire(file: File) -> io::Result<Self> {
         file.lock()?;
         Ok(Self(file))
     }
@@ -22,7 +22,7 @@ impl FileLock {
     ///
     /// # Errors
     /// [`TryLockError::WouldBlock`] if somebody has; else as the system.
-    pub fn try_hold(file: File) -> Result<Self, TryLockError> {
+    pub fn try_acquire(file: File) -> Result<Self, TryLockError> {
         file.try_lock()?;
         Ok(Self(file))
     }
@@ -57,11 +57,11 @@ mod tests {
     // Catches a lock that outlives its owner in a child that is just being started.
     #[test]
     fn a_lock_ends_with_its_owner_though_a_child_has_the_file_still() {
-        let place = tempfile::tempdir().unwrap();
-        let path = place.path().join("lock");
-        let lock = FileLock::try_hold(File::create(&path).unwrap()).unwrap();
+        let temp_dir = tempfile::tempdir().unwrap();
+        let path = temp_dir.path().join("lock");
+        let lock = FileLock::try_acquire(File::create(&path).unwrap()).unwrap();
         let of_a_child = lock.try_clone().unwrap();
-        let other = || FileLock::try_hold(File::open(&path).unwrap());
+        let other = || FileLock::try_acquire(File::open(&path).unwrap());
         assert!(matches!(other(), Err(TryLockError::WouldBlock)));
         drop(lock);
         assert!(other().is_ok());

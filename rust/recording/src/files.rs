@@ -8,7 +8,7 @@ use std::{
 };
 
 /// Most bytes of a log of lines: a day of digests and events is half of it.
-pub(crate) const MOST_LOG_BYTES: usize = 512 << 20;
+pub(crate) const MAX_LOG_BYTES: usize = 512 << 20;
 
 /// Opens a regular file.
 pub(crate) fn open(path: &Path) -> Result<File> {
@@ -19,7 +19,7 @@ pub(crate) fn open(path: &Path) -> Result<File> {
     Err(Error::new(ErrorKind::InvalidInput, "it is no regular file, expected one"))
 }
 
-/// All bytes of a regular file, at most `most`.
-pub(crate) fn read(path: &Path, most: usize) -> Result<Vec<u8>> {
-    read_bytes(open(path)?, most)
+/// All bytes of a regular file, at most `max_bytes`.
+pub(crate) fn read(path: &Path, max_bytes: usize) -> Result<Vec<u8>> {
+    read_bytes(open(path)?, max_bytes)
 }

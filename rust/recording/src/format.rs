@@ -6,11 +6,11 @@ use std::path::Path;
 /// The format that this program writes, and the only one that it replays. It stands in the head of `inputs.log`.
 ///
 /// It goes up by one when any file of a trial directory changes its layout, or when the same inputs no longer lead to
-/// the same digest. The program before the change then enters [`LAST_READERS`].
+/// the same digest. The program before the change then enters [`LAST_REPLAYING_VERSIONS`].
 pub const RECORD_FORMAT: u32 = 8;
 
 /// For each earlier format the last program that replays it.
-const LAST_READERS: [(u32, &str); 7] = [
+const LAST_REPLAYING_VERSIONS: [(u32, &str); 7] = [
     (1, "0.1.0 at commit 477d3a7"),
     (2, "0.1.0 at commit 8cb6c71"),
     (3, "0.1.0 at commit c9e48b2"),
@@ -21,14 +21,18 @@ const LAST_READERS: [(u32, &str); 7] = [
 ];
 
 /// The oldest format that can be read: its files are laid out as today's, but the same inputs lead to another digest.
-const OLDEST_READ: u32 = 7;
+const OLDEST_READABLE_FORMAT: u32 = 7;
 
 /// Accepts a record in `dir` of format `got` that can be read.
 ///
 /// # Errors
-/// As [`check_computed`], for formats of another layout.
-pub(crate) fn check_read(dir: &Path, got: u32, writer: Option<&str>) -> Result<(), RecordingError> {
-    if (OLDEST_READ..=RECORD_FORMAT).contains(&got) { Ok(()) } else { check_computed(dir, got, writer) }
+/// As [`check_replayable`], for formats of another layout.
+pub(crate) fn check_readable(dir: &Path, got: u32, writer: Option<&str>) -> Result<(), RecordingError> {
+    if (OLDEST_READABLE_FORMAT..=RECORD_FORMAT).contains(&got) {
+        Ok(())
+    } else {
+        check_replayable(dir, got, writer)
+    }
 }
 
 /// Accepts a record in `dir` of format `got` that can be computed again.
@@ -36,11 +40,11 @@ pub(crate) fn check_read(dir: &Path, got: u32, writer: Option<&str>) -> Result<(
 /// # Errors
 /// [`RecordingError::WrongFormat`] for any other than [`RECORD_FORMAT`], with the program that replays it; `writer` is
 /// the version that wrote the record, if that could be read.
-pub(crate) fn check_computed(dir: &Path, got: u32, writer: Option<&str>) -> Result<(), RecordingError> {
+pub(crate) fn check_replayable(dir: &Path, got: u32, writer: Option<&str>) -> Result<(), RecordingError> {
     if got == RECORD_FORMAT {
         return Ok(());
     }
-    let last = LAST_READERS.iter().find(|(format, _)| *format == got).map(|(_, version)| *version);
+    let last = LAST_REPLAYING_VERSIONS.iter().find(|(format, _)| *format == got).map(|(_, version)| *version);
     let replayed_by = match (last, writer) {
         (Some(version), _) => format!("the last program that replays format {got} is proact {version}"),
         (None, Some(version)) => format!("proact {version} wrote it and replays it"),
@@ -55,15 +59,15 @@ mod tests {
     use super::*;
 
     fn refusal(got: u32, writer: Option<&str>) -> String {
-        check_computed(Path::new("trial"), got, writer).expect_err("another format").to_string()
+        check_replayable(Path::new("trial"), got, writer).expect_err("another format").to_string()
     }
 
     // Catches a new format whose predecessor was left out of the table.
     #[test]
     fn every_earlier_format_has_a_program_that_replays_it() {
-        let formats: Vec<u32> = LAST_READERS.iter().map(|(format, _)| *format).collect();
+        let formats: Vec<u32> = LAST_REPLAYING_VERSIONS.iter().map(|(format, _)| *format).collect();
         assert_eq!(formats, (1..RECORD_FORMAT).collect::<Vec<u32>>());
-        for (format, version) in LAST_READERS {
+        for (format, version) in LAST_REPLAYING_VERSIONS {
             let refused = refusal(format, Some("9.9.9"));
             assert!(refused.contains(version) && refused.contains(&format!("format {format}")), "{refused}");
         }
@@ -71,14 +75,14 @@ mod tests {
 
     #[test]
     fn formats_of_another_layout_cannot_be_read() {
-        let read = |got| check_read(Path::new("trial"), got, None).is_ok();
+        let read = |got| check_readable(Path::new("trial"), got, None).is_ok();
         let formats: Vec<u32> = (0..=RECORD_FORMAT + 1).filter(|got| read(*got)).collect();
-        assert_eq!(formats, (OLDEST_READ..=RECORD_FORMAT).collect::<Vec<u32>>());
+        assert_eq!(formats, (OLDEST_READABLE_FORMAT..=RECORD_FORMAT).collect::<Vec<u32>>());
     }
 
     #[test]
     fn a_newer_format_names_who_wrote_it() {
-        assert!(check_computed(Path::new("trial"), RECORD_FORMAT, None).is_ok());
+        assert!(check_replayable(Path::new("trial"), RECORD_FORMAT, None).is_ok());
         assert!(refusal(RECORD_FORMAT + 1, Some("0.7.0")).contains("proact 0.7.0 wrote it"));
         assert!(refusal(RECORD_FORMAT + 1, None).contains("a newer proact"));
     }

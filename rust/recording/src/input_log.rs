@@ -6,7 +6,7 @@
 //! header as JSON, every other one a [`Record`] in postcard's encoding, which keeps every bit of a float. The
 //! last one is the end mark: a log without it was broken off.
 
-use crate::{RECORD_FORMAT, RecordingError, StudyPlace, UNKNOWN_COMMIT, files, format};
+use crate::{RECORD_FORMAT, RecordingError, StudyTrialId, UNKNOWN_COMMIT, files, format};
 use proact_types::{IntentAnswer, ParticipantAnswer, SimTime, TickInput, WindowAnswer};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::{
@@ -21,7 +21,7 @@ const MAGIC: &[u8; 8] = b"PROACTIN";
 const LENGTH_BYTES: u64 = 8;
 const CHECKSUM_BYTES: u64 = 4;
 /// Longest payload, bytes. A tick's input has some hundred, with a plan some hundred thousand.
-const MOST_RECORD_BYTES: u32 = 64 << 20;
+const MAX_RECORD_BYTES: u32 = 64 << 20;
 
 /// First record of the log.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -36,7 +36,8 @@ pub(crate) struct LogHeader {
     pub commit: String,
     /// Where in a study the trial belongs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub place: Option<StudyPlace>,
+    #[serde(rename = "place")]
+    pub study_trial: Option<StudyTrialId>,
     /// SHA-256 of `config.toml` and of whatever else the trial began with, so that an edited one is noticed.
     pub files: BTreeMap<String, String>,
 }
@@ -48,12 +49,12 @@ fn unknown_commit() -> String {
 /// What the header of any format says of the program that wrote it, whatever else it holds.
 #[derive(Default, Deserialize)]
 #[serde(default)]
-struct Writer {
+struct WriterVersion {
     versions: BTreeMap<String, String>,
     commit: Option<String>,
 }
 
-impl Writer {
+impl WriterVersion {
     fn label(self) -> Option<String> {
         let version = self.versions.get("proact")?;
         Some(match self.commit.filter(|commit| commit != UNKNOWN_COMMIT) {
@@ -65,25 +66,37 @@ impl Writer {
 
 /// What is written, borrowed; postcard's encoding is that of [`Record`].
 #[derive(Serialize)]
-enum RecordRef<'a> {
+enum LogRecordRef<'a> {
     Tick(SimTime, &'a TickInput),
     End(LogEnd),
-    Decoded(SimTime, &'a TickInput, &'a [WindowAnswer]),
-    Inferred(SimTime, &'a TickInput, &'a [WindowAnswer], &'a IntentAnswer),
-    Told(SimTime, &'a TickInput, &'a [WindowAnswer], &'a Option<IntentAnswer>, &'a ParticipantAnswer),
+    #[serde(rename = "Decoded")]
+    TickWithDecoder(SimTime, &'a TickInput, &'a [WindowAnswer]),
+    #[serde(rename = "Inferred")]
+    TickWithIntent(SimTime, &'a TickInput, &'a [WindowAnswer], &'a IntentAnswer),
+    #[serde(rename = "Told")]
+    TickWithParticipant(
+        SimTime,
+        &'a TickInput,
+        &'a [WindowAnswer],
+        &'a Option<IntentAnswer>,
+        &'a ParticipantAnswer,
+    ),
 }
 
 /// Every record but the first.
 #[derive(Deserialize)]
-enum Record {
+enum LogRecord {
     Tick(SimTime, Box<TickInput>),
     End(LogEnd),
     /// A tick in which a process that decodes EMG was asked. Behind the others, so that logs without one are read as ever.
-    Decoded(SimTime, Box<TickInput>, Vec<WindowAnswer>),
+    #[serde(rename = "Decoded")]
+    TickWithDecoder(SimTime, Box<TickInput>, Vec<WindowAnswer>),
     /// A tick in which an intent model in another process was asked, behind them for the same reason.
-    Inferred(SimTime, Box<TickInput>, Vec<WindowAnswer>, IntentAnswer),
+    #[serde(rename = "Inferred")]
+    TickWithIntent(SimTime, Box<TickInput>, Vec<WindowAnswer>, IntentAnswer),
     /// A tick with news of a participant in another program, last for the same reason.
-    Told(SimTime, Box<TickInput>, Vec<WindowAnswer>, Option<IntentAnswer>, ParticipantAnswer),
+    #[serde(rename = "Told")]
+    TickWithParticipant(SimTime, Box<TickInput>, Vec<WindowAnswer>, Option<IntentAnswer>, ParticipantAnswer),
 }
 
 /// The end mark of a finished trial.
@@ -107,14 +120,14 @@ pub struct InputRecord {
 }
 
 /// Bytes before a payload: its length, and the same with all bits turned.
-const LENGTHS: usize = 8;
+const LENGTH_PREFIX_BYTES: usize = 8;
 
 /// Writes `inputs.log`.
 #[derive(Debug)]
 pub(crate) struct InputLogWriter {
     file: BufWriter<File>,
     path: PathBuf,
-    last: Option<SimTime>,
+    last_tick: Option<SimTime>,
     records: u64,
     /// The record before, whose memory the next one takes.
     record: Vec<u8>,
@@ -126,7 +139,7 @@ impl InputLogWriter {
             // Room for what comes between two hand-overs.
             file: BufWriter::with_capacity(1 << 16, file),
             path: path.to_owned(),
-            last: None,
+            last_tick: None,
             records: 0,
             record: Vec::new(),
         };
@@ -134,7 +147,7 @@ impl InputLogWriter {
         // In one piece: a log is not there, or has its head.
         log.put(MAGIC)?;
         log.put(&RECORD_FORMAT.to_le_bytes())?;
-        log.record.extend_from_slice(&[0; LENGTHS]);
+        log.record.extend_from_slice(&[0; LENGTH_PREFIX_BYTES]);
         log.record.extend_from_slice(&payload);
         log.put_record()?;
         log.flush()?;
@@ -143,19 +156,21 @@ impl InputLogWriter {
 
     /// Appends the input of `tick`, unless it is empty.
     pub(crate) fn write(&mut self, tick: SimTime, input: &TickInput) -> Result<(), RecordingError> {
-        if let Some(last) = self.last.filter(|last| *last >= tick) {
+        if let Some(last) = self.last_tick.filter(|last| *last >= tick) {
             return Err(RecordingError::OutOfOrder { got: tick, last });
         }
-        self.last = Some(tick);
+        self.last_tick = Some(tick);
         if *input == TickInput::default() {
             return Ok(());
         }
         self.records += 1;
         self.put_value(&match (input.decoder.as_slice(), &input.intent, &input.participant) {
-            ([], None, None) => RecordRef::Tick(tick, input),
-            (answers, None, None) => RecordRef::Decoded(tick, input, answers),
-            (answers, Some(answer), None) => RecordRef::Inferred(tick, input, answers, answer),
-            (answers, intent, Some(news)) => RecordRef::Told(tick, input, answers, intent, news),
+            ([], None, None) => LogRecordRef::Tick(tick, input),
+            (answers, None, None) => LogRecordRef::TickWithDecoder(tick, input, answers),
+            (answers, Some(answer), None) => LogRecordRef::TickWithIntent(tick, input, answers, answer),
+            (answers, intent, Some(participant)) => {
+                LogRecordRef::TickWithParticipant(tick, input, answers, intent, participant)
+            }
         })
     }
 
@@ -174,18 +189,18 @@ impl InputLogWriter {
 
     /// Appends the end mark and hands the file to the disk.
     pub(crate) fn finish(mut self, time: SimTime) -> Result<(), RecordingError> {
-        if let Some(last) = self.last.filter(|last| *last > time) {
+        if let Some(last) = self.last_tick.filter(|last| *last > time) {
             return Err(RecordingError::OutOfOrder { got: time, last });
         }
-        self.put_value(&RecordRef::End(LogEnd { time, records: self.records }))?;
+        self.put_value(&LogRecordRef::End(LogEnd { time, records: self.records }))?;
         self.flush()?;
         self.file.get_ref().sync_all().map_err(RecordingError::io("write to", &self.path))
     }
 
-    fn put_value(&mut self, record: &RecordRef<'_>) -> Result<(), RecordingError> {
+    fn put_value(&mut self, record: &LogRecordRef<'_>) -> Result<(), RecordingError> {
         let mut bytes = std::mem::take(&mut self.record);
         bytes.clear();
-        bytes.extend_from_slice(&[0; LENGTHS]);
+        bytes.extend_from_slice(&[0; LENGTH_PREFIX_BYTES]);
         let bytes = postcard::to_extend(record, bytes).map_err(RecordingError::encode("an input record"))?;
         self.record = bytes;
         self.put_record()
@@ -193,11 +208,11 @@ impl InputLogWriter {
 
     /// Completes and writes `self.record`, a payload behind room for its length, in one piece.
     fn put_record(&mut self) -> Result<(), RecordingError> {
-        let payload = &self.record[LENGTHS..];
+        let payload = &self.record[LENGTH_PREFIX_BYTES..];
         let length = u32::try_from(payload.len()).map_err(RecordingError::encode("an input record"))?;
         let sum = crc32fast::hash(payload);
         self.record[..4].copy_from_slice(&length.to_le_bytes());
-        self.record[4..LENGTHS].copy_from_slice(&(!length).to_le_bytes());
+        self.record[4..LENGTH_PREFIX_BYTES].copy_from_slice(&(!length).to_le_bytes());
         self.record.extend_from_slice(&sum.to_le_bytes());
         self.file.write_all(&self.record).map_err(RecordingError::io("write to", &self.path))
     }
@@ -220,7 +235,7 @@ pub struct InputLog {
     header: LogHeader,
     length: u64,
     offset: u64,
-    last: Option<SimTime>,
+    last_tick: Option<SimTime>,
     records: u64,
     end: Option<LogEnd>,
     stopped: bool,
@@ -249,12 +264,12 @@ impl InputLog {
                 seed: 0,
                 versions: BTreeMap::new(),
                 commit: unknown_commit(),
-                place: None,
+                study_trial: None,
                 files: BTreeMap::new(),
             },
             length,
             offset: 0,
-            last: None,
+            last_tick: None,
             records: 0,
             end: None,
             stopped: false,
@@ -267,8 +282,9 @@ impl InputLog {
         let start = log.offset;
         let payload = log.read_record();
         // The first record of another format may look like anything; what it says of its writer helps.
-        let writer = payload.as_ref().ok().and_then(|json| serde_json::from_slice::<Writer>(json).ok());
-        format::check_read(dir, found, writer.and_then(Writer::label).as_deref())?;
+        let writer =
+            payload.as_ref().ok().and_then(|json| serde_json::from_slice::<WriterVersion>(json).ok());
+        format::check_readable(dir, found, writer.and_then(WriterVersion::label).as_deref())?;
         log.format = found;
         let payload = payload?;
         log.header = serde_json::from_slice(&payload).map_err(|e| log.damaged(start, &e.to_string()))?;
@@ -283,6 +299,16 @@ impl InputLog {
         &self.header
     }
 
+    /// Seed of the trial.
+    pub fn seed(&self) -> u64 {
+        self.header.seed
+    }
+
+    /// Where in a study the trial belongs; none for a trial of its own, and in records from before this was written.
+    pub fn study_trial(&self) -> Option<&StudyTrialId> {
+        self.header.study_trial.as_ref()
+    }
+
     /// The end mark, once the iterator has passed it.
     pub fn end(&self) -> Option<LogEnd> {
         self.end
@@ -292,18 +318,18 @@ impl InputLog {
         let offset = self.offset;
         let payload = self.read_record()?;
         match self.decode(offset, &payload)? {
-            Record::Tick(tick, input) => self.tick(offset, tick, *input).map(Some),
-            Record::Decoded(tick, input, decoder) => {
-                self.tick(offset, tick, TickInput { decoder, ..*input }).map(Some)
+            LogRecord::Tick(tick, input) => self.checked_record(offset, tick, *input).map(Some),
+            LogRecord::TickWithDecoder(tick, input, decoder) => {
+                self.checked_record(offset, tick, TickInput { decoder, ..*input }).map(Some)
             }
-            Record::Inferred(tick, input, decoder, intent) => {
-                self.tick(offset, tick, TickInput { decoder, intent: Some(intent), ..*input }).map(Some)
+            LogRecord::TickWithIntent(tick, input, decoder, intent) => self
+                .checked_record(offset, tick, TickInput { decoder, intent: Some(intent), ..*input })
+                .map(Some),
+            LogRecord::TickWithParticipant(tick, input, decoder, intent, participant) => {
+                let input = TickInput { decoder, intent, participant: Some(participant), ..*input };
+                self.checked_record(offset, tick, input).map(Some)
             }
-            Record::Told(tick, input, decoder, intent, news) => {
-                let input = TickInput { decoder, intent, participant: Some(news), ..*input };
-                self.tick(offset, tick, input).map(Some)
-            }
-            Record::End(end) => {
+            LogRecord::End(end) => {
                 if end.records != self.records {
                     let reason =
                         format!("the end mark counts {} records, {} were read", end.records, self.records);
@@ -319,12 +345,17 @@ impl InputLog {
     }
 
     /// The input of `tick`, which must come after the tick before.
-    fn tick(&mut self, offset: u64, tick: SimTime, input: TickInput) -> Result<InputRecord, RecordingError> {
-        if let Some(last) = self.last.filter(|last| *last >= tick) {
+    fn checked_record(
+        &mut self,
+        offset: u64,
+        tick: SimTime,
+        input: TickInput,
+    ) -> Result<InputRecord, RecordingError> {
+        if let Some(last) = self.last_tick.filter(|last| *last >= tick) {
             let reason = format!("tick {} stands after tick {}", tick.0, last.0);
             return Err(self.damaged(offset, &reason));
         }
-        self.last = Some(tick);
+        self.last_tick = Some(tick);
         self.records += 1;
         Ok(InputRecord { offset, tick, input })
     }
@@ -344,8 +375,8 @@ impl InputLog {
         if u32::from_le_bytes([e, f, g, h]) != !length {
             return Err(self.damaged(start, "the record's length does not match its complement"));
         }
-        if length > MOST_RECORD_BYTES {
-            let reason = format!("a record has {length} bytes, expected at most {MOST_RECORD_BYTES}");
+        if length > MAX_RECORD_BYTES {
+            let reason = format!("a record has {length} bytes, expected at most {MAX_RECORD_BYTES}");
             return Err(self.damaged(start, &reason));
         }
         // Compare with what is left before any memory is asked for.

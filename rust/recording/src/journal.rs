@@ -1,7 +1,7 @@
 //! The journal of a study: events, each on the disk before it is acknowledged, in one SQLite file.
 
 use crate::FileLock;
-use proact_analysis::table::{Cell, Table};
+use proact_analysis::table::{Table, TableCell};
 use rusqlite::{Connection, OpenFlags, ToSql, params, types::ToSqlOutput};
 use serde::{Serialize, de::DeserializeOwned};
 use std::{
@@ -14,9 +14,9 @@ use std::{
 /// The layout of the file, in SQLite's `user_version`.
 const JOURNAL_FORMAT: i64 = 1;
 /// So long a reader and the writer wait for each other.
-const BUSY: Duration = Duration::from_secs(5);
+const BUSY_TIMEOUT: Duration = Duration::from_secs(5);
 /// Tables that are the journal's own.
-const OWN: [&str; 2] = ["journal", "texts"];
+const RESERVED_TABLES: [&str; 2] = ["journal", "texts"];
 
 /// Why a journal cannot be opened, read or written.
 #[derive(Debug, thiserror::Error)]
@@ -73,7 +73,7 @@ pub enum JournalError {
     },
     /// A text that events name is not there.
     #[error("{}: the text with the hash {hash} is missing, such as the plan that the study began with", path.display())]
-    NoText {
+    MissingText {
         /// The file.
         path: PathBuf,
         /// Which.
@@ -99,11 +99,11 @@ pub enum JournalError {
 
 /// An event of the journal.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Entry<E> {
+pub struct JournalEntry<E> {
     /// Its number, from 1 without gaps.
     pub id: i64,
     /// When it was written, by the clock of the machine, as RFC 3339 in UTC.
-    pub at: String,
+    pub written_at: String,
     /// What happened.
     pub event: E,
 }
@@ -129,13 +129,13 @@ impl Journal {
         let mut name = path.as_os_str().to_owned();
         name.push(".lock");
         let lock = fs::OpenOptions::new().create(true).append(true).open(&name).map_err(io)?;
-        let lock = FileLock::try_hold(lock).map_err(|error| match error {
+        let lock = FileLock::try_acquire(lock).map_err(|error| match error {
             TryLockError::WouldBlock => JournalError::InUse { path: path.to_owned() },
             TryLockError::Error(source) => io(source),
         })?;
-        let db = Connection::open(path).map_err(failed(path))?;
+        let db = Connection::open(path).map_err(sqlite_error(path))?;
         let journal = Self { path: path.to_owned(), db, _lock: Some(lock) };
-        journal.begin().map_err(failed(path))?;
+        journal.begin().map_err(sqlite_error(path))?;
         journal.check_format()?;
         Ok(journal)
     }
@@ -144,20 +144,20 @@ impl Journal {
     ///
     /// # Errors
     /// [`JournalError`].
-    pub fn read(path: &Path) -> Result<Self, JournalError> {
+    pub fn open_read_only(path: &Path) -> Result<Self, JournalError> {
         if !path.is_file() {
             return Err(JournalError::Missing { path: path.to_owned() });
         }
-        let db =
-            Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_WRITE).map_err(failed(path))?;
-        db.busy_timeout(BUSY).map_err(failed(path))?;
+        let db = Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_WRITE)
+            .map_err(sqlite_error(path))?;
+        db.busy_timeout(BUSY_TIMEOUT).map_err(sqlite_error(path))?;
         let journal = Self { path: path.to_owned(), db, _lock: None };
         journal.check_format()?;
         Ok(journal)
     }
 
     fn begin(&self) -> rusqlite::Result<()> {
-        self.db.busy_timeout(BUSY)?;
+        self.db.busy_timeout(BUSY_TIMEOUT)?;
         self.db.pragma_update(None, "synchronous", "EXTRA")?;
         let format: i64 = self.db.pragma_query_value(None, "user_version", |row| row.get(0))?;
         if format == 0 {
@@ -176,9 +176,9 @@ impl Journal {
 
     fn check_format(&self) -> Result<(), JournalError> {
         let format = self.db.pragma_query_value(None, "user_version", |row| row.get::<_, i64>(0));
-        match format.map_err(failed(&self.path))? {
+        match format.map_err(sqlite_error(&self.path))? {
             JOURNAL_FORMAT => Ok(()),
-            0 if self.is_empty().map_err(failed(&self.path))? => {
+            0 if self.is_empty().map_err(sqlite_error(&self.path))? => {
                 Err(JournalError::Empty { path: self.path.clone() })
             }
             got => Err(JournalError::Format { path: self.path.clone(), got }),
@@ -209,7 +209,7 @@ impl Journal {
         self.db
             .prepare_cached("INSERT INTO journal (at, event) VALUES (?1, ?2)")
             .and_then(|mut insert| insert.execute(params![at, text]))
-            .map_err(failed(&self.path))?;
+            .map_err(sqlite_error(&self.path))?;
         Ok(self.db.last_insert_rowid())
     }
 
@@ -217,20 +217,20 @@ impl Journal {
     ///
     /// # Errors
     /// [`JournalError`].
-    pub fn entries<E: DeserializeOwned>(&self) -> Result<Vec<Entry<E>>, JournalError> {
+    pub fn entries<E: DeserializeOwned>(&self) -> Result<Vec<JournalEntry<E>>, JournalError> {
         let read = || -> rusqlite::Result<Vec<(i64, String, String)>> {
             let mut select = self.db.prepare("SELECT id, at, event FROM journal ORDER BY id")?;
             let rows = select.query_map([], |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?)))?;
             rows.collect()
         };
-        let rows = read().map_err(failed(&self.path))?;
+        let rows = read().map_err(sqlite_error(&self.path))?;
         let parse = |(id, at, text): (i64, String, String)| {
             let event = serde_json::from_str(&text).map_err(|error| JournalError::Event {
                 path: self.path.clone(),
                 id,
                 reason: error.to_string(),
             })?;
-            Ok(Entry { id, at, event })
+            Ok(JournalEntry { id, written_at: at, event })
         };
         rows.into_iter().map(parse).collect()
     }
@@ -239,13 +239,13 @@ impl Journal {
     ///
     /// # Errors
     /// [`JournalError`].
-    pub fn keep_text(&mut self, hash: &str, name: &str, text: &str) -> Result<(), JournalError> {
+    pub fn store_text(&mut self, hash: &str, name: &str, text: &str) -> Result<(), JournalError> {
         self.db
             .execute(
                 "INSERT OR IGNORE INTO texts (hash, name, text) VALUES (?1, ?2, ?3)",
                 params![hash, name, text],
             )
-            .map_err(failed(&self.path))?;
+            .map_err(sqlite_error(&self.path))?;
         Ok(())
     }
 
@@ -258,7 +258,7 @@ impl Journal {
         match found {
             Ok(text) => Ok(Some(text)),
             Err(rusqlite::Error::QueryReturnedNoRows) => Ok(None),
-            Err(error) => Err(failed(&self.path)(error)),
+            Err(error) => Err(sqlite_error(&self.path)(error)),
         }
     }
 
@@ -267,7 +267,7 @@ impl Journal {
     /// # Errors
     /// [`JournalError`].
     pub fn put_tables(&mut self, tables: &[Table]) -> Result<(), JournalError> {
-        put(&mut self.db, tables).map_err(failed(&self.path))
+        insert_tables(&mut self.db, tables).map_err(sqlite_error(&self.path))
     }
 
     /// Writes these tables into the new SQLite file `path`, without a journal.
@@ -277,8 +277,8 @@ impl Journal {
     pub fn write_tables(path: &Path, tables: &[Table]) -> Result<(), JournalError> {
         // SQLite opens what is there.
         File::create_new(path).map_err(|source| JournalError::Io { path: path.to_owned(), source })?;
-        let mut db = Connection::open(path).map_err(failed(path))?;
-        put(&mut db, tables).map_err(failed(path))
+        let mut db = Connection::open(path).map_err(sqlite_error(path))?;
+        insert_tables(&mut db, tables).map_err(sqlite_error(path))
     }
 
     /// Copies the whole file, as it is at one moment, to `to`.
@@ -287,47 +287,49 @@ impl Journal {
     /// [`JournalError`], also if `to` exists.
     pub fn copy_to(&self, to: &Path) -> Result<(), JournalError> {
         let name = to.to_string_lossy();
-        self.db.execute("VACUUM INTO ?1", [name.as_ref()]).map_err(failed(to))?;
+        self.db.execute("VACUUM INTO ?1", [name.as_ref()]).map_err(sqlite_error(to))?;
         Ok(())
     }
 }
 
-fn put(db: &mut Connection, tables: &[Table]) -> rusqlite::Result<()> {
+fn insert_tables(db: &mut Connection, tables: &[Table]) -> rusqlite::Result<()> {
     let transaction = db.transaction()?;
-    for table in tables.iter().filter(|table| !OWN.contains(&table.name)) {
-        let name = quoted(table.name);
-        let columns: Vec<String> = table.columns.iter().map(|column| quoted(column.name)).collect();
+    for table in tables.iter().filter(|table| !RESERVED_TABLES.contains(&table.name)) {
+        let name = quote_identifier(table.name);
+        let columns: Vec<String> = table.columns.iter().map(|column| quote_identifier(column.name)).collect();
         transaction.execute_batch(&format!(
             "DROP TABLE IF EXISTS {name}; CREATE TABLE {name} ({});",
             columns.join(", ")
         ))?;
-        let places = vec!["?"; columns.len()].join(", ");
-        let mut insert = transaction.prepare(&format!("INSERT INTO {name} VALUES ({places})"))?;
+        let placeholders = vec!["?"; columns.len()].join(", ");
+        let mut insert = transaction.prepare(&format!("INSERT INTO {name} VALUES ({placeholders})"))?;
         for row in &table.rows {
-            insert.execute(rusqlite::params_from_iter(row.iter().map(Value)))?;
+            insert.execute(rusqlite::params_from_iter(row.iter().map(SqlValue)))?;
         }
     }
     transaction.commit()
 }
 
-struct Value<'a>(&'a Cell);
+struct SqlValue<'a>(&'a TableCell);
 
-impl ToSql for Value<'_> {
+impl ToSql for SqlValue<'_> {
     fn to_sql(&self) -> rusqlite::Result<ToSqlOutput<'_>> {
         match self.0 {
-            Cell::Missing => rusqlite::types::Null.to_sql().map(|_| ToSqlOutput::from(rusqlite::types::Null)),
-            Cell::Whole(number) => Ok(ToSqlOutput::from(*number)),
-            Cell::Real(number) => Ok(ToSqlOutput::from(*number)),
-            Cell::Words(words) => Ok(ToSqlOutput::from(words.as_str())),
+            TableCell::Missing => {
+                rusqlite::types::Null.to_sql().map(|_| ToSqlOutput::from(rusqlite::types::Null))
+            }
+            TableCell::Integer(number) => Ok(ToSqlOutput::from(*number)),
+            TableCell::Number(number) => Ok(ToSqlOutput::from(*number)),
+            TableCell::Text(words) => Ok(ToSqlOutput::from(words.as_str())),
         }
     }
 }
 
-fn quoted(name: &str) -> String {
+fn quote_identifier(name: &str) -> String {
     format!("\"{}\"", name.replace('"', "\"\""))
 }
 
-fn failed(path: &Path) -> impl FnOnce(rusqlite::Error) -> JournalError {
+fn sqlite_error(path: &Path) -> impl FnOnce(rusqlite::Error) -> JournalError {
     let path = path.to_owned();
     move |source| match source.sqlite_error_code() {
         Some(rusqlite::ErrorCode::DiskFull) => JournalError::DiskFull { path },
@@ -338,10 +340,10 @@ fn failed(path: &Path) -> impl FnOnce(rusqlite::Error) -> JournalError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proact_analysis::table::Column;
+    use proact_analysis::table::TableColumn;
     use serde_json::{Value as Json, json};
 
-    fn place() -> (tempfile::TempDir, PathBuf) {
+    fn temp_journal() -> (tempfile::TempDir, PathBuf) {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("study.sqlite");
         (dir, path)
@@ -349,8 +351,8 @@ mod tests {
 
     #[test]
     fn what_was_appended_is_there_and_one_program_writes() {
-        let (_dir, path) = place();
-        assert!(matches!(Journal::read(&path), Err(JournalError::Missing { .. })));
+        let (_dir, path) = temp_journal();
+        assert!(matches!(Journal::open_read_only(&path), Err(JournalError::Missing { .. })));
         let mut journal = Journal::open(&path).unwrap();
         assert_eq!(
             journal.append("2026-01-01T00:00:00Z", &json!({"kind": "noted", "text": "one"})).unwrap(),
@@ -359,7 +361,7 @@ mod tests {
         let second = Journal::open(&path).unwrap_err();
         assert!(second.to_string().contains("another program runs this study"), "{second}");
         // Who reads is not kept out, and sees what is newest.
-        let reader = Journal::read(&path).unwrap();
+        let reader = Journal::open_read_only(&path).unwrap();
         assert_eq!(
             journal.append("2025-01-01T00:00:00Z", &json!({"kind": "noted", "text": "two"})).unwrap(),
             2
@@ -377,7 +379,7 @@ mod tests {
 
     #[test]
     fn files_that_are_no_journal_of_this_program_are_refused() {
-        let (_dir, path) = place();
+        let (_dir, path) = temp_journal();
         fs::write(&path, "not a database at all, but a text that somebody put here").unwrap();
         assert!(Journal::open(&path).unwrap_err().to_string().contains("file is not a database"));
         fs::remove_file(&path).unwrap();
@@ -389,29 +391,29 @@ mod tests {
     #[test]
     fn a_file_that_a_full_disk_left_empty_is_told_and_taken_up() {
         // It was of "format 0, another version of the program wrote it".
-        let (_dir, path) = place();
+        let (_dir, path) = temp_journal();
         File::create(&path).unwrap();
-        let error = Journal::read(&path).unwrap_err().to_string();
+        let error = Journal::open_read_only(&path).unwrap_err().to_string();
         assert!(error.contains("is empty") && error.contains("run the study again"), "{error}");
         Journal::open(&path).unwrap();
-        Journal::read(&path).unwrap();
+        Journal::open_read_only(&path).unwrap();
     }
 
     #[test]
     fn texts_are_kept_by_their_hash_and_tables_are_replaced() {
-        let (dir, path) = place();
+        let (dir, path) = temp_journal();
         let mut journal = Journal::open(&path).unwrap();
-        journal.keep_text("ab", "plan.toml", "participants = 1").unwrap();
-        journal.keep_text("ab", "plan.toml", "participants = 2").unwrap();
+        journal.store_text("ab", "plan.toml", "participants = 1").unwrap();
+        journal.store_text("ab", "plan.toml", "participants = 2").unwrap();
         assert_eq!(journal.text("ab").unwrap().as_deref(), Some("participants = 1"));
         assert_eq!(journal.text("cd").unwrap(), None);
-        const COLUMNS: &[Column] = &[
-            Column { name: "who", unit: "", meaning: "a name", source: "test" },
-            Column { name: "much", unit: "s", meaning: "a number", source: "test" },
+        const COLUMNS: &[TableColumn] = &[
+            TableColumn { name: "who", unit: "", meaning: "a name", source: "test" },
+            TableColumn { name: "much", unit: "s", meaning: "a number", source: "test" },
         ];
         let mut table = Table::new("trials", "a trial", COLUMNS);
         table.push(vec!["a".into(), 1.5.into()]);
-        table.push(vec!["b\"; DROP TABLE journal; --".into(), Cell::Missing]);
+        table.push(vec!["b\"; DROP TABLE journal; --".into(), TableCell::Missing]);
         journal.put_tables(std::slice::from_ref(&table)).unwrap();
         table.rows.truncate(1);
         journal.put_tables(&[table]).unwrap();
@@ -427,7 +429,7 @@ mod tests {
 
     #[test]
     fn a_full_disk_costs_only_what_was_not_acknowledged() {
-        let (_dir, path) = place();
+        let (_dir, path) = temp_journal();
         let mut journal = Journal::open(&path).unwrap();
         journal.db.pragma_update(None, "max_page_count", 8).unwrap();
         let long = "x".repeat(3000);

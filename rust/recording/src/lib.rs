@@ -23,12 +23,12 @@
 //!
 //! ```
 //! use proact_recording::{InputLog, TrialHeader, TrialWriter, read_result};
-//! use proact_types::{Gesture, SimTime, TickInput};
+//! use proact_types::{Command, SimTime, TickInput};
 //! # let place = tempfile::tempdir()?;
 //! # let dir = place.path().join("trial");
 //! let header = TrialHeader { config_toml: "method = \"D\"\n".into(), seed: 7, ..Default::default() };
 //! let mut trial = TrialWriter::create(&dir, &header)?;
-//! let keys = TickInput { gesture: Some(Gesture::WristFlexion), ..Default::default() };
+//! let keys = TickInput { command: Some(Command::WristFlexion), ..Default::default() };
 //! trial.write_input(SimTime(1), &keys)?;
 //! trial.write_input(SimTime(2), &TickInput::default())?;
 //! trial.write_digest(&serde_json::json!({"tick": 2, "hash": "9f86d081"}))?;
@@ -61,9 +61,9 @@ pub use error::RecordingError;
 pub use file_lock::FileLock;
 pub use format::RECORD_FORMAT;
 pub use input_log::{InputLog, InputRecord, LogEnd};
-pub use manifest::{hash_of, seal, sha256};
-pub use trial::{Trial, read_result};
-pub use trial_writer::{FLUSH_TICKS, StudyPlace, TrialHeader, TrialWriter};
+pub use manifest::{HASH_MISMATCH_TEXT, sha256, sha256_of_bytes, verify_manifest, write_manifest};
+pub use trial::{TrialRecord, check_lines, read_result};
+pub use trial_writer::{FLUSH_TICKS, StudyTrialId, TrialHeader, TrialWriter};
 
 /// Source commit of a program that was built without one, or of a record from before commits were written.
 pub const UNKNOWN_COMMIT: &str = "unknown";

@@ -1,7 +1,7 @@
 //! `SHA256SUMS`: a hash of every file of a finished record, as `sha256sum -c SHA256SUMS` checks it too.
 
 use crate::{MANIFEST_FILE, RecordingError, files, trial_writer::write_file};
-use proact_types::MOST_TEXT_BYTES;
+use proact_types::MAX_TEXT_BYTES;
 use sha2::{Digest, Sha256};
 use std::{
     collections::BTreeMap,
@@ -15,7 +15,7 @@ use std::{
 ///
 /// # Errors
 /// [`RecordingError::Io`].
-pub fn seal(dir: &Path) -> Result<(), RecordingError> {
+pub fn write_manifest(dir: &Path) -> Result<(), RecordingError> {
     let mut names = Vec::new();
     for entry in fs::read_dir(dir).map_err(RecordingError::io("read", dir))? {
         let entry = entry.map_err(RecordingError::io("read", dir))?;
@@ -28,20 +28,32 @@ pub fn seal(dir: &Path) -> Result<(), RecordingError> {
     let mut text = String::new();
     for name in names {
         let path = dir.join(&name);
-        let sum = hash(&path).map_err(RecordingError::io("read", &path))?;
+        let sum = sha256_of_file(&path).map_err(RecordingError::io("read", &path))?;
         text += &format!("{sum}  {name}\n");
     }
     write_file(&dir.join(MANIFEST_FILE), text.as_bytes())
 }
 
+/// Whether the files in `dir` are those that [`write_manifest`] wrote down; false if it did not.
+///
+/// # Errors
+/// [`RecordingError::Changed`] with every file that is missing or has another hash; [`RecordingError::Damaged`] for a manifest that
+/// cannot be read.
+pub fn verify_manifest(dir: &Path) -> Result<bool, RecordingError> {
+    check(dir, &[])
+}
+
+/// What [`RecordingError::Changed`] says of a file with another hash.
+pub const HASH_MISMATCH_TEXT: &str = "has changed";
+
 /// Compares the files in `dir` with the manifest. False if there is none.
 ///
 /// # Errors
 /// [`RecordingError::Changed`] with every file that is missing or has another hash, or that is in `expected` and the
-/// manifest does not cover; [`RecordingError::Damaged`] if the manifest itself is none.
+/// manifest does not cover; [`RecordingError::Damaged`] if the manifest itself cannot be read.
 pub(crate) fn check(dir: &Path, expected: &[&str]) -> Result<bool, RecordingError> {
     let path = dir.join(MANIFEST_FILE);
-    let text = match files::read(&path, MOST_TEXT_BYTES) {
+    let text = match files::read(&path, MAX_TEXT_BYTES) {
         Ok(text) => text,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
         Err(error) => return Err(RecordingError::io("read", &path)(error)),
@@ -64,9 +76,9 @@ pub(crate) fn check(dir: &Path, expected: &[&str]) -> Result<bool, RecordingErro
     }
     let mut changed: Vec<String> = Vec::new();
     for (name, sum) in &sums {
-        match hash(&dir.join(name)) {
+        match sha256_of_file(&dir.join(name)) {
             Ok(now) if now == *sum => {}
-            Ok(_) => changed.push(format!("{name} has changed")),
+            Ok(_) => changed.push(format!("{name} {HASH_MISMATCH_TEXT}")),
             Err(error) if error.kind() == io::ErrorKind::NotFound => {
                 changed.push(format!("{name} is missing"))
             }
@@ -92,7 +104,7 @@ fn parse(line: &[u8]) -> Option<(&str, &str)> {
 }
 
 /// SHA-256 of a file, 64 hexadecimal digits.
-fn hash(path: &Path) -> io::Result<String> {
+fn sha256_of_file(path: &Path) -> io::Result<String> {
     sha256(files::open(path)?)
 }
 
@@ -111,7 +123,7 @@ pub fn sha256(mut from: impl Read) -> io::Result<String> {
 }
 
 /// SHA-256 of some bytes, 64 hexadecimal digits.
-pub fn hash_of(bytes: &[u8]) -> String {
+pub fn sha256_of_bytes(bytes: &[u8]) -> String {
     hex(&Sha256::digest(bytes))
 }
 

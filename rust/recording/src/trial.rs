@@ -1,14 +1,15 @@
 use crate::{
-    CONFIG_FILE, DIGESTS_FILE, EVENTS_FILE, INPUTS_FILE, InputLog, InputRecord, MANIFEST_FILE, RECORD_FORMAT,
-    RESULT_FILE, RecordingError, TrialHeader,
-    checked_lines::{Lines, read_lines},
+    CONFIG_FILE, DIGESTS_FILE, EVENTS_FILE, INPUTS_FILE, InputLog, InputRecord, LogEnd, MANIFEST_FILE,
+    RECORD_FORMAT, RESULT_FILE, RecordingError, TrialHeader,
+    checked_lines::{ValidLines, read_lines},
     files, format,
     input_log::LogHeader,
     manifest,
     trial_writer::Coverage,
 };
-use proact_types::{Event, MOST_TEXT_BYTES, SimTime, TickInput};
+use proact_types::{Event, MAX_TEXT_BYTES, SimTime, TickInput};
 use serde::de::DeserializeOwned;
+use serde_json::Value;
 use std::{
     fs,
     io::ErrorKind,
@@ -21,34 +22,35 @@ use std::{
 /// before the trial did, counts what its digests vouch for: the inputs and events that the last good line of
 /// `digests.log` counts were written before it. What lies behind is left out.
 #[derive(Clone, Debug)]
-pub struct Trial {
+pub struct TrialRecord {
     dir: PathBuf,
     format: u32,
     header: TrialHeader,
-    finished: bool,
-    extent: Extent,
+    is_finished: bool,
+    extent: RecordExtent,
 }
 
 /// How much of a record counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Extent {
+struct RecordExtent {
     end: SimTime,
     digests: usize,
     inputs: u64,
     events: u64,
 }
 
-impl Trial {
+impl TrialRecord {
     /// Opens the trial in `dir` and checks it as a whole.
     ///
     /// # Errors
     /// [`RecordingError::NotATrial`] if there is none; [`RecordingError::WrongFormat`] for one of another program;
     /// [`RecordingError::Changed`] if a file of a finished trial, or one that the trial began with, is not what it was;
-    /// [`RecordingError::Damaged`] if bytes that a digest vouches for cannot be read.
+    /// [`RecordingError::Damaged`] if bytes that a digest vouches for cannot be read, [`RecordingError::UnknownKey`] if they have an
+    /// unknown key.
     pub fn open(dir: &Path) -> Result<Self, RecordingError> {
         let mut log = match InputLog::open(dir) {
             Ok(log) => log,
-            Err(error) => return Self::about_to_begin(dir, error),
+            Err(error) => return Self::open_unstarted(dir, error),
         };
         let own = [CONFIG_FILE, INPUTS_FILE, DIGESTS_FILE, EVENTS_FILE, RESULT_FILE];
         let manifest = manifest::check(dir, &own);
@@ -57,6 +59,14 @@ impl Trial {
             // A swapped log lists the hashes of another trial; only the manifest names the log itself.
             (Err(RecordingError::Changed { .. }), Err(RecordingError::Changed { dir, files })) => {
                 return Err(RecordingError::Changed { dir: dir.clone(), files: files.clone() });
+            }
+            (Err(RecordingError::Changed { dir, .. }), Ok(false))
+                if is_log_of_other_trial(&dir, &mut log) =>
+            {
+                let files = format!(
+                    "{INPUTS_FILE} is of another trial than {CONFIG_FILE}, {DIGESTS_FILE} and {RESULT_FILE}, which agree"
+                );
+                return Err(RecordingError::Changed { dir, files });
             }
             (header, _) => header?,
         };
@@ -68,8 +78,8 @@ impl Trial {
                 Err(error) => stop = Some(error),
             }
         }
-        let digests: Lines<Coverage> = read_lines(&dir.join(DIGESTS_FILE), true)?;
-        let events: Lines<Event> = read_lines(&dir.join(EVENTS_FILE), false)?;
+        let digests: ValidLines<Coverage> = read_lines(&dir.join(DIGESTS_FILE), true)?;
+        let events: ValidLines<Event> = read_lines(&dir.join(EVENTS_FILE), false)?;
         check_order(&dir.join(DIGESTS_FILE), &digests)?;
 
         let covered = |line: &Coverage| line.inputs <= inputs && line.events <= events.values.len() as u64;
@@ -77,26 +87,27 @@ impl Trial {
         // What is cut off is missing; what is damaged was changed, unless no digest vouches for it.
         let vouched = good < digests.values.len();
         let damaged = |error: &RecordingError| !matches!(error, RecordingError::Truncated { .. });
-        let stops = [(stop, vouched), (digests.stop, true), (events.stop, vouched)];
+        let stops = [(stop, vouched), (digests.error, true), (events.error, vouched)];
         for (error, counts) in stops {
             if let Some(error) = error.filter(|error| finished || (counts && damaged(error))) {
                 return Err(error);
             }
         }
         let last = digests.values[..good].last();
-        let extent = last.map_or(Extent::default(), |line| Extent {
+        let extent = last.map_or(RecordExtent::default(), |line| RecordExtent {
             end: line.tick,
             digests: good,
             inputs: line.inputs,
             events: line.events,
         });
-        let trial = Trial { dir: dir.to_owned(), format: log.format(), header, finished, extent };
+        let trial =
+            TrialRecord { dir: dir.to_owned(), format: log.format(), header, is_finished: finished, extent };
         // A result is written when the logs are on the disk: with it they are whole, if only the manifest is missing.
         if finished || dir.join(RESULT_FILE).exists() {
             let end = log.end().map_or(SimTime(0), |end| end.time);
             let whole = (end, digests.values.len(), inputs, events.values.len() as u64);
             if whole != (extent.end, extent.digests, extent.inputs, extent.events) {
-                return Err(trial.inconsistent(end));
+                return Err(trial.inconsistency_error(end));
             }
             // Whatever else is wrong was told before, with its place.
             manifest?;
@@ -106,14 +117,14 @@ impl Trial {
 
     /// The trial in `dir` if its process ended while it made the directory: there is a file for digests, with nothing in it
     /// yet, and no whole head of an input log.
-    fn about_to_begin(dir: &Path, error: RecordingError) -> Result<Self, RecordingError> {
+    fn open_unstarted(dir: &Path, error: RecordingError) -> Result<Self, RecordingError> {
         let empty = |name| fs::metadata(dir.join(name)).is_ok_and(|file| file.is_file() && file.len() == 0);
         let cut = matches!(error, RecordingError::NotATrial { .. } | RecordingError::Truncated { .. });
         if !cut || !empty(DIGESTS_FILE) || dir.join(MANIFEST_FILE).exists() {
             return Err(error);
         }
-        let (dir, header, extent) = (dir.to_owned(), TrialHeader::default(), Extent::default());
-        Ok(Trial { dir, format: RECORD_FORMAT, header, finished: false, extent })
+        let (dir, header, extent) = (dir.to_owned(), TrialHeader::default(), RecordExtent::default());
+        Ok(TrialRecord { dir, format: RECORD_FORMAT, header, is_finished: false, extent })
     }
 
     /// The format of the record.
@@ -125,13 +136,13 @@ impl Trial {
     ///
     /// # Errors
     /// [`RecordingError::WrongFormat`] with the program that replays it.
-    pub fn check_computed(&self) -> Result<(), RecordingError> {
+    pub fn check_replayable(&self) -> Result<(), RecordingError> {
         let writer = self.header.versions.get("proact").map(String::as_str);
-        format::check_computed(&self.dir, self.format, writer)
+        format::check_replayable(&self.dir, self.format, writer)
     }
 
-    fn inconsistent(&self, end: SimTime) -> RecordingError {
-        let Extent { end: digested, inputs, events, .. } = self.extent;
+    fn inconsistency_error(&self, end: SimTime) -> RecordingError {
+        let RecordExtent { end: digested, inputs, events, .. } = self.extent;
         RecordingError::Changed {
             dir: self.dir.clone(),
             files: format!(
@@ -144,7 +155,7 @@ impl Trial {
 
     /// Whether there is a trial in `dir`, of whatever kind: a log of inputs, or of digests if it was interrupted while its
     /// directory was made.
-    pub fn is_in(dir: &Path) -> bool {
+    pub fn exists_in(dir: &Path) -> bool {
         [INPUTS_FILE, DIGESTS_FILE].iter().any(|name| dir.join(name).is_file())
     }
 
@@ -160,8 +171,8 @@ impl Trial {
     }
 
     /// Whether the trial was brought to its end, and its record closed.
-    pub fn finished(&self) -> bool {
-        self.finished
+    pub fn is_finished(&self) -> bool {
+        self.is_finished
     }
 
     /// Last tick of the record; zero if it was interrupted before its first digest.
@@ -169,7 +180,7 @@ impl Trial {
         self.extent.end
     }
 
-    /// The inputs up to [`Trial::end`], in ascending order.
+    /// The inputs up to [`TrialRecord::end`], in ascending order.
     ///
     /// # Errors
     /// As [`InputLog::open`].
@@ -180,7 +191,7 @@ impl Trial {
         Ok(log.into_iter().flatten().take(usize::try_from(self.extent.inputs).unwrap_or(usize::MAX)))
     }
 
-    /// Each tick from the first to [`Trial::end`] with what came in; what is empty was not recorded.
+    /// Each tick from the first to [`TrialRecord::end`] with what came in; what is empty was not recorded.
     ///
     /// # Errors
     /// As [`InputLog::open`]; of an item, [`RecordingError::Damaged`].
@@ -200,25 +211,54 @@ impl Trial {
         }))
     }
 
-    /// The digest chain up to [`Trial::end`].
+    /// The digest chain up to [`TrialRecord::end`].
     ///
     /// # Errors
-    /// [`RecordingError::Damaged`] with the offset of a line that is no `T`.
+    /// [`RecordingError::Damaged`] with the offset of a line that is no JSON, [`RecordingError::UnknownKey`] with one that is no `T`.
     pub fn digests<T: DeserializeOwned>(&self) -> Result<Vec<T>, RecordingError> {
-        read_lines(&self.dir.join(DIGESTS_FILE), true)?.first(self.extent.digests)
+        read_lines(&self.dir.join(DIGESTS_FILE), true)?.take_first(self.extent.digests)
     }
 
-    /// The events up to [`Trial::end`].
+    /// The events up to [`TrialRecord::end`].
     ///
     /// # Errors
-    /// [`RecordingError::Damaged`] with the offset of the line.
+    /// [`RecordingError::Damaged`] with the offset of the line, [`RecordingError::UnknownKey`] with its unknown key.
     pub fn events(&self) -> Result<Vec<Event>, RecordingError> {
-        if self.extent == Extent::default() {
+        if self.extent == RecordExtent::default() {
             return Ok(Vec::new());
         }
         let lines = read_lines(&self.dir.join(EVENTS_FILE), false)?;
-        lines.first(usize::try_from(self.extent.events).unwrap_or(usize::MAX))
+        lines.take_first(usize::try_from(self.extent.events).unwrap_or(usize::MAX))
     }
+}
+
+/// Whether the input log alone is of another trial, in a record without a manifest: configuration, digests and result agree in the
+/// seed and in the last digest, and the log has another seed, or ends elsewhere than the digests.
+fn is_log_of_other_trial(dir: &Path, log: &mut InputLog) -> bool {
+    let Ok(Some((seed, last))) = seed_of_other_files(dir) else { return false };
+    log.by_ref().for_each(drop);
+    let ends_there = |end: LogEnd| (end.time, end.records) == (last.tick, last.inputs);
+    log.header().seed != seed || !log.end().is_some_and(ends_there)
+}
+
+/// Seed and last line of the digests, if configuration, digests and result agree in the seed and in the last digest.
+fn seed_of_other_files(dir: &Path) -> Result<Option<(u64, Coverage)>, RecordingError> {
+    let result: Value = read_result(dir)?;
+    let path = dir.join(CONFIG_FILE);
+    let config = files::read(&path, MAX_TEXT_BYTES).map_err(RecordingError::io("read", &path))?;
+    let config = String::from_utf8_lossy(&config);
+    let lines: ValidLines<Value> = read_lines(&dir.join(DIGESTS_FILE), true)?;
+    let mut coverage: ValidLines<Coverage> = read_lines(&dir.join(DIGESTS_FILE), true)?;
+    let (Some(line), Some(last)) = (lines.values.last(), coverage.values.pop()) else {
+        return Ok(None);
+    };
+    // The keys before the first section; a seed beyond what TOML has is a text.
+    let mut own = config.lines().take_while(|line| !line.starts_with('['));
+    let of_config =
+        own.find_map(|line| line.strip_prefix("seed = ")).map(|seed| seed.trim().trim_matches('"'));
+    let Some(seed) = result.get("seed").and_then(Value::as_u64) else { return Ok(None) };
+    let agree = of_config == Some(&*seed.to_string()) && result.get("digest") == line.get("chain");
+    Ok(agree.then_some((seed, last)))
 }
 
 /// What the trial began with, which must be what the head of the log says.
@@ -228,8 +268,8 @@ fn read_header(dir: &Path, head: &LogHeader) -> Result<TrialHeader, RecordingErr
     let not_of_it = |name: &str| format!("{name} is not the one that {INPUTS_FILE} was begun with");
     for (name, sum) in &head.files {
         let path = dir.join(name);
-        match files::read(&path, MOST_TEXT_BYTES) {
-            Ok(bytes) if manifest::hash_of(&bytes) == *sum => {
+        match files::read(&path, MAX_TEXT_BYTES) {
+            Ok(bytes) if manifest::sha256_of_bytes(&bytes) == *sum => {
                 files.insert(name.clone(), bytes);
             }
             Ok(_) => changed.push(not_of_it(name)),
@@ -240,8 +280,8 @@ fn read_header(dir: &Path, head: &LogHeader) -> Result<TrialHeader, RecordingErr
     let config_toml = files.remove(CONFIG_FILE).and_then(|bytes| String::from_utf8(bytes).ok());
     match config_toml {
         Some(config_toml) if changed.is_empty() => {
-            let LogHeader { seed, versions, commit, place, .. } = head.clone();
-            Ok(TrialHeader { config_toml, seed, versions, commit, place, files })
+            let LogHeader { seed, versions, commit, study_trial, .. } = head.clone();
+            Ok(TrialHeader { config_toml, seed, versions, commit, study_trial, files })
         }
         _ => {
             if changed.is_empty() {
@@ -253,7 +293,7 @@ fn read_header(dir: &Path, head: &LogHeader) -> Result<TrialHeader, RecordingErr
 }
 
 /// Each digest is of a later tick than the one before, and counts no less.
-fn check_order(path: &Path, digests: &Lines<Coverage>) -> Result<(), RecordingError> {
+fn check_order(path: &Path, digests: &ValidLines<Coverage>) -> Result<(), RecordingError> {
     let lines = digests.values.iter().zip(digests.values.iter().skip(1));
     for (number, (one, next)) in lines.enumerate() {
         if next.tick <= one.tick || next.inputs < one.inputs || next.events < one.events {
@@ -274,25 +314,40 @@ fn check_order(path: &Path, digests: &Lines<Coverage>) -> Result<(), RecordingEr
 ///
 /// # Errors
 /// [`RecordingError::Unfinished`] if the trial was broken off, [`RecordingError::NotATrial`] if there is none,
-/// [`RecordingError::Damaged`] if the file is not what it should be.
+/// [`RecordingError::UnknownKey`] for a key or value that is not one of `R`, [`RecordingError::Damaged`] for a file that is no JSON.
 pub fn read_result<R: DeserializeOwned>(dir: &Path) -> Result<R, RecordingError> {
     let path = dir.join(RESULT_FILE);
-    let bytes = files::read(&path, MOST_TEXT_BYTES).map_err(|source| match source.kind() {
+    let bytes = files::read(&path, MAX_TEXT_BYTES).map_err(|source| match source.kind() {
         ErrorKind::NotFound if dir.join(INPUTS_FILE).exists() => {
             RecordingError::Unfinished { dir: dir.to_owned() }
         }
         ErrorKind::NotFound => RecordingError::NotATrial { dir: dir.to_owned(), missing: INPUTS_FILE },
         _ => RecordingError::Io { action: "read", path: path.clone(), source },
     })?;
-    serde_json::from_slice(&bytes).map_err(|error| RecordingError::Damaged {
-        file: path,
-        offset: byte_of(&bytes, error.line(), error.column()),
-        reason: error.to_string(),
+    serde_json::from_slice(&bytes).map_err(|error| {
+        let offset = byte_offset(&bytes, error.line(), error.column());
+        RecordingError::json(&path, error.line().max(1), offset, &error)
     })
 }
 
+/// Refuses the file `name` of JSON lines in `dir` if a line has keys or values that are not those of `T`. A file that is not there
+/// and a last line that is cut off pass.
+///
+/// # Errors
+/// [`RecordingError::UnknownKey`] with the line; [`RecordingError::Io`].
+pub fn check_lines<T: DeserializeOwned>(dir: &Path, name: &str) -> Result<(), RecordingError> {
+    let path = dir.join(name);
+    if !path.exists() {
+        return Ok(());
+    }
+    match read_lines::<T>(&path, false)?.error {
+        Some(error @ RecordingError::UnknownKey { .. }) => Err(error),
+        _ => Ok(()),
+    }
+}
+
 /// Byte offset of a line and column, both from one, as serde_json reports them.
-fn byte_of(bytes: &[u8], line: usize, column: usize) -> u64 {
+fn byte_offset(bytes: &[u8], line: usize, column: usize) -> u64 {
     let before: usize =
         bytes.split_inclusive(|b| *b == b'\n').take(line.saturating_sub(1)).map(<[u8]>::len).sum();
     (before + column.saturating_sub(1)) as u64

@@ -4,7 +4,7 @@ use crate::{
     input_log::{InputLogWriter, LogHeader},
     manifest,
 };
-use proact_files::{make_folder, write_whole};
+use proact_files::{make_folder, write_atomically};
 use proact_types::{Event, EventKind, SimTime, TickInput};
 use serde::{Deserialize, Serialize};
 use std::{
@@ -20,7 +20,7 @@ pub const FLUSH_TICKS: u64 = 100;
 /// The place of a trial in a study. All numbers count from 1.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct StudyPlace {
+pub struct StudyTrialId {
     /// The participant's place in the plan.
     pub participant: usize,
     /// Name of the session.
@@ -33,7 +33,7 @@ pub struct StudyPlace {
     pub attempt: usize,
 }
 
-impl std::fmt::Display for StudyPlace {
+impl std::fmt::Display for StudyTrialId {
     fn fmt(&self, to: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { participant, session, condition, trial, attempt } = self;
         write!(
@@ -55,7 +55,7 @@ pub struct TrialHeader {
     /// Source commit of the program that records, or [`UNKNOWN_COMMIT`](crate::UNKNOWN_COMMIT).
     pub commit: String,
     /// Where in a study the trial belongs; none for a trial of its own.
-    pub place: Option<StudyPlace>,
+    pub study_trial: Option<StudyTrialId>,
     /// What else the trial depends on, as files by name: a trained classifier, the description of an arm.
     pub files: BTreeMap<String, Vec<u8>>,
 }
@@ -78,7 +78,7 @@ impl Default for TrialHeader {
             seed: 0,
             versions: BTreeMap::new(),
             commit: UNKNOWN_COMMIT.to_owned(),
-            place: None,
+            study_trial: None,
             files: BTreeMap::new(),
         }
     }
@@ -87,7 +87,7 @@ impl Default for TrialHeader {
 /// A line of `digests.log`: a digest, and of how much it can be recomputed. Inputs and events that are counted here were
 /// handed to the operating system before.
 #[derive(Debug, Serialize)]
-struct Acknowledged<'a, T> {
+struct DigestLine<'a, T> {
     #[serde(flatten)]
     digest: &'a T,
     inputs: u64,
@@ -164,13 +164,13 @@ impl TrialWriter {
             file.write_all(bytes)
                 .and_then(|()| file.sync_all())
                 .map_err(RecordingError::io("write to", &path))?;
-            files.insert(name.to_owned(), manifest::hash_of(bytes));
+            files.insert(name.to_owned(), manifest::sha256_of_bytes(bytes));
         }
         let log_header = LogHeader {
             seed: header.seed,
             versions: header.versions.clone(),
             commit: header.commit.clone(),
-            place: header.place.clone(),
+            study_trial: header.study_trial.clone(),
             files,
         };
         // Last: a directory with an input log has all that a trial begins with.
@@ -224,7 +224,7 @@ impl TrialWriter {
         self.inputs.flush()?;
         self.events.flush()?;
         let (inputs, events) = (self.inputs.records(), self.events.lines());
-        self.digests.write(&Acknowledged { digest, inputs, events })?;
+        self.digests.write(&DigestLine { digest, inputs, events })?;
         self.digests.flush()
     }
 
@@ -255,7 +255,7 @@ impl TrialWriter {
         self.events.finish()?;
         self.digests.finish()?;
         write_file(&self.dir.join(RESULT_FILE), &json)?;
-        manifest::seal(&self.dir)?;
+        manifest::write_manifest(&self.dir)?;
         Ok(self.dir)
     }
 
@@ -267,7 +267,7 @@ impl TrialWriter {
 
 /// Writes a file of a record as a whole.
 pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), RecordingError> {
-    write_whole(path, bytes).map_err(|error| RecordingError::io("write", path)(error.into()))
+    write_atomically(path, bytes).map_err(|error| RecordingError::io("write", path)(error.into()))
 }
 
 /// A new name is on the disk only when the directory is.

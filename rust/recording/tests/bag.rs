@@ -2,11 +2,11 @@
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)]
 
 use proact_arm::{ArmModel, Joint, JointKind, JointLimits, Link};
-use proact_messages::known_type;
+use proact_messages::builtin_type;
 use proact_recording::{
     BAG_FILE, RecordingError, TrialBag,
     bag::{
-        BAG_EPOCH_SECS, Message,
+        BAG_EPOCH_SECS, RosMessage,
         messages::{
             Bool, Clock, Float64, GazeboGraspEvent, Int8, JointState, JointTrajectory, Log, ModelStates,
             Text, TfMessage, Vector3Stamped,
@@ -14,7 +14,7 @@ use proact_recording::{
     },
 };
 use proact_types::{
-    BodyState, DisplayFrame, Event, EventKind, GazeSample, Gesture, HandState, HandView, Object, ObjectId,
+    BodyState, Command, DisplayFrame, Event, EventKind, GazeSample, HandState, HandView, Object, ObjectId,
     PlanReply, PlanStatus, PlannerView, PlantState, Point, Pose, Scene, Shape, SimTime, TargetView,
     Trajectory, TrajectoryPoint, Vector, joints, zeros,
 };
@@ -23,7 +23,7 @@ use std::{
     collections::BTreeMap,
     fs,
     path::{Path, PathBuf},
-    process::{Command, Output},
+    process::{self, Output},
 };
 
 const SECONDS: u64 = 20;
@@ -72,7 +72,7 @@ fn arm() -> ArmModel {
 fn scene() -> Scene {
     let names = ["redcylinder1", "redcylinder2", "bluecylinder1", "bluecylinder2"];
     let shape = Shape::Cylinder { radius: 0.025, length: 0.05 };
-    let block = |name| Object::plain(name, shape, 0.1, Pose::identity());
+    let block = |name| Object::with_default_friction(name, shape, 0.1, Pose::identity());
     Scene { objects: names.map(block).to_vec(), ..Scene::default() }
 }
 
@@ -89,7 +89,7 @@ fn frame(time: SimTime) -> DisplayFrame {
         objects: (0..4).map(|k| Pose::translation(0.058, -0.2 + 0.01 * f64::from(k), 1.04)).collect(),
         hand: HandView {
             state: if holding { HandState::Closed } else { HandState::Open },
-            holds: holding.then_some(ObjectId(2)),
+            held_object: holding.then_some(ObjectId(2)),
         },
         gaze: None,
         target: TargetView {
@@ -101,15 +101,15 @@ fn frame(time: SimTime) -> DisplayFrame {
         planner: PlannerView::Idle,
         mode: None,
         stop: None,
-        gesture: Gesture::NoMotion,
-        recognised: Gesture::NoMotion.into(),
+        command: Command::NoMotion,
+        recognized_gesture: Command::NoMotion.into(),
         confidence: 1.0,
         effort: 0.5,
         emg_source: "keys".to_owned(),
         time_left_secs: 300.0 - secs,
-        goal: None,
-        next: Some(ObjectId(0)),
-        asked: None,
+        plan_goal: None,
+        next_object: Some(ObjectId(0)),
+        task_goal: None,
         score: 0,
         finished: false,
         events: Vec::new(),
@@ -121,14 +121,14 @@ fn frame(time: SimTime) -> DisplayFrame {
 fn state(time: SimTime) -> PlantState {
     let body = BodyState {
         pose: Pose::translation(0.058, -0.2, 1.04),
-        linear: Vector::new(0.1, 0.0, 0.0),
-        angular: Vector::new(0.0, 0.0, time.as_secs()),
+        linear_velocity: Vector::new(0.1, 0.0, 0.0),
+        angular_velocity: Vector::new(0.0, 0.0, time.as_secs()),
     };
     PlantState {
         position: joints(&[0.1, 4.0, -0.3]),
         velocity: joints(&[1.0, 2.0, 3.0]),
         effort: joints(&[10.0, 20.0, 30.0]),
-        stop_effort: joints(&[0.0, 0.5, -0.25]),
+        limit_effort: joints(&[0.0, 0.5, -0.25]),
         world_from_base: frame(time).world_from_base,
         base_held: false,
         objects: [body; 4].into_iter().collect(),
@@ -140,7 +140,7 @@ fn state(time: SimTime) -> PlantState {
 fn plan() -> PlanReply {
     let point = |time_secs: f64| TrajectoryPoint { time_secs, q: joints(&[0.5, 0.6]), qd: zeros(2) };
     let trajectory = Trajectory { points: vec![point(0.0), point(1.25)] };
-    PlanReply { id: 1, status: PlanStatus::Ok, trajectory, reason: String::new(), clearance: None }
+    PlanReply { id: 1, status: PlanStatus::Ok, trajectory, reason: String::new(), clearance_m: None }
 }
 
 /// Everything that a trial writes, for `SECONDS` simulated seconds.
@@ -154,7 +154,7 @@ fn write_trial(bag: &mut TrialBag) {
             bag.write_state(now, &state(now)).unwrap();
         }
         if tick % 50 == 0 {
-            bag.write_emg(now, Gesture::ALL[tick as usize / 50 % 5]).unwrap();
+            bag.write_emg(now, Command::ALL[tick as usize / 50 % 5]).unwrap();
             // Every second sample is a blink.
             let gaze = GazeSample {
                 origin: Point::new(-0.5, 0.0, 1.7),
@@ -246,18 +246,18 @@ fn read_bag(path: &Path) -> Topics {
     topics
 }
 
-fn last<M: Message>(topics: &Topics, topic: &str) -> M {
+fn last<M: RosMessage>(topics: &Topics, topic: &str) -> M {
     let (type_name, messages) = &topics[topic];
     assert_eq!(type_name, M::TYPE);
-    known_type(M::TYPE).unwrap().from_bytes(&messages.last().unwrap().1).unwrap().into_struct().unwrap()
+    builtin_type(M::TYPE).unwrap().from_bytes(&messages.last().unwrap().1).unwrap().into_struct().unwrap()
 }
 
 #[test]
 fn a_trials_bag_holds_the_trial() {
-    let place = tempfile::tempdir().unwrap();
-    let path = finished_bag(place.path());
-    assert_eq!(path, place.path().join("trial.bag"));
-    assert_eq!(fs::read_dir(place.path()).unwrap().count(), 1, "the active name is gone");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let path = finished_bag(temp_dir.path());
+    assert_eq!(path, temp_dir.path().join("trial.bag"));
+    assert_eq!(fs::read_dir(temp_dir.path()).unwrap().count(), 1, "the active name is gone");
     let topics = read_bag(&path);
 
     let frames = (LAST_TICK.0 / 17 + 1) as usize;
@@ -329,8 +329,8 @@ fn a_trials_bag_holds_the_trial() {
 
 #[test]
 fn tf_carries_the_arms_forward_kinematics() {
-    let place = tempfile::tempdir().unwrap();
-    let topics = read_bag(&finished_bag(place.path()));
+    let temp_dir = tempfile::tempdir().unwrap();
+    let topics = read_bag(&finished_bag(temp_dir.path()));
     let tf: TfMessage = last(&topics, "/tf");
     let wrist = tf.transforms.iter().find(|t| t.child_frame_id == "wrist").unwrap();
     assert_eq!(wrist.header.frame_id, "upper");
@@ -349,8 +349,8 @@ fn equal_trials_give_equal_bags() {
 
 #[test]
 fn malformed_frames_states_and_plans_are_refused_whole() {
-    let place = tempfile::tempdir().unwrap();
-    let mut bag = TrialBag::create(&place.path().join(BAG_FILE), &arm(), &scene()).unwrap();
+    let temp_dir = tempfile::tempdir().unwrap();
+    let mut bag = TrialBag::create(&temp_dir.path().join(BAG_FILE), &arm(), &scene()).unwrap();
     let now = SimTime(17);
     let not_finite = |r: Result<(), RecordingError>| matches!(r, Err(RecordingError::NotFinite { .. }));
     let wrong_length = |r: Result<(), RecordingError>| matches!(r, Err(RecordingError::WrongLength { .. }));
@@ -395,8 +395,8 @@ fn malformed_frames_states_and_plans_are_refused_whole() {
 
 #[test]
 fn a_topic_keeps_its_type() {
-    let place = tempfile::tempdir().unwrap();
-    let mut bag = TrialBag::create(&place.path().join(BAG_FILE), &arm(), &scene()).unwrap();
+    let temp_dir = tempfile::tempdir().unwrap();
+    let mut bag = TrialBag::create(&temp_dir.path().join(BAG_FILE), &arm(), &scene()).unwrap();
     bag.write("/mode", SimTime(1), &Int8 { data: 3 }).unwrap();
     let error = bag.write("/mode", SimTime(2), &Float64 { data: 3.0 }).unwrap_err();
     assert_eq!(
@@ -407,10 +407,10 @@ fn a_topic_keeps_its_type() {
 
 #[test]
 fn no_bag_is_overwritten_and_none_is_begun_where_nothing_can_be_written() {
-    let place = tempfile::tempdir().unwrap();
-    let path = finished_bag(place.path());
+    let temp_dir = tempfile::tempdir().unwrap();
+    let path = finished_bag(temp_dir.path());
     let before = fs::read(&path).unwrap();
-    let error = TrialBag::create(&place.path().join(BAG_FILE), &arm(), &scene()).unwrap_err();
+    let error = TrialBag::create(&temp_dir.path().join(BAG_FILE), &arm(), &scene()).unwrap_err();
     assert!(error.to_string().contains("trial.bag"), "{error}");
     assert!(before == fs::read(&path).unwrap());
     assert!(TrialBag::create(&path, &arm(), &scene()).is_err());
@@ -418,12 +418,12 @@ fn no_bag_is_overwritten_and_none_is_begun_where_nothing_can_be_written() {
 
 /// Runs a program of Debian's with Debian's Python; none, with a word on the console, if it is not there.
 fn debian_python(arguments: &[&str]) -> Option<Output> {
-    let probe = Command::new("/usr/bin/python3").args(["-c", "import rosbag"]).output();
+    let probe = process::Command::new("/usr/bin/python3").args(["-c", "import rosbag"]).output();
     if !probe.is_ok_and(|p| p.status.success()) {
         println!("skipped: python3-rosbag is not installed (sudo apt install python3-rosbag)");
         return None;
     }
-    Some(Command::new("/usr/bin/python3").args(arguments).output().unwrap())
+    Some(process::Command::new("/usr/bin/python3").args(arguments).output().unwrap())
 }
 
 fn check_script() -> String {
@@ -432,8 +432,8 @@ fn check_script() -> String {
 
 #[test]
 fn python_rosbag_reads_every_message() {
-    let place = tempfile::tempdir().unwrap();
-    let path = finished_bag(place.path());
+    let temp_dir = tempfile::tempdir().unwrap();
+    let path = finished_bag(temp_dir.path());
     let Some(output) = debian_python(&[&check_script(), path.to_str().unwrap()]) else { return };
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{errors}");
@@ -461,17 +461,17 @@ fn messages(path: &Path) -> Vec<String> {
         found.push(format!("{message:?}"));
         Ok(())
     });
-    assert_eq!(end.unwrap(), proact_recording::bag::BagEnd::Whole);
+    assert_eq!(end.unwrap(), proact_recording::bag::BagEnd::Complete);
     found
 }
 
 #[test]
 fn a_compressed_bag_has_the_same_messages_in_a_fraction_of_the_size_and_ros_reads_it() {
-    let place = tempfile::tempdir().unwrap();
-    let plain = finished_bag(place.path());
-    let path = place.path().join("small.bag");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let plain = finished_bag(temp_dir.path());
+    let path = temp_dir.path().join("small.bag");
     let mut bag = TrialBag::create(&path, &arm(), &scene()).unwrap();
-    bag.compress();
+    bag.enable_compression();
     write_trial(&mut bag);
     let small = bag.finish(LAST_TICK).unwrap();
     assert_eq!(messages(&plain), messages(&small));
@@ -490,10 +490,10 @@ fn a_compressed_bag_has_the_same_messages_in_a_fraction_of_the_size_and_ros_read
 
 #[test]
 fn the_python_check_refuses_a_wrong_sum() {
-    let place = tempfile::tempdir().unwrap();
-    let path = finished_bag(place.path());
+    let temp_dir = tempfile::tempdir().unwrap();
+    let path = finished_bag(temp_dir.path());
     let mut bytes = fs::read(&path).unwrap();
-    let kind = known_type(Bool::TYPE).unwrap();
+    let kind = builtin_type(Bool::TYPE).unwrap();
     let sum = kind.md5();
     let found: Vec<usize> =
         (0..bytes.len() - 32).filter(|at| bytes[*at..].starts_with(sum.as_bytes())).collect();
@@ -508,13 +508,13 @@ fn the_python_check_refuses_a_wrong_sum() {
 
 #[test]
 fn a_bag_that_was_broken_off_is_recovered_by_rosbag_reindex() {
-    let place = tempfile::tempdir().unwrap();
-    let mut bag = TrialBag::create(&place.path().join(BAG_FILE), &arm(), &scene()).unwrap();
+    let temp_dir = tempfile::tempdir().unwrap();
+    let mut bag = TrialBag::create(&temp_dir.path().join(BAG_FILE), &arm(), &scene()).unwrap();
     write_trial(&mut bag);
     // A crash runs no destructor: the open chunk is gone.
     std::mem::forget(bag);
-    let active = place.path().join("trial.bag.active");
-    assert!(active.exists() && !place.path().join("trial.bag").exists());
+    let active = temp_dir.path().join("trial.bag.active");
+    assert!(active.exists() && !temp_dir.path().join("trial.bag").exists());
     let active = active.to_str().unwrap();
     let Some(output) = debian_python(&[&check_script(), active]) else { return };
     assert!(!output.status.success(), "an unfinished bag has no index");

@@ -5,8 +5,8 @@ mod common;
 
 use common::{Digest, digest, event, header, input, write_trial};
 use proact_recording::{
-    CONFIG_FILE, DIGESTS_FILE, EVENTS_FILE, INPUTS_FILE, MANIFEST_FILE, RESULT_FILE, RecordingError, Trial,
-    TrialHeader, TrialWriter, seal,
+    CONFIG_FILE, DIGESTS_FILE, EVENTS_FILE, INPUTS_FILE, MANIFEST_FILE, RESULT_FILE, RecordingError,
+    TrialHeader, TrialRecord, TrialWriter, write_manifest,
 };
 use proact_types::SimTime;
 use std::{fs, path::Path, process::Command};
@@ -29,7 +29,7 @@ fn write_killed(dir: &Path) {
 
 /// What is read of a trial: its last tick, inputs, digests and events.
 fn read(dir: &Path) -> Result<(u64, usize, usize, usize), RecordingError> {
-    let trial = Trial::open(dir)?;
+    let trial = TrialRecord::open(dir)?;
     let inputs: Vec<_> = trial.inputs()?.collect::<Result<_, _>>()?;
     for record in &inputs {
         assert_eq!(record.input, input(record.tick.0));
@@ -50,10 +50,10 @@ fn up_to(span: u64) -> (u64, usize, usize, usize) {
 
 #[test]
 fn a_killed_trial_is_read_up_to_its_last_digest_whatever_lies_behind() {
-    let place = tempfile::tempdir().unwrap();
-    let dir = place.path().join("trial");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let dir = temp_dir.path().join("trial");
     write_killed(&dir);
-    assert!(!Trial::open(&dir).unwrap().finished());
+    assert!(!TrialRecord::open(&dir).unwrap().is_finished());
     assert_eq!(read(&dir).unwrap(), up_to(10));
     assert!(matches!(
         proact_recording::read_result::<serde_json::Value>(&dir),
@@ -76,8 +76,8 @@ fn a_killed_trial_is_read_up_to_its_last_digest_whatever_lies_behind() {
 
 #[test]
 fn a_killed_trial_whose_files_are_cut_anywhere_is_read_up_to_what_all_of_them_hold() {
-    let place = tempfile::tempdir().unwrap();
-    let dir = place.path().join("trial");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let dir = temp_dir.path().join("trial");
     write_killed(&dir);
     for name in [INPUTS_FILE, DIGESTS_FILE, EVENTS_FILE] {
         let path = dir.join(name);
@@ -98,7 +98,7 @@ fn a_killed_trial_whose_files_are_cut_anywhere_is_read_up_to_what_all_of_them_ho
         for cut in [0, 5, head / 2] {
             if cut < head {
                 fs::write(&path, &good[..cut]).unwrap();
-                assert!(matches!(Trial::open(&dir), Err(RecordingError::Truncated { records: 0, .. })));
+                assert!(matches!(TrialRecord::open(&dir), Err(RecordingError::Truncated { records: 0, .. })));
             }
         }
         fs::write(&path, good).unwrap();
@@ -112,8 +112,8 @@ fn header_bytes(log: &[u8]) -> usize {
 
 #[test]
 fn a_trial_that_was_killed_while_its_directory_was_made_has_no_length_and_is_no_error() {
-    let place = tempfile::tempdir().unwrap();
-    let dir = place.path().join("trial");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let dir = temp_dir.path().join("trial");
     std::mem::forget(TrialWriter::create(&dir, &header()).unwrap());
     assert_eq!(read(&dir).unwrap(), (0, 0, 0, 0));
     let log = fs::read(dir.join(INPUTS_FILE)).unwrap();
@@ -127,13 +127,13 @@ fn a_trial_that_was_killed_while_its_directory_was_made_has_no_length_and_is_no_
     }
     // A folder that never was one.
     fs::remove_file(dir.join(DIGESTS_FILE)).unwrap();
-    assert!(matches!(Trial::open(&dir), Err(RecordingError::NotATrial { missing: INPUTS_FILE, .. })));
+    assert!(matches!(TrialRecord::open(&dir), Err(RecordingError::NotATrial { missing: INPUTS_FILE, .. })));
 }
 
 #[test]
 fn a_change_in_what_a_digest_vouches_for_is_refused_in_an_interrupted_trial_too() {
-    let place = tempfile::tempdir().unwrap();
-    let dir = place.path().join("trial");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let dir = temp_dir.path().join("trial");
     write_killed(&dir);
     for name in [INPUTS_FILE, DIGESTS_FILE] {
         let path = dir.join(name);
@@ -141,7 +141,7 @@ fn a_change_in_what_a_digest_vouches_for_is_refused_in_an_interrupted_trial_too(
         let mut bad = good.clone();
         bad[good.len() / 2] ^= 0x10;
         fs::write(&path, bad).unwrap();
-        assert!(matches!(Trial::open(&dir), Err(RecordingError::Damaged { .. })), "{name}");
+        assert!(matches!(TrialRecord::open(&dir), Err(RecordingError::Damaged { .. })), "{name}");
         fs::write(&path, good).unwrap();
     }
     // Lines of digests twice, or in another order.
@@ -149,11 +149,11 @@ fn a_change_in_what_a_digest_vouches_for_is_refused_in_an_interrupted_trial_too(
     let good = fs::read_to_string(&path).unwrap();
     let mut lines: Vec<&str> = good.split_inclusive('\n').collect();
     fs::write(&path, good.repeat(2)).unwrap();
-    let error = Trial::open(&dir).unwrap_err().to_string();
+    let error = TrialRecord::open(&dir).unwrap_err().to_string();
     assert!(error.contains("the digest of tick 100 stands after that of tick 1000"), "{error}");
     lines.swap(2, 3);
     fs::write(&path, lines.concat()).unwrap();
-    assert!(matches!(Trial::open(&dir), Err(RecordingError::Damaged { .. })));
+    assert!(matches!(TrialRecord::open(&dir), Err(RecordingError::Damaged { .. })));
     fs::write(&path, good).unwrap();
 
     for name in [CONFIG_FILE, "classifier.json"] {
@@ -161,14 +161,14 @@ fn a_change_in_what_a_digest_vouches_for_is_refused_in_an_interrupted_trial_too(
         let good = fs::read(&path).unwrap();
         for bad in [b"".as_slice(), &good[1..]] {
             fs::write(&path, bad).unwrap();
-            let error = Trial::open(&dir).unwrap_err().to_string();
+            let error = TrialRecord::open(&dir).unwrap_err().to_string();
             assert!(
                 error.contains(&format!("{name} is not the one that {INPUTS_FILE} was begun with")),
                 "{error}"
             );
         }
         fs::remove_file(&path).unwrap();
-        let error = Trial::open(&dir).unwrap_err().to_string();
+        let error = TrialRecord::open(&dir).unwrap_err().to_string();
         assert!(error.contains(&format!("{name} is missing")), "{error}");
         fs::write(&path, good).unwrap();
     }
@@ -176,11 +176,11 @@ fn a_change_in_what_a_digest_vouches_for_is_refused_in_an_interrupted_trial_too(
 
 #[test]
 fn a_finished_trial_is_refused_when_any_of_its_files_is_not_as_it_was() {
-    let place = tempfile::tempdir().unwrap();
-    let dir = place.path().join("trial");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let dir = temp_dir.path().join("trial");
     write_trial(&dir, 600);
-    let trial = Trial::open(&dir).unwrap();
-    assert!(trial.finished());
+    let trial = TrialRecord::open(&dir).unwrap();
+    assert!(trial.is_finished());
     assert_eq!(trial.end(), SimTime(600));
 
     let mut names: Vec<String> = fs::read_dir(&dir)
@@ -209,63 +209,99 @@ fn a_finished_trial_is_refused_when_any_of_its_files_is_not_as_it_was() {
                 continue;
             }
             fs::write(&path, &bad).unwrap();
-            assert!(Trial::open(&dir).is_err(), "{name} of {} instead of {} bytes", bad.len(), good.len());
+            assert!(
+                TrialRecord::open(&dir).is_err(),
+                "{name} of {} instead of {} bytes",
+                bad.len(),
+                good.len()
+            );
         }
         fs::remove_file(&path).unwrap();
-        let error = Trial::open(&dir).unwrap_err().to_string();
+        let error = TrialRecord::open(&dir).unwrap_err().to_string();
         assert!(error.contains(name.as_str()), "{error}");
         fs::write(&path, &good).unwrap();
-        Trial::open(&dir).unwrap();
+        TrialRecord::open(&dir).unwrap();
     }
 }
 
 #[test]
 fn an_input_log_of_another_trial_is_named_itself() {
     // Named were the files whose hashes the foreign log has, which were all as they had been written.
-    let place = tempfile::tempdir().unwrap();
-    let (dir, other) = (place.path().join("trial"), place.path().join("other"));
+    let temp_dir = tempfile::tempdir().unwrap();
+    let (dir, other) = (temp_dir.path().join("trial"), temp_dir.path().join("other"));
     write_trial(&dir, 600);
     let config_toml = "# another trial\nmethod = \"A\"\n".to_owned();
     TrialWriter::create(&other, &TrialHeader { config_toml, ..header() }).unwrap();
     fs::copy(other.join(INPUTS_FILE), dir.join(INPUTS_FILE)).unwrap();
-    let error = Trial::open(&dir).unwrap_err().to_string();
+    let error = TrialRecord::open(&dir).unwrap_err().to_string();
     assert!(error.contains("as it was recorded: inputs.log has changed; expected"), "{error}");
-    // Without a manifest either file may be the foreign one.
+    // Without a manifest either file may be the foreign one, unless result and digests agree with the other.
     fs::remove_file(dir.join(MANIFEST_FILE)).unwrap();
-    let error = Trial::open(&dir).unwrap_err().to_string();
+    let error = TrialRecord::open(&dir).unwrap_err().to_string();
     assert!(error.contains("config.toml is not the one that inputs.log was begun with"), "{error}");
 }
 
 #[test]
+fn an_input_log_of_another_trial_is_named_without_a_manifest_where_all_others_agree() {
+    // Named was config.toml, which was as it had been written.
+    let temp_dir = tempfile::tempdir().unwrap();
+    let write = |name: &str, seed: u64, ticks: u64| {
+        let dir = temp_dir.path().join(name);
+        let config_toml = format!("seed = {seed}\n[setup]\nname = \"seated\"\n");
+        let mut trial = TrialWriter::create(&dir, &TrialHeader { config_toml, seed, ..header() }).unwrap();
+        (1..=ticks).for_each(|tick| trial.write_input(SimTime(tick), &input(tick)).unwrap());
+        trial.write_digest(&serde_json::json!({"tick": ticks, "chain": name})).unwrap();
+        trial.finish(SimTime(ticks), &serde_json::json!({"seed": seed, "digest": name})).unwrap();
+        fs::remove_file(dir.join(MANIFEST_FILE)).unwrap();
+        dir
+    };
+    let dir = write("trial", 1, 30);
+    // Of another seed, and of the same seed and another length.
+    for (name, seed, ticks) in [("of_another_seed", 2, 30), ("of_another_length", 1, 20)] {
+        let other = write(name, seed, ticks);
+        let own = fs::read(dir.join(INPUTS_FILE)).unwrap();
+        fs::write(dir.join(CONFIG_FILE), "seed = 1\n# the same, and not the text that the log knows\n")
+            .unwrap();
+        fs::copy(other.join(INPUTS_FILE), dir.join(INPUTS_FILE)).unwrap();
+        let error = TrialRecord::open(&dir).unwrap_err().to_string();
+        assert!(error.contains("inputs.log is of another trial than config.toml, digests.log"), "{error}");
+        fs::write(dir.join(INPUTS_FILE), own).unwrap();
+        // An edited configuration is named itself.
+        let error = TrialRecord::open(&dir).unwrap_err().to_string();
+        assert!(error.contains("config.toml is not the one that inputs.log was begun with"), "{error}");
+    }
+}
+
+#[test]
 fn a_manifest_that_was_made_anew_over_a_shortened_log_is_refused_all_the_same() {
-    let place = tempfile::tempdir().unwrap();
-    let dir = place.path().join("trial");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let dir = temp_dir.path().join("trial");
     write_trial(&dir, 600);
     let path = dir.join(DIGESTS_FILE);
     let good = fs::read_to_string(&path).unwrap();
     let head: String = good.split_inclusive('\n').take(3).collect();
     fs::write(&path, head).unwrap();
-    seal(&dir).unwrap();
-    let error = Trial::open(&dir).unwrap_err().to_string();
+    write_manifest(&dir).unwrap();
+    let error = TrialRecord::open(&dir).unwrap_err().to_string();
     assert!(error.contains("ends at tick 600") && error.contains("at tick 300"), "{error}");
 
     // A manifest that leaves a file out, or is none.
     fs::write(&path, good).unwrap();
-    seal(&dir).unwrap();
+    write_manifest(&dir).unwrap();
     let manifest = fs::read_to_string(dir.join(MANIFEST_FILE)).unwrap();
     let without: String = manifest.split_inclusive('\n').filter(|line| !line.contains(EVENTS_FILE)).collect();
     fs::write(dir.join(MANIFEST_FILE), without).unwrap();
-    let error = Trial::open(&dir).unwrap_err().to_string();
+    let error = TrialRecord::open(&dir).unwrap_err().to_string();
     assert!(error.contains("events.jsonl is not in SHA256SUMS"), "{error}");
     // Without it the trial counts as interrupted, and its logs must be whole all the same: there is a result.
     fs::remove_file(dir.join(MANIFEST_FILE)).unwrap();
     assert_eq!(
-        Trial::open(&dir).map(|trial| (trial.finished(), trial.end())).unwrap(),
+        TrialRecord::open(&dir).map(|trial| (trial.is_finished(), trial.end())).unwrap(),
         (false, SimTime(600))
     );
     let lines = fs::read_to_string(&path).unwrap();
     fs::write(&path, lines.split_inclusive('\n').take(3).collect::<String>()).unwrap();
-    assert!(matches!(Trial::open(&dir), Err(RecordingError::Changed { .. })));
+    assert!(matches!(TrialRecord::open(&dir), Err(RecordingError::Changed { .. })));
     fs::write(&path, lines).unwrap();
 
     let doubled = manifest.repeat(2);
@@ -280,18 +316,18 @@ fn a_manifest_that_was_made_anew_over_a_shortened_log_is_refused_all_the_same() 
         &manifest.replace("  ", "  ../"),
     ] {
         fs::write(dir.join(MANIFEST_FILE), none).unwrap();
-        assert!(Trial::open(&dir).is_err(), "{none:?}");
+        assert!(TrialRecord::open(&dir).is_err(), "{none:?}");
     }
     fs::write(dir.join(MANIFEST_FILE), manifest).unwrap();
     // What a lab puts beside the record is its own matter.
     fs::write(dir.join("notes.txt"), "the participant sneezed").unwrap();
-    assert!(Trial::open(&dir).unwrap().finished());
+    assert!(TrialRecord::open(&dir).unwrap().is_finished());
 }
 
 #[test]
 fn sha256sum_checks_the_manifest_too() {
-    let place = tempfile::tempdir().unwrap();
-    let dir = place.path().join("trial");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let dir = temp_dir.path().join("trial");
     write_trial(&dir, 300);
     let run = || {
         Command::new("sha256sum").args(["-c", "--strict", MANIFEST_FILE]).current_dir(&dir).output().unwrap()

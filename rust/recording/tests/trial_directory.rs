@@ -6,7 +6,7 @@ mod common;
 use common::{Digest, digest, event, header, input, write_trial};
 use proact_recording::{
     FLUSH_TICKS, INPUTS_FILE, InputLog, InputRecord, LogEnd, RECORD_FORMAT, RESULT_FILE, RecordingError,
-    Trial, TrialWriter, read_result,
+    TrialRecord, TrialWriter, read_result,
 };
 use proact_types::{
     EmgSample, Event, EventKind, ExternalAnswer, ObjectId, Pose, SimTime, TickInput, Vector, WindowAnswer,
@@ -27,11 +27,11 @@ fn read_inputs(dir: &Path) -> (Vec<InputRecord>, Result<Option<LogEnd>, Recordin
 
 #[test]
 fn a_trial_reads_back_as_it_was_written() {
-    let place = tempfile::tempdir().unwrap();
-    let dir = place.path().join("made/on/the/way");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let dir = temp_dir.path().join("made/on/the/way");
     write_trial(&dir, 600);
 
-    let trial = Trial::open(&dir).unwrap();
+    let trial = TrialRecord::open(&dir).unwrap();
     assert_eq!(*trial.header(), header());
     assert_eq!(trial.header().writer(), "proact 0.1.0 at commit 0123456789ab");
     let (records, end) = read_inputs(&dir);
@@ -48,8 +48,8 @@ fn a_trial_reads_back_as_it_was_written() {
 
 #[test]
 fn equal_trials_give_equal_files() {
-    let place = tempfile::tempdir().unwrap();
-    let (one, two) = (place.path().join("one"), place.path().join("two"));
+    let temp_dir = tempfile::tempdir().unwrap();
+    let (one, two) = (temp_dir.path().join("one"), temp_dir.path().join("two"));
     write_trial(&one, 300);
     write_trial(&two, 300);
     for entry in fs::read_dir(&one).unwrap() {
@@ -61,21 +61,21 @@ fn equal_trials_give_equal_files() {
 // Catches an answer that goes into the log and does not come out of it, in any combination.
 #[test]
 fn what_other_programs_answered_is_kept_beside_the_tick_it_belongs_to() {
-    let place = tempfile::tempdir().unwrap();
-    let dir = place.path().join("trial");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let dir = temp_dir.path().join("trial");
     let windows =
-        [vec![], vec![WindowAnswer::Line("rest".to_owned()), WindowAnswer::Late { deadline_ms: 50 }]];
+        [vec![], vec![WindowAnswer::Line("rest".to_owned()), WindowAnswer::TimedOut { deadline_ms: 50 }]];
     let intents = [
         None,
         Some(ExternalAnswer::Line("[1, 0]".to_owned())),
         Some(ExternalAnswer::Failed("it has ended".to_owned())),
-        Some(ExternalAnswer::Missed("no answer within 50 ms".to_owned())),
+        Some(ExternalAnswer::TimedOut("no answer within 50 ms".to_owned())),
     ];
-    let news = [None, Some(Ok(())), Some(Err("division by zero".to_owned()))];
+    let reports = [None, Some(Ok(())), Some(Err("division by zero".to_owned()))];
     let mut given = Vec::new();
     for decoder in &windows {
         for intent in &intents {
-            for participant in &news {
+            for participant in &reports {
                 let (decoder, intent, participant) = (decoder.clone(), intent.clone(), participant.clone());
                 let tick = input(1 + given.len() as u64 % 2);
                 given.push(TickInput { decoder, intent, participant, ..tick });
@@ -94,8 +94,8 @@ fn what_other_programs_answered_is_kept_beside_the_tick_it_belongs_to() {
 
 #[test]
 fn every_bit_of_an_input_is_kept_nan_and_minus_zero_included() {
-    let place = tempfile::tempdir().unwrap();
-    let dir = place.path().join("trial");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let dir = temp_dir.path().join("trial");
     let odd = [f64::from_bits(0x7ff8_dead_beef_0001), -0.0, f64::MIN_POSITIVE / 3.0, f64::NEG_INFINITY];
     let mut given = TickInput::default();
     given.emg.push(EmgSample { counter: 9, channels: odd.into_iter().collect() });
@@ -114,8 +114,8 @@ fn every_bit_of_an_input_is_kept_nan_and_minus_zero_included() {
 
 #[test]
 fn a_flipped_byte_anywhere_is_reported_at_the_record_it_is_in() {
-    let place = tempfile::tempdir().unwrap();
-    let dir = place.path().join("trial");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let dir = temp_dir.path().join("trial");
     write_trial(&dir, 9);
     let file = dir.join(INPUTS_FILE);
     let good = fs::read(&file).unwrap();
@@ -142,8 +142,8 @@ fn a_flipped_byte_anywhere_is_reported_at_the_record_it_is_in() {
 
 #[test]
 fn a_damaged_head_is_refused() {
-    let place = tempfile::tempdir().unwrap();
-    let dir = place.path().join("trial");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let dir = temp_dir.path().join("trial");
     write_trial(&dir, 3);
     let file = dir.join(INPUTS_FILE);
     let good = fs::read(&file).unwrap();
@@ -165,8 +165,8 @@ fn a_damaged_head_is_refused() {
 
 #[test]
 fn a_log_cut_anywhere_is_read_up_to_the_cut() {
-    let place = tempfile::tempdir().unwrap();
-    let dir = place.path().join("trial");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let dir = temp_dir.path().join("trial");
     write_trial(&dir, 9);
     let file = dir.join(INPUTS_FILE);
     let good = fs::read(&file).unwrap();
@@ -189,8 +189,8 @@ fn a_log_cut_anywhere_is_read_up_to_the_cut() {
 
 #[test]
 fn a_crash_loses_at_most_the_last_span_and_leaves_an_unfinished_trial() {
-    let place = tempfile::tempdir().unwrap();
-    let dir = place.path().join("trial");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let dir = temp_dir.path().join("trial");
     let mut trial = TrialWriter::create(&dir, &header()).unwrap();
     for tick in 1..=1050 {
         trial.write_input(SimTime(tick), &input(tick)).unwrap();
@@ -207,8 +207,8 @@ fn a_crash_loses_at_most_the_last_span_and_leaves_an_unfinished_trial() {
 
 #[test]
 fn a_damaged_result_is_reported_with_its_offset() {
-    let place = tempfile::tempdir().unwrap();
-    let dir = place.path().join("trial");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let dir = temp_dir.path().join("trial");
     write_trial(&dir, 3);
     fs::write(dir.join(RESULT_FILE), "{\n  \"on_target\": 3x\n}\n").unwrap();
     match read_result::<serde_json::Value>(&dir) {
@@ -219,25 +219,25 @@ fn a_damaged_result_is_reported_with_its_offset() {
 
 #[test]
 fn a_directory_with_something_in_it_is_refused_and_left_alone() {
-    let place = tempfile::tempdir().unwrap();
-    fs::write(place.path().join("thesis.tex"), "years of work").unwrap();
-    let error = TrialWriter::create(place.path(), &header()).unwrap_err();
+    let temp_dir = tempfile::tempdir().unwrap();
+    fs::write(temp_dir.path().join("thesis.tex"), "years of work").unwrap();
+    let error = TrialWriter::create(temp_dir.path(), &header()).unwrap_err();
     assert!(matches!(error, RecordingError::OutputExists { .. }));
-    let names: Vec<_> = fs::read_dir(place.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+    let names: Vec<_> = fs::read_dir(temp_dir.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
     assert_eq!(names, ["thesis.tex"]);
 }
 
 #[test]
 fn an_empty_directory_is_used() {
-    let place = tempfile::tempdir().unwrap();
-    TrialWriter::create(place.path(), &header()).unwrap();
-    assert!(place.path().join(INPUTS_FILE).exists());
+    let temp_dir = tempfile::tempdir().unwrap();
+    TrialWriter::create(temp_dir.path(), &header()).unwrap();
+    assert!(temp_dir.path().join(INPUTS_FILE).exists());
 }
 
 #[test]
 fn a_place_that_cannot_be_written_is_an_error_before_anything_runs() {
-    let place = tempfile::tempdir().unwrap();
-    let file = place.path().join("file");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let file = temp_dir.path().join("file");
     fs::write(&file, "").unwrap();
     // Below a file, on a file, and in a file system that takes no directories, even from root.
     for dir in [file.join("trial"), file.clone(), "/proc/trial".into()] {
@@ -245,13 +245,13 @@ fn a_place_that_cannot_be_written_is_an_error_before_anything_runs() {
         assert!(matches!(error, RecordingError::Io { .. }), "{error:?}");
         assert!(error.to_string().contains(&dir.display().to_string()), "{error}");
     }
-    assert_eq!(fs::read_dir(place.path()).unwrap().count(), 1);
+    assert_eq!(fs::read_dir(temp_dir.path()).unwrap().count(), 1);
 }
 
 #[test]
 fn an_event_that_json_cannot_hold_is_refused() {
-    let place = tempfile::tempdir().unwrap();
-    let mut trial = TrialWriter::create(&place.path().join("trial"), &header()).unwrap();
+    let temp_dir = tempfile::tempdir().unwrap();
+    let mut trial = TrialWriter::create(&temp_dir.path().join("trial"), &header()).unwrap();
     let kind = EventKind::ObjectOnTarget { object: ObjectId(0), distance: f64::NAN };
     let error = trial.write_event(&Event { time: SimTime(250), kind }).unwrap_err();
     assert!(error.to_string().contains("NaN at 0.25 s"), "{error}");
@@ -259,8 +259,8 @@ fn an_event_that_json_cannot_hold_is_refused() {
 
 #[test]
 fn a_result_that_cannot_be_put_in_place_leaves_the_trial_unfinished() {
-    let place = tempfile::tempdir().unwrap();
-    let dir = place.path().join("trial");
+    let temp_dir = tempfile::tempdir().unwrap();
+    let dir = temp_dir.path().join("trial");
     let trial = TrialWriter::create(&dir, &header()).unwrap();
     // Renaming onto a directory that is not empty fails, for root too.
     fs::create_dir_all(dir.join(RESULT_FILE).join("in_the_way")).unwrap();
@@ -271,8 +271,8 @@ fn a_result_that_cannot_be_put_in_place_leaves_the_trial_unfinished() {
 
 #[test]
 fn ticks_out_of_order_are_refused() {
-    let place = tempfile::tempdir().unwrap();
-    let mut trial = TrialWriter::create(&place.path().join("trial"), &header()).unwrap();
+    let temp_dir = tempfile::tempdir().unwrap();
+    let mut trial = TrialWriter::create(&temp_dir.path().join("trial"), &header()).unwrap();
     trial.write_input(SimTime(5), &input(5)).unwrap();
     for tick in [5, 4] {
         let error = trial.write_input(SimTime(tick), &input(4)).unwrap_err();
@@ -282,10 +282,10 @@ fn ticks_out_of_order_are_refused() {
 
 #[test]
 fn a_directory_that_is_no_trial_is_named() {
-    let place = tempfile::tempdir().unwrap();
-    assert!(matches!(Trial::open(place.path()), Err(RecordingError::NotATrial { .. })));
+    let temp_dir = tempfile::tempdir().unwrap();
+    assert!(matches!(TrialRecord::open(temp_dir.path()), Err(RecordingError::NotATrial { .. })));
     assert!(matches!(
-        read_result::<serde_json::Value>(place.path()),
+        read_result::<serde_json::Value>(temp_dir.path()),
         Err(RecordingError::NotATrial { missing: "inputs.log", .. })
     ));
 }

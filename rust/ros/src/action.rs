@@ -5,7 +5,7 @@
 use proact_types::SimTime;
 
 /// How long a goal that has ended stays in the status list, ms (actionlib: 5 s).
-const KEEP_MS: u64 = 5000;
+const STATUS_LIST_TIMEOUT_MS: u64 = 5000;
 
 /// Name of a goal, as its client gave it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -35,32 +35,32 @@ pub enum GoalState {
 
 /// A goal in the status list.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Goal {
+pub struct ActionGoal {
     /// Its name.
     pub id: GoalId,
     /// Where it stands.
     pub state: GoalState,
     /// One sentence.
     pub text: String,
-    ended: Option<SimTime>,
+    ended_at: Option<SimTime>,
 }
 
 /// What a goal that comes in may do.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Admission {
+pub enum GoalAdmission {
     /// Begin; the goal that it takes the place of, if there was one, has ended.
     Begin {
         /// The one before.
-        preempted: Option<Goal>,
+        preempted: Option<ActionGoal>,
     },
     /// It was cancelled before it came, or came before: nothing begins.
-    Ended(Option<Goal>),
+    Ended(Option<ActionGoal>),
 }
 
 /// The goals of one action server.
 #[derive(Clone, Debug, Default)]
 pub struct GoalList {
-    goals: Vec<Goal>,
+    goals: Vec<ActionGoal>,
     /// Everything stamped up to here is cancelled when it comes, ns.
     cancelled_before_ns: u64,
     /// Cancels that overtook their goals.
@@ -69,41 +69,41 @@ pub struct GoalList {
 
 impl GoalList {
     /// The goal that is worked on.
-    pub fn active(&self) -> Option<&Goal> {
+    pub fn active(&self) -> Option<&ActionGoal> {
         self.goals.iter().find(|g| g.state == GoalState::Active)
     }
 
     /// Whether a goal of this name would begin: it is not known yet, and no cancel overtook it. What the goal asks for
     /// is started only then.
     pub fn would_begin(&self, id: &GoalId) -> bool {
-        !self.knows(id) && !self.overtaken(id)
+        !self.is_known(id) && !self.is_cancelled_early(id)
     }
 
-    fn knows(&self, id: &GoalId) -> bool {
+    fn is_known(&self, id: &GoalId) -> bool {
         self.goals.iter().any(|g| g.id.id == id.id)
     }
 
-    fn overtaken(&self, id: &GoalId) -> bool {
+    fn is_cancelled_early(&self, id: &GoalId) -> bool {
         self.cancelled_ids.iter().any(|(cancelled, _)| *cancelled == id.id)
             || (id.stamp_ns != 0 && id.stamp_ns <= self.cancelled_before_ns)
     }
 
     /// A valid goal came in.
-    pub fn admit(&mut self, id: GoalId, now: SimTime) -> Admission {
-        if self.knows(&id) {
-            return Admission::Ended(None);
+    pub fn admit(&mut self, id: GoalId, now: SimTime) -> GoalAdmission {
+        if self.is_known(&id) {
+            return GoalAdmission::Ended(None);
         }
-        if self.overtaken(&id) {
+        if self.is_cancelled_early(&id) {
             let text = "cancelled before it began";
-            return Admission::Ended(Some(self.add(id, GoalState::Recalled, text, Some(now))));
+            return GoalAdmission::Ended(Some(self.add(id, GoalState::Recalled, text, Some(now))));
         }
         let preempted = self.end(GoalState::Preempted, "a newer goal took its place", now);
         self.add(id, GoalState::Active, "", None);
-        Admission::Begin { preempted }
+        GoalAdmission::Begin { preempted }
     }
 
     /// A goal came in that cannot be taken on. The one that is worked on goes on.
-    pub fn reject(&mut self, id: GoalId, text: &str, now: SimTime) -> Goal {
+    pub fn reject(&mut self, id: GoalId, text: &str, now: SimTime) -> ActionGoal {
         self.add(id, GoalState::Rejected, text, Some(now))
     }
 
@@ -123,23 +123,24 @@ impl GoalList {
     }
 
     /// Ends the active goal.
-    pub fn end(&mut self, state: GoalState, text: &str, now: SimTime) -> Option<Goal> {
+    pub fn end(&mut self, state: GoalState, text: &str, now: SimTime) -> Option<ActionGoal> {
         let goal = self.goals.iter_mut().find(|g| g.state == GoalState::Active)?;
         goal.state = state;
         goal.text = text.to_owned();
-        goal.ended = Some(now);
+        goal.ended_at = Some(now);
         Some(goal.clone())
     }
 
     /// The status list as of `now`.
-    pub fn status(&mut self, now: SimTime) -> &[Goal] {
-        self.goals.retain(|g| g.ended.is_none_or(|ended| now.millis_since(ended) < KEEP_MS));
-        self.cancelled_ids.retain(|(_, at)| now.millis_since(*at) < KEEP_MS);
+    pub fn status(&mut self, now: SimTime) -> &[ActionGoal] {
+        self.goals
+            .retain(|g| g.ended_at.is_none_or(|ended| now.millis_since(ended) < STATUS_LIST_TIMEOUT_MS));
+        self.cancelled_ids.retain(|(_, at)| now.millis_since(*at) < STATUS_LIST_TIMEOUT_MS);
         &self.goals
     }
 
-    fn add(&mut self, id: GoalId, state: GoalState, text: &str, ended: Option<SimTime>) -> Goal {
-        let goal = Goal { id, state, text: text.to_owned(), ended };
+    fn add(&mut self, id: GoalId, state: GoalState, text: &str, ended: Option<SimTime>) -> ActionGoal {
+        let goal = ActionGoal { id, state, text: text.to_owned(), ended_at: ended };
         self.goals.push(goal.clone());
         goal
     }
@@ -162,13 +163,13 @@ mod tests {
     #[test]
     fn a_new_goal_preempts_the_one_before_and_the_same_goal_twice_counts_once() {
         let mut list = GoalList::default();
-        assert_eq!(list.admit(id("a", 1), NOW), Admission::Begin { preempted: None });
-        let Admission::Begin { preempted: Some(before) } = list.admit(id("b", 2), NOW) else {
+        assert_eq!(list.admit(id("a", 1), NOW), GoalAdmission::Begin { preempted: None });
+        let GoalAdmission::Begin { preempted: Some(before) } = list.admit(id("b", 2), NOW) else {
             panic!("b begins and a ends")
         };
         assert_eq!((before.id.id.as_str(), before.state), ("a", GoalState::Preempted));
         assert!(!list.would_begin(&id("b", 2)) && list.would_begin(&id("c", 3)));
-        assert_eq!(list.admit(id("b", 2), NOW), Admission::Ended(None));
+        assert_eq!(list.admit(id("b", 2), NOW), GoalAdmission::Ended(None));
         assert_eq!(active(&list), Some("b"));
     }
 
@@ -193,13 +194,13 @@ mod tests {
         let mut list = GoalList::default();
         list.cancel(&id("late", 0), NOW);
         assert!(!list.would_begin(&id("late", 5)));
-        let Admission::Ended(Some(goal)) = list.admit(id("late", 5), NOW) else {
+        let GoalAdmission::Ended(Some(goal)) = list.admit(id("late", 5), NOW) else {
             panic!("it does not begin")
         };
         assert_eq!(goal.state, GoalState::Recalled);
         list.cancel(&id("", 50), NOW);
-        assert!(matches!(list.admit(id("old", 50), NOW), Admission::Ended(Some(_))));
-        assert!(matches!(list.admit(id("new", 51), NOW), Admission::Begin { .. }));
+        assert!(matches!(list.admit(id("old", 50), NOW), GoalAdmission::Ended(Some(_))));
+        assert!(matches!(list.admit(id("new", 51), NOW), GoalAdmission::Begin { .. }));
     }
 
     #[test]
@@ -207,10 +208,10 @@ mod tests {
         let mut list = GoalList::default();
         list.admit(id("a", 1), NOW);
         list.reject(id("bad", 2), "no", NOW);
-        assert_eq!(list.status(NOW.plus_millis(KEEP_MS - 1)).len(), 2);
-        assert_eq!(list.status(NOW.plus_millis(KEEP_MS)).len(), 1);
-        list.end(GoalState::Succeeded, "", NOW.plus_millis(KEEP_MS));
+        assert_eq!(list.status(NOW.plus_millis(STATUS_LIST_TIMEOUT_MS - 1)).len(), 2);
+        assert_eq!(list.status(NOW.plus_millis(STATUS_LIST_TIMEOUT_MS)).len(), 1);
+        list.end(GoalState::Succeeded, "", NOW.plus_millis(STATUS_LIST_TIMEOUT_MS));
         assert!(active(&list).is_none());
-        assert!(list.status(NOW.plus_millis(3 * KEEP_MS)).is_empty());
+        assert!(list.status(NOW.plus_millis(3 * STATUS_LIST_TIMEOUT_MS)).is_empty());
     }
 }

@@ -4,7 +4,7 @@ use std::{collections::BTreeSet, str::FromStr};
 
 /// A quirk of the original's topics.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Quirk {
+pub enum CompatOption {
     /// The arm's base and the blocks are told to the headset ten times a second only.
     SlowPoses,
     /// These poses do not say what frame they are in.
@@ -17,58 +17,58 @@ pub enum Quirk {
     GraspSucceeds,
 }
 
-impl Quirk {
+impl CompatOption {
     /// All of them.
-    pub const ALL: [Quirk; 5] = [
-        Quirk::SlowPoses,
-        Quirk::BarePoses,
-        Quirk::ResentConstants,
-        Quirk::HeadQuaternion,
-        Quirk::GraspSucceeds,
+    pub const ALL: [CompatOption; 5] = [
+        CompatOption::SlowPoses,
+        CompatOption::BarePoses,
+        CompatOption::ResentConstants,
+        CompatOption::HeadQuaternion,
+        CompatOption::GraspSucceeds,
     ];
 
     /// Its word in the parameter.
     pub fn name(self) -> &'static str {
         match self {
-            Quirk::SlowPoses => "slow_poses",
-            Quirk::BarePoses => "bare_poses",
-            Quirk::ResentConstants => "resent_constants",
-            Quirk::HeadQuaternion => "head_quaternion",
-            Quirk::GraspSucceeds => "grasp_succeeds",
+            CompatOption::SlowPoses => "slow_poses",
+            CompatOption::BarePoses => "bare_poses",
+            CompatOption::ResentConstants => "resent_constants",
+            CompatOption::HeadQuaternion => "head_quaternion",
+            CompatOption::GraspSucceeds => "grasp_succeeds",
         }
     }
 }
 
 /// The quirks that are on; none by default.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Compat(BTreeSet<Quirk>);
+pub struct CompatOptions(BTreeSet<CompatOption>);
 
-impl Compat {
+impl CompatOptions {
     /// Whether a quirk is on.
-    pub fn has(&self, quirk: Quirk) -> bool {
-        self.0.contains(&quirk)
+    pub fn has(&self, option: CompatOption) -> bool {
+        self.0.contains(&option)
     }
 }
 
 /// A word that names no quirk.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{got:?} is no quirk, expected words with commas between them: {}", Quirk::ALL.map(Quirk::name).join(", "))]
-pub struct UnknownQuirk {
+#[error("{got:?} is no quirk, expected words with commas between them: {}", CompatOption::ALL.map(CompatOption::name).join(", "))]
+pub struct UnknownCompatOption {
     /// The word.
     got: String,
 }
 
-impl FromStr for Compat {
-    type Err = UnknownQuirk;
+impl FromStr for CompatOptions {
+    type Err = UnknownCompatOption;
 
     /// Words with commas between them; an empty text is no quirk.
-    fn from_str(text: &str) -> Result<Self, UnknownQuirk> {
+    fn from_str(text: &str) -> Result<Self, UnknownCompatOption> {
         let words = text.split(',').map(str::trim).filter(|word| !word.is_empty());
-        let quirk = |word: &str| {
-            let found = Quirk::ALL.into_iter().find(|quirk| quirk.name() == word);
-            found.ok_or_else(|| UnknownQuirk { got: word.to_owned() })
+        let option = |word: &str| {
+            let found = CompatOption::ALL.into_iter().find(|option| option.name() == word);
+            found.ok_or_else(|| UnknownCompatOption { got: word.to_owned() })
         };
-        words.map(quirk).collect::<Result<_, _>>().map(Compat)
+        words.map(option).collect::<Result<_, _>>().map(CompatOptions)
     }
 }
 
@@ -78,15 +78,16 @@ mod tests {
 
     #[test]
     fn words_with_commas_switch_single_quirks_on() {
-        let some: Compat = "slow_poses, grasp_succeeds".parse().unwrap();
-        let on: Vec<Quirk> = Quirk::ALL.into_iter().filter(|quirk| some.has(*quirk)).collect();
-        assert_eq!(on, [Quirk::SlowPoses, Quirk::GraspSucceeds]);
-        assert_eq!("".parse(), Ok(Compat::default()));
+        let some: CompatOptions = "slow_poses, grasp_succeeds".parse().unwrap();
+        let on: Vec<CompatOption> =
+            CompatOption::ALL.into_iter().filter(|option| some.has(*option)).collect();
+        assert_eq!(on, [CompatOption::SlowPoses, CompatOption::GraspSucceeds]);
+        assert_eq!("".parse(), Ok(CompatOptions::default()));
     }
 
     #[test]
     fn an_unknown_word_is_refused_with_those_that_are_known() {
-        let error = "slow_poses,teapot".parse::<Compat>().unwrap_err().to_string();
+        let error = "slow_poses,teapot".parse::<CompatOptions>().unwrap_err().to_string();
         assert!(error.contains("teapot") && error.contains("bare_poses"), "{error}");
     }
 }

@@ -1,17 +1,17 @@
 //! The controllers of ros_control that the original loads: which joints each has, which run, what they ask for.
 
-use crate::trajectory::{Course, Knot, RawPoint, TrajectoryError};
+use crate::trajectory::{ControllerTrajectory, JointSetpoint, RawPoint, TrajectoryError};
 use proact_arm::{ArmModel, JointLimits};
-use proact_testbed::stages::DrivenJoint;
+use proact_testbed::stages::ExternalJointTarget;
 use proact_types::{JointVector, SimTime, TICK_SECS};
 
 /// How late a goal may be reached, s (original: `goal_time` 2.0).
-const GOAL_TIME: f64 = 2.0;
+const DEFAULT_GOAL_TIME_SECS: f64 = 2.0;
 /// How far from its end a goal may end when it says nothing itself, rad (assumed; the original sets none).
-const GOAL_TOLERANCE: f64 = 0.05;
+const DEFAULT_GOAL_TOLERANCE_RAD: f64 = 0.05;
 
 /// A trajectory may wait so long for its stamp, s.
-const LONGEST_WAIT: f64 = 60.0;
+const MAX_START_DELAY_SECS: f64 = 60.0;
 
 /// How far a joint may be off.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -40,15 +40,15 @@ impl GoalTolerances {
     pub fn defaults(joints: usize) -> Self {
         Self {
             path: vec![Tolerance::default(); joints],
-            goal: vec![Tolerance { position: GOAL_TOLERANCE, ..Tolerance::default() }; joints],
-            goal_time_secs: GOAL_TIME,
+            goal: vec![Tolerance { position: DEFAULT_GOAL_TOLERANCE_RAD, ..Tolerance::default() }; joints],
+            goal_time_secs: DEFAULT_GOAL_TIME_SECS,
         }
     }
 }
 
 /// How the trajectory of a goal ended.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Ending {
+pub enum GoalResult {
     /// At its end, within tolerance.
     Reached,
     /// A joint left the path; the controller holds.
@@ -58,22 +58,22 @@ pub enum Ending {
 }
 
 #[derive(Clone, Debug)]
-struct Following {
-    course: Course,
-    began: SimTime,
+struct ActiveTrajectory {
+    trajectory: ControllerTrajectory,
+    started_at: SimTime,
     /// None for a plain command: it is followed as far as it goes.
     tolerances: Option<GoalTolerances>,
 }
 
-impl Following {
+impl ActiveTrajectory {
     /// What it asks for at `time`; none without points.
-    fn at(&self, time: SimTime) -> Option<Vec<Knot>> {
-        self.course.sample(time.millis_since(self.began) as f64 * TICK_SECS)
+    fn sample(&self, time: SimTime) -> Option<Vec<JointSetpoint>> {
+        self.trajectory.sample(time.millis_since(self.started_at) as f64 * TICK_SECS)
     }
 }
 
-fn still(knot: &Knot) -> Knot {
-    Knot { position: knot.position, velocity: Some(0.0), acceleration: Some(0.0) }
+fn at_rest(setpoint: &JointSetpoint) -> JointSetpoint {
+    JointSetpoint { position: setpoint.position, velocity: Some(0.0), acceleration: Some(0.0) }
 }
 
 /// A position controller for some of the joints.
@@ -86,13 +86,13 @@ pub struct TrajectoryController {
     loaded: bool,
     running: bool,
     /// Somebody has commanded it, and nobody else its joints since.
-    drives: bool,
-    desired: Vec<Knot>,
-    following: Option<Following>,
+    is_commanded: bool,
+    desired: Vec<JointSetpoint>,
+    active: Option<ActiveTrajectory>,
     /// A trajectory that waits for its stamp; what there is goes on until then.
-    next: Option<Following>,
+    pending: Option<ActiveTrajectory>,
     /// Measured speeds of its joints at the last step, rad/s.
-    before: Option<(SimTime, Vec<f64>)>,
+    last_velocity: Option<(SimTime, Vec<f64>)>,
 }
 
 impl TrajectoryController {
@@ -117,12 +117,12 @@ impl TrajectoryController {
     }
 
     /// What it asks for now.
-    pub fn desired(&self) -> &[Knot] {
+    pub fn desired(&self) -> &[JointSetpoint] {
         &self.desired
     }
 
     /// Begins a trajectory in place of whatever it does: now, or when its stamp comes, until when it goes on with what it
-    /// does. One without points holds. `begin_secs` as in [`Course::new`].
+    /// does. One without points holds. `begin_secs` as in [`ControllerTrajectory::new`].
     ///
     /// # Errors
     /// [`TrajectoryError`]; the controller then goes on with what it did.
@@ -136,68 +136,69 @@ impl TrajectoryController {
     ) -> Result<(), TrajectoryError> {
         if points.is_empty() && tolerances.is_none() {
             self.hold();
-            self.drives = true;
+            self.is_commanded = true;
             return Ok(());
         }
-        if begin_secs > LONGEST_WAIT {
-            return Err(TrajectoryError::Future { ahead: begin_secs, most: LONGEST_WAIT });
+        if begin_secs > MAX_START_DELAY_SECS {
+            return Err(TrajectoryError::Future { ahead: begin_secs, most: MAX_START_DELAY_SECS });
         }
         if begin_secs < TICK_SECS {
-            let course = Course::new(&self.names, named, points, begin_secs, &self.desired)?;
-            self.following = Some(Following { course, began: now, tolerances });
-            self.next = None;
+            let trajectory =
+                ControllerTrajectory::new(&self.names, named, points, begin_secs, &self.desired)?;
+            self.active = Some(ActiveTrajectory { trajectory, started_at: now, tolerances });
+            self.pending = None;
         } else {
             let began = SimTime(now.0 + (begin_secs / TICK_SECS).round() as u64);
-            let then = self.following.as_ref().and_then(|following| following.at(began));
-            let start = then.unwrap_or_else(|| self.desired.iter().map(still).collect());
-            let course = Course::new(&self.names, named, points, 0.0, &start)?;
+            let then = self.active.as_ref().and_then(|following| following.sample(began));
+            let start = then.unwrap_or_else(|| self.desired.iter().map(at_rest).collect());
+            let trajectory = ControllerTrajectory::new(&self.names, named, points, 0.0, &start)?;
             // The goal whose trajectory goes on until then is over: it is no more judged.
-            if let Some(following) = &mut self.following {
+            if let Some(following) = &mut self.active {
                 following.tolerances = None;
             }
-            self.next = Some(Following { course, began, tolerances });
+            self.pending = Some(ActiveTrajectory { trajectory, started_at: began, tolerances });
         }
-        self.drives = true;
+        self.is_commanded = true;
         Ok(())
     }
 
     /// Stops where it asks to be now.
     pub fn hold(&mut self) {
-        (self.following, self.next) = (None, None);
-        for knot in &mut self.desired {
-            *knot = still(knot);
+        (self.active, self.pending) = (None, None);
+        for setpoint in &mut self.desired {
+            *setpoint = at_rest(setpoint);
         }
     }
 
     /// Advances to `now`; answers when the trajectory of a goal has ended.
-    fn step(&mut self, now: SimTime, position: &[f64], velocity: &[f64]) -> Option<Ending> {
-        if self.next.as_ref().is_some_and(|next| next.began <= now) {
-            self.following = self.next.take();
+    fn step(&mut self, now: SimTime, position: &[f64], velocity: &[f64]) -> Option<GoalResult> {
+        if self.pending.as_ref().is_some_and(|next| next.started_at <= now) {
+            self.active = self.pending.take();
         }
         let measured: Vec<f64> = self.joints.iter().map(|joint| velocity[*joint]).collect();
-        let before = self.before.replace((now, measured));
-        let following = self.following.as_ref()?;
-        let elapsed = now.millis_since(following.began) as f64 * TICK_SECS;
-        if let Some(desired) = following.at(now) {
+        let before = self.last_velocity.replace((now, measured));
+        let following = self.active.as_ref()?;
+        let elapsed = now.millis_since(following.started_at) as f64 * TICK_SECS;
+        if let Some(desired) = following.sample(now) {
             self.desired = desired;
         }
-        let over = elapsed - following.course.duration_secs();
+        let over = elapsed - following.trajectory.duration_secs();
         let Some(tolerances) = &following.tolerances else {
             if over >= 0.0 {
-                self.following = None;
+                self.active = None;
             }
             return None;
         };
         let off = |limits: &[Tolerance]| {
             self.joints.iter().enumerate().zip(limits).find_map(|((k, joint), limit)| {
-                let knot = &self.desired[k];
-                let by = (knot.position - position[*joint]).abs();
-                let speed = (knot.velocity.unwrap_or(0.0) - velocity[*joint]).abs();
+                let setpoint = &self.desired[k];
+                let by = (setpoint.position - position[*joint]).abs();
+                let speed = (setpoint.velocity.unwrap_or(0.0) - velocity[*joint]).abs();
                 // After a pause nobody knows.
                 let known = before.as_ref().filter(|(at, _)| now.millis_since(*at) == 1);
                 let pull = known.map_or(0.0, |(_, before)| {
                     let measured = (velocity[*joint] - before[k]) / TICK_SECS;
-                    (knot.acceleration.unwrap_or(0.0) - measured).abs()
+                    (setpoint.acceleration.unwrap_or(0.0) - measured).abs()
                 });
                 let bad = (limit.position > 0.0 && by > limit.position)
                     || (limit.velocity > 0.0 && speed > limit.velocity)
@@ -208,18 +209,18 @@ impl TrajectoryController {
             })
         };
         let ending = if over < 0.0 {
-            off(&tolerances.path).map(Ending::PathViolated)
+            off(&tolerances.path).map(GoalResult::PathViolated)
         } else {
             match off(&tolerances.goal) {
-                None => Some(Ending::Reached),
-                Some(why) if over > tolerances.goal_time_secs => Some(Ending::GoalViolated(why)),
+                None => Some(GoalResult::Reached),
+                Some(why) if over > tolerances.goal_time_secs => Some(GoalResult::GoalViolated(why)),
                 Some(_) => None,
             }
         };
         if ending.is_some() {
-            self.following = None;
+            self.active = None;
         }
-        if matches!(ending, Some(Ending::PathViolated(_))) {
+        if matches!(ending, Some(GoalResult::PathViolated(_))) {
             self.hold();
         }
         ending
@@ -276,15 +277,15 @@ impl Controllers {
             names: joints.iter().map(|&j| names[j].to_owned()).collect(),
             desired: joints
                 .iter()
-                .map(|&j| Knot { position: start[j], velocity: Some(0.0), acceleration: Some(0.0) })
+                .map(|&j| JointSetpoint { position: start[j], velocity: Some(0.0), acceleration: Some(0.0) })
                 .collect(),
             joints,
             loaded,
             running: loaded,
-            drives: false,
-            following: None,
-            next: None,
-            before: None,
+            is_commanded: false,
+            active: None,
+            pending: None,
+            last_velocity: None,
         };
         let arm = model.arm_count();
         let mut list = vec![
@@ -351,7 +352,7 @@ impl Controllers {
         let mut first_error = None;
         let mut stopped = Vec::new();
         for name in stop {
-            match self.loaded(name) {
+            match self.loaded_index(name) {
                 Ok(k) => {
                     if std::mem::replace(&mut self.list[k].running, false) {
                         self.list[k].hold();
@@ -362,12 +363,12 @@ impl Controllers {
             }
         }
         for name in start {
-            match self.loaded(name).and_then(|k| self.free(k).map(|()| k)) {
+            match self.loaded_index(name).and_then(|k| self.check_joints_free(k).map(|()| k)) {
                 Ok(k) if !self.list[k].running => {
                     let controller = &mut self.list[k];
                     controller.running = true;
-                    for (knot, joint) in controller.desired.iter_mut().zip(&controller.joints) {
-                        knot.position = self.position[*joint];
+                    for (setpoint, joint) in controller.desired.iter_mut().zip(&controller.joints) {
+                        setpoint.position = self.position[*joint];
                     }
                     controller.hold();
                 }
@@ -384,7 +385,7 @@ impl Controllers {
         }
     }
 
-    fn loaded(&self, name: &str) -> Result<usize, SwitchError> {
+    fn loaded_index(&self, name: &str) -> Result<usize, SwitchError> {
         let k = self.list.iter().position(|c| c.name == name).ok_or_else(|| SwitchError::Unknown {
             name: name.to_owned(),
             known: self.list.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", "),
@@ -392,7 +393,7 @@ impl Controllers {
         if self.list[k].loaded { Ok(k) } else { Err(SwitchError::NotLoaded { name: name.to_owned() }) }
     }
 
-    fn free(&self, k: usize) -> Result<(), SwitchError> {
+    fn check_joints_free(&self, k: usize) -> Result<(), SwitchError> {
         let one = &self.list[k];
         for other in self.list.iter().filter(|c| c.running && c.name != one.name) {
             if let Some(shared) = one.joints.iter().position(|j| other.joints.contains(j)) {
@@ -408,46 +409,53 @@ impl Controllers {
 
     /// Joints of `range` are commanded by something else from now on: trajectories of controllers that have one of them
     /// are over.
-    pub fn let_go(&mut self, range: std::ops::Range<usize>) {
+    pub fn release_joints(&mut self, range: std::ops::Range<usize>) {
         for controller in self.list.iter_mut().filter(|c| c.joints.iter().any(|j| range.contains(j))) {
             controller.hold();
-            controller.drives = false;
+            controller.is_commanded = false;
         }
     }
 
     /// What the joints were asked for in the end, rad. A controller that drives none follows it, so that its next
     /// trajectory begins there.
-    pub fn follow_targets(&mut self, position: &[f64]) {
+    pub fn sync_to_targets(&mut self, position: &[f64]) {
         self.position.copy_from_slice(position);
         self.velocity.iter_mut().for_each(|v| *v = 0.0);
-        for controller in self.list.iter_mut().filter(|c| !c.drives) {
-            for (knot, joint) in controller.desired.iter_mut().zip(&controller.joints) {
-                *knot = Knot { position: position[*joint], velocity: Some(0.0), acceleration: Some(0.0) };
+        for controller in self.list.iter_mut().filter(|c| !c.is_commanded) {
+            for (setpoint, joint) in controller.desired.iter_mut().zip(&controller.joints) {
+                *setpoint = JointSetpoint {
+                    position: position[*joint],
+                    velocity: Some(0.0),
+                    acceleration: Some(0.0),
+                };
             }
         }
     }
 
     /// The joints that controllers drive, with the targets of the last step.
-    pub fn driven(&self) -> Vec<DrivenJoint> {
-        let drive = |controller: &&TrajectoryController| controller.running && controller.drives;
+    pub fn joint_targets(&self) -> Vec<ExternalJointTarget> {
+        let drive = |controller: &&TrajectoryController| controller.running && controller.is_commanded;
         let joints = self.list.iter().filter(drive).flat_map(|controller| controller.joints.iter().copied());
-        let target =
-            |joint| DrivenJoint { joint, position: self.position[joint], velocity: self.velocity[joint] };
+        let target = |joint| ExternalJointTarget {
+            joint,
+            position: self.position[joint],
+            velocity: self.velocity[joint],
+        };
         joints.map(target).collect()
     }
 
     /// Advances all running controllers to `now`. Answers the goals' trajectories that ended, by controller.
-    pub fn step(&mut self, now: SimTime, position: &[f64], velocity: &[f64]) -> Vec<(String, Ending)> {
+    pub fn step(&mut self, now: SimTime, position: &[f64], velocity: &[f64]) -> Vec<(String, GoalResult)> {
         let mut endings = Vec::new();
-        for controller in self.list.iter_mut().filter(|c| c.running && c.drives) {
+        for controller in self.list.iter_mut().filter(|c| c.running && c.is_commanded) {
             if let Some(ending) = controller.step(now, position, velocity) {
                 endings.push((controller.name.clone(), ending));
             }
-            for (knot, &joint) in controller.desired.iter().zip(&controller.joints) {
+            for (setpoint, &joint) in controller.desired.iter().zip(&controller.joints) {
                 let limits = &self.limits[joint];
-                let most = limits.velocity * TICK_SECS;
-                let within = knot.position.clamp(limits.lower, limits.upper);
-                let step = (within - self.position[joint]).clamp(-most, most);
+                let max_step = limits.velocity * TICK_SECS;
+                let within = setpoint.position.clamp(limits.lower, limits.upper);
+                let step = (within - self.position[joint]).clamp(-max_step, max_step);
                 self.position[joint] += step;
                 self.velocity[joint] = step / TICK_SECS;
             }
@@ -466,12 +474,12 @@ mod tests {
             names: vec![],
             joints: vec![],
             desired: vec![],
-            following: None,
-            next: None,
-            before: None,
+            active: None,
+            pending: None,
+            last_velocity: None,
             loaded: true,
             running: true,
-            drives: false,
+            is_commanded: false,
         };
         let list = vec![one("arm_controller"), one("hand_controller")];
         Controllers {
@@ -498,12 +506,12 @@ mod tests {
     fn run(
         controller: &mut TrajectoryController,
         ticks: std::ops::RangeInclusive<u64>,
-        measured: impl Fn(u64, Knot) -> (f64, f64),
-    ) -> Vec<(u64, f64, Option<Ending>)> {
+        measured: impl Fn(u64, JointSetpoint) -> (f64, f64),
+    ) -> Vec<(u64, f64, Option<GoalResult>)> {
         let mut seen = Vec::new();
         for tick in ticks {
-            let asked = controller.desired[0];
-            let (position, velocity) = measured(tick, asked);
+            let setpoint = controller.desired[0];
+            let (position, velocity) = measured(tick, setpoint);
             let ending = controller.step(SimTime(tick), &[position], &[velocity]);
             seen.push((tick, controller.desired[0].position, ending));
         }
@@ -514,7 +522,8 @@ mod tests {
         let mut controller = controllers().list.remove(0);
         controller.names = vec!["elbow".to_owned()];
         controller.joints = vec![0];
-        controller.desired = vec![Knot { position: 0.0, velocity: Some(0.0), acceleration: Some(0.0) }];
+        controller.desired =
+            vec![JointSetpoint { position: 0.0, velocity: Some(0.0), acceleration: Some(0.0) }];
         controller
     }
 
@@ -522,8 +531,8 @@ mod tests {
         RawPoint { positions: vec![position], velocities: vec![0.0], time_secs, ..RawPoint::default() }
     }
 
-    fn as_asked(_: u64, asked: Knot) -> (f64, f64) {
-        (asked.position, asked.velocity.unwrap_or(0.0))
+    fn as_asked(_: u64, setpoint: JointSetpoint) -> (f64, f64) {
+        (setpoint.position, setpoint.velocity.unwrap_or(0.0))
     }
 
     #[test]
@@ -534,7 +543,7 @@ mod tests {
         waiting.follow(&named, &[to(1.0, 1.0)], 0.5, goal(), SimTime(0)).unwrap();
         let seen = run(&mut waiting, 1..=1600, as_asked);
         assert!(
-            seen.iter().all(|(tick, asked, _)| (*tick <= 500) == (*asked == 0.0)),
+            seen.iter().all(|(tick, setpoint, _)| (*tick <= 500) == (*setpoint == 0.0)),
             "it waits, then moves"
         );
         let ended: Vec<u64> = seen.iter().filter(|(_, _, e)| e.is_some()).map(|(tick, ..)| *tick).collect();
@@ -559,7 +568,9 @@ mod tests {
         busy.follow(&named, &[to(1.0, 1.0)], 0.2, goal(), SimTime(1600)).unwrap();
         busy.hold();
         assert!(
-            run(&mut busy, 1601..=2500, as_asked).iter().all(|(_, asked, e)| *asked < 0.01 && e.is_none())
+            run(&mut busy, 1601..=2500, as_asked)
+                .iter()
+                .all(|(_, setpoint, e)| *setpoint < 0.01 && e.is_none())
         );
     }
 
@@ -572,8 +583,8 @@ mod tests {
             let tolerances = GoalTolerances { path, ..GoalTolerances::defaults(1) };
             controller.follow(&named, &[to(1.0, 2.0)], 0.0, Some(tolerances), SimTime(0)).unwrap();
             // At 700 ms its speed changes by 0.02 rad/s within a tick, which is 20 rad/s^2.
-            let jerked = |tick: u64, asked: Knot| {
-                let (position, velocity) = as_asked(tick, asked);
+            let jerked = |tick: u64, setpoint: JointSetpoint| {
+                let (position, velocity) = as_asked(tick, setpoint);
                 (position, velocity + if tick == 700 { 0.02 } else { 0.0 })
             };
             let seen = run(&mut controller, 1..=1900, jerked);
@@ -582,7 +593,7 @@ mod tests {
         assert_eq!(follow(0.0), None, "nothing is asked for");
         assert_eq!(follow(25.0), None, "it is within");
         match follow(15.0) {
-            Some((700, Ending::PathViolated(text))) => assert!(text.contains("rad/s^2"), "{text}"),
+            Some((700, GoalResult::PathViolated(text))) => assert!(text.contains("rad/s^2"), "{text}"),
             other => panic!("{other:?}"),
         }
     }

@@ -13,8 +13,10 @@ use std::{
 pub const WORLD: &str = "world";
 /// The world of the original's headset, frozen at the calibration: its gaze is in it.
 pub const HEADSET_WORLD: &str = "hololens_world_test";
+/// Where the hand grips: the middle of a gripped object, z up where the hand stands as the grasp has it.
+pub const GRASP_CENTER: &str = "grasp_centre";
 /// From the reference board to the box, metres along x (the paper's distance for the second study).
-const BOARD_TO_BOX: f64 = 0.6;
+const BOARD_TO_BOX_M: f64 = 0.6;
 
 /// How a frame of the original is told of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,7 +26,7 @@ pub enum FrameKind {
     /// On `/tf`.
     Moving,
     /// On `/tf` while somebody's head is tracked.
-    WithHead,
+    HeadTracked,
     /// Not: the meaning says what there is in its place.
     Absent,
 }
@@ -37,7 +39,7 @@ pub struct OriginalFrame {
     /// Its name.
     pub child: &'static str,
     /// How it is told of.
-    pub told: FrameKind,
+    pub kind: FrameKind,
     /// What it is.
     pub meaning: &'static str,
 }
@@ -45,10 +47,10 @@ pub struct OriginalFrame {
 const fn row(
     parent: &'static str,
     child: &'static str,
-    told: FrameKind,
+    kind: FrameKind,
     meaning: &'static str,
 ) -> OriginalFrame {
-    OriginalFrame { parent, child, told, meaning }
+    OriginalFrame { parent, child, kind, meaning }
 }
 
 /// The original's tree. `docs/ros1.md` has the same table.
@@ -73,13 +75,18 @@ pub const ORIGINAL_FRAMES: [OriginalFrame; 21] = [
         FrameKind::Moving,
         "the large brace; here it is where the medium one is, so both names work",
     ),
-    row("optitrack_world", "HololensSG", FrameKind::WithHead, "the markers on the headset; here its eyes"),
-    row("optitrack_world", "Hololens_filtered", FrameKind::WithHead, "the same, smoothed: here they are one"),
-    row("HololensSG", "hololens_unity_camera", FrameKind::WithHead, "the eyes of the headset"),
+    row("optitrack_world", "HololensSG", FrameKind::HeadTracked, "the markers on the headset; here its eyes"),
+    row(
+        "optitrack_world",
+        "Hololens_filtered",
+        FrameKind::HeadTracked,
+        "the same, smoothed: here they are one",
+    ),
+    row("HololensSG", "hololens_unity_camera", FrameKind::HeadTracked, "the eyes of the headset"),
     row(
         "HololensSG",
         "hololens_world_mocap",
-        FrameKind::WithHead,
+        FrameKind::HeadTracked,
         "the origin of the headset's world, corrected with each pose of the head",
     ),
     row("Clipboard_filtered", "tabletag_ros", FrameKind::Fixed, "the board's printed tag, x ahead"),
@@ -137,15 +144,15 @@ fn frame(parent: &str, child: &str, pose: Pose) -> Frame {
 }
 
 /// An angle brought to (-pi, pi].
-pub fn wrap(angle: f64) -> f64 {
+pub fn wrap_angle(angle: f64) -> f64 {
     let turned = (angle + PI).rem_euclid(TAU) - PI;
     if turned == -PI { PI } else { turned }
 }
 
-/// Frames that never move: the arm's fixed joints, the table, and the reference board's tag.
+/// Frames that never move: the arm's fixed joints, the grasp centre, the table, and the reference board's tag.
 ///
 /// The original's motion capture gives `optitrack_world` with y up. Here it stands over the box's centre on the
-/// floor, and the board [`BOARD_TO_BOX`] in front of the box at the height of the table.
+/// floor, and the board [`BOARD_TO_BOX_M`] in front of the box at the height of the table.
 pub fn fixed(model: &ArmModel, scene: &Scene, links: bool) -> Vec<Frame> {
     let mut frames = Vec::new();
     if links {
@@ -155,26 +162,43 @@ pub fn fixed(model: &ArmModel, scene: &Scene, links: bool) -> Vec<Frame> {
     }
     let tag = clipboard_from_tag();
     frames.push(frame("Clipboard_filtered", "tabletag_ros", tag));
-    frames.push(frame("tabletag_ros", WORLD, Pose::translation(BOARD_TO_BOX, 0.0, -scene.table_height)));
-    frames.push(frame(WORLD, "table", turn(0.0, 0.0, FRAC_PI_2)));
+    frames.push(frame("tabletag_ros", WORLD, Pose::translation(BOARD_TO_BOX_M, 0.0, -scene.table_height)));
+    frames.push(frame(WORLD, "table", rotation_from_rpy(0.0, 0.0, FRAC_PI_2)));
     if let Some(base) = model.links.first() {
         frames.push(frame("Shoulderpad", &base.name, Pose::identity()));
     }
+    frames.extend(grasp_center(model, scene));
     frames
+}
+
+/// [`GRASP_CENTER`] on the link that carries the hand, by the grasp for the widest object of `scene`; none for a model without
+/// links.
+pub fn grasp_center(model: &ArmModel, scene: &Scene) -> Option<Frame> {
+    let widths = scene.objects.iter().map(|object| object.shape.grip_width());
+    let grasp = match widths.max_by(f64::total_cmp) {
+        Some(width) => model.grasp_for(width),
+        None => model.widest_grasp(),
+    };
+    let upright = UnitQuaternion::from_axis_angle(&Vector::x_axis(), -grasp.roll_rad);
+    let tip = model.links.get(model.tip)?;
+    Some(frame(&tip.name, GRASP_CENTER, Pose::from_parts(Translation3::from(grasp.center), upright)))
 }
 
 /// The original's constant, with pi where it has 3.14.
 fn clipboard_from_tag() -> Pose {
-    Pose::from_parts(Translation3::new(0.038, -0.016, -0.093), turn(PI, -FRAC_PI_2, FRAC_PI_2).rotation)
+    Pose::from_parts(
+        Translation3::new(0.038, -0.016, -0.093),
+        rotation_from_rpy(PI, -FRAC_PI_2, FRAC_PI_2).rotation,
+    )
 }
 
-fn turn(roll: f64, pitch: f64, yaw: f64) -> Pose {
+fn rotation_from_rpy(roll: f64, pitch: f64, yaw: f64) -> Pose {
     Pose::from_parts(Translation3::identity(), UnitQuaternion::from_euler_angles(roll, pitch, yaw))
 }
 
 /// `optitrack_world` from `world`: y up.
 fn optitrack_from_world() -> Pose {
-    turn(-FRAC_PI_2, 0.0, 0.0)
+    rotation_from_rpy(-FRAC_PI_2, 0.0, 0.0)
 }
 
 /// Frames of one instant: what motion capture tracks, the headset's world, the objects and, with `links`, the arm.
@@ -189,7 +213,7 @@ pub fn moving(
     let tracked = optitrack_from_world();
     let shoulder = tracked * state.world_from_base;
     let board = tracked
-        * (clipboard_from_tag() * Pose::translation(BOARD_TO_BOX, 0.0, -scene.table_height)).inverse();
+        * (clipboard_from_tag() * Pose::translation(BOARD_TO_BOX_M, 0.0, -scene.table_height)).inverse();
     let mut frames = vec![
         frame("optitrack_world", "Clipboard", board),
         frame("optitrack_world", "Clipboard_filtered", board),
@@ -212,21 +236,25 @@ pub fn moving(
         for (index, angle) in model.moving().zip(&state.position) {
             let joint = &model.joints[index];
             let (parent, child) = (&model.links[joint.parent].name, &model.links[joint.child].name);
-            frames.push(frame(parent, child, joint.across(*angle)));
+            frames.push(frame(parent, child, joint.transform_at(*angle)));
         }
     }
     frames
 }
 
-/// The child frames that [`fixed`] and [`moving`] tell of, each of which may be left to somebody else.
+/// The child frames that [`fixed_frames`] and [`moving`] tell of, each of which may be left to somebody else.
 pub fn names(model: &ArmModel, scene: &Scene) -> BTreeSet<String> {
     let count = model.moving().count();
-    let body = BodyState { pose: Pose::identity(), linear: Vector::zeros(), angular: Vector::zeros() };
+    let body = BodyState {
+        pose: Pose::identity(),
+        linear_velocity: Vector::zeros(),
+        angular_velocity: Vector::zeros(),
+    };
     let anywhere = PlantState {
         position: zeros(count),
         velocity: zeros(count),
         effort: zeros(count),
-        stop_effort: zeros(count),
+        limit_effort: zeros(count),
         world_from_base: Pose::identity(),
         base_held: false,
         objects: scene.objects.iter().map(|_| body).collect(),
@@ -278,21 +306,21 @@ mod tests {
     fn scene() -> Scene {
         let names = ["redcylinder1", "redcylinder2", "bluecylinder1", "bluecylinder2"];
         let shape = Shape::Cylinder { radius: 0.025, length: 0.05 };
-        let block = |name| Object::plain(name, shape, 0.1, Pose::identity());
+        let block = |name| Object::with_default_friction(name, shape, 0.1, Pose::identity());
         Scene { objects: names.map(block).to_vec(), table_height: 1.015, ..Scene::default() }
     }
 
     fn state() -> PlantState {
         let body = |k: usize| BodyState {
             pose: Pose::translation(0.1 * k as f64, 0.2, 1.04),
-            linear: Vector::zeros(),
-            angular: Vector::zeros(),
+            linear_velocity: Vector::zeros(),
+            angular_velocity: Vector::zeros(),
         };
         PlantState {
             position: joints(&[0.4, -0.7]),
             velocity: zeros(2),
             effort: zeros(2),
-            stop_effort: zeros(2),
+            limit_effort: zeros(2),
             world_from_base: Pose::from_parts(
                 Translation3::new(-0.39, 0.12, 1.5),
                 UnitQuaternion::from_euler_angles(0.1, 0.2, 0.3),
@@ -353,23 +381,31 @@ mod tests {
             std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/ros1.md")).unwrap();
         for row in &ORIGINAL_FRAMES {
             let found = [&fixed, &still, &headed].map(|frames| has(frames, row));
-            let expected = match row.told {
+            let expected = match row.kind {
                 FrameKind::Fixed => [true, false, false],
                 FrameKind::Moving => [false, true, true],
-                FrameKind::WithHead => [false, false, true],
+                FrameKind::HeadTracked => [false, false, true],
                 FrameKind::Absent => [false; 3],
             };
             assert_eq!(found, expected, "{row:?}");
             let line = format!("| `{}` | `{}` | {} |", row.parent, row.child, row.meaning);
             assert!(guide.contains(&line), "docs/ros1.md lacks {line}");
         }
-        // And nothing else is there but objects.
+        // And nothing else is there but objects and the grasp centre.
         for frame in fixed.iter().chain(&headed) {
             let known =
                 ORIGINAL_FRAMES.iter().any(|row| row.child == frame.child && row.parent == frame.parent);
             let object = scene.objects.iter().any(|object| object.ros_name == frame.child);
-            assert!(known || object, "{frame:?}");
+            assert!(known || object || frame.child == GRASP_CENTER, "{frame:?}");
         }
+    }
+
+    #[test]
+    fn the_grasp_centre_has_z_up_when_the_hand_is_rolled_as_the_grasp_asks() {
+        let frame = grasp_center(&model(), &scene()).expect("the model has links");
+        assert_eq!((frame.parent.as_str(), frame.child.as_str()), ("lower", GRASP_CENTER));
+        let up = proact_arm::upright_axis(model().widest_grasp().roll_rad, 0.0);
+        assert!((frame.pose.rotation * Vector::z() - up).norm() < 1e-12);
     }
 
     #[test]
@@ -377,7 +413,7 @@ mod tests {
         for (angle, expected) in
             [(0.5, 0.5), (PI, PI), (-PI, PI), (PI + 0.5, 0.5 - PI), (7.0 * TAU - 0.1, -0.1)]
         {
-            assert!((wrap(angle) - expected).abs() < 1e-12, "{angle}");
+            assert!((wrap_angle(angle) - expected).abs() < 1e-12, "{angle}");
         }
     }
 }

@@ -54,13 +54,14 @@ impl GazeboWorld {
     pub fn new(model: Arc<ArmModel>, scene: &Scene, world_from_base: Pose) -> Self {
         let joints =
             model.moving().enumerate().map(|(k, joint)| (model.joints[joint].name.clone(), k)).collect();
-        let still = |pose| BodyState { pose, linear: Vector::zeros(), angular: Vector::zeros() };
+        let still =
+            |pose| BodyState { pose, linear_velocity: Vector::zeros(), angular_velocity: Vector::zeros() };
         let count = model.moving_count();
         let state = PlantState {
             position: zeros(count),
             velocity: zeros(count),
             effort: zeros(count),
-            stop_effort: zeros(count),
+            limit_effort: zeros(count),
             world_from_base,
             objects: scene.objects.iter().map(|object| still(object.pose)).collect(),
             attached: None,
@@ -87,7 +88,7 @@ impl GazeboWorld {
     }
 
     /// The block in the hand.
-    pub fn held(&self) -> Option<ObjectId> {
+    pub fn held_object(&self) -> Option<ObjectId> {
         self.state.attached.map(|(object, _)| ObjectId::new(object))
     }
 
@@ -95,15 +96,15 @@ impl GazeboWorld {
         self.state.world_from_base * self.model.link_poses(&self.state.position)[self.model.tip]
     }
 
-    fn grasp_centre(&self) -> Point {
-        self.world_from_tip() * Point::from(self.model.widest_grasp().centre)
+    fn grasp_center(&self) -> Point {
+        self.world_from_tip() * Point::from(self.model.widest_grasp().center)
     }
 
     /// Angles (rad) and speeds (rad/s; may be empty) by joint name. Joints that are not named keep theirs.
     ///
     /// # Errors
     /// [`WorldError`].
-    pub fn take_joints(
+    pub fn update_joints(
         &mut self,
         names: &[String],
         position: &[f64],
@@ -121,25 +122,25 @@ impl GazeboWorld {
                 return Err(WorldError::NotFinite { what, name: name.clone(), value: *value });
             }
         }
-        let places: Vec<usize> = names
+        let indices: Vec<usize> = names
             .iter()
             .map(|name| self.joints.get(name).copied().ok_or(WorldError::Joint { name: name.clone() }))
             .collect::<Result<_, _>>()?;
-        for (k, place) in places.into_iter().enumerate() {
-            self.state.position[place] = position[k];
-            self.state.velocity[place] = velocity.get(k).copied().unwrap_or(0.0);
+        for (k, index) in indices.into_iter().enumerate() {
+            self.state.position[index] = position[k];
+            self.state.velocity[index] = velocity.get(k).copied().unwrap_or(0.0);
         }
         self.joints_seen = true;
         Ok(())
     }
 
     /// The base, `world_from_base`.
-    pub fn take_base(&mut self, world_from_base: Pose) {
+    pub fn update_base(&mut self, world_from_base: Pose) {
         self.state.world_from_base = world_from_base;
     }
 
     /// A body by its name in Gazebo. Names of other models are passed over: a lab has more than our blocks.
-    pub fn take_body(&mut self, name: &str, body: BodyState) {
+    pub fn update_body(&mut self, name: &str, body: BodyState) {
         if let Some(k) = self.objects.iter().position(|object| object == name) {
             self.state.objects[k] = body;
             self.bodies_seen = true;
@@ -148,35 +149,35 @@ impl GazeboWorld {
 
     /// The object of a grasp event's collision name.
     pub fn object_of_collision(&self, collision: &str) -> Option<ObjectId> {
-        let model = original::model_of_collision(collision);
+        let model = original::model_from_collision(collision);
         self.objects.iter().position(|object| object == model).map(ObjectId::new)
     }
 
     /// The hand took or let go `block`.
-    pub fn take_grasp(&mut self, block: ObjectId, attached: bool) {
+    pub fn update_grasp(&mut self, block: ObjectId, attached: bool) {
         let pose = self.world_from_tip().inv_mul(&self.state.objects[block.index()].pose);
         self.state.attached = attached.then_some((block.index(), pose));
     }
 
     /// Only whether something is held: then it is the block nearest to the hand. For a node that was not there when
     /// the hand took it.
-    pub fn take_grasp_status(&mut self, attached: bool) {
+    pub fn update_grasp_status(&mut self, attached: bool) {
         if !attached {
             self.state.attached = None;
         } else if self.state.attached.is_none() && self.is_complete() {
-            let hand = self.grasp_centre().coords;
+            let hand = self.grasp_center().coords;
             let far = |id: &ObjectId| (self.state.objects[id.index()].pose.translation.vector - hand).norm();
             let all = (0..self.objects.len()).map(ObjectId::new);
             if let Some(nearest) = all.min_by(|a, b| far(a).total_cmp(&far(b))) {
-                self.take_grasp(nearest, true);
+                self.update_grasp(nearest, true);
             }
         }
     }
 
     /// The block in the hand is where it is seen now.
     pub fn follow_attached(&mut self) {
-        if let Some(block) = self.held() {
-            self.take_grasp(block, true);
+        if let Some(block) = self.held_object() {
+            self.update_grasp(block, true);
         }
     }
 }
@@ -184,7 +185,7 @@ impl GazeboWorld {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proact_tasks::TaskChoice;
+    use proact_tasks::TaskSpec;
 
     fn world() -> GazeboWorld {
         let model = Arc::new(proact_arm::ArmModel {
@@ -203,7 +204,7 @@ mod tests {
             allowed_collisions: vec![],
             ..Default::default()
         });
-        let task = TaskChoice::named("modified_bbt", 1).and_then(|task| task.build(false)).expect("ships");
+        let task = TaskSpec::named("modified_bbt", 1).and_then(|task| task.build(false)).expect("ships");
         GazeboWorld::new(model, task.scene(), Pose::translation(-0.39, 0.12, 1.5))
     }
 
@@ -212,7 +213,7 @@ mod tests {
         let mut world = world();
         let names = vec!["nose".to_owned()];
         let mut refused = |position: &[f64], velocity: &[f64]| {
-            world.take_joints(&names, position, velocity).expect_err("refused").to_string()
+            world.update_joints(&names, position, velocity).expect_err("refused").to_string()
         };
         assert_eq!(refused(&[0.0], &[]), "joint \"nose\" is none of the arm's");
         assert_eq!(refused(&[], &[]), "0 positions for 1 names");
@@ -224,18 +225,18 @@ mod tests {
     #[test]
     fn a_node_that_comes_late_takes_the_nearest_block_for_the_one_in_the_hand() {
         let mut world = world();
-        world.take_joints(&[], &[], &[]).expect("no joints, no fault");
+        world.update_joints(&[], &[], &[]).expect("no joints, no fault");
         let at = BodyState {
             pose: Pose::translation(-0.39, 0.12, 1.45),
-            linear: Vector::zeros(),
-            angular: Vector::zeros(),
+            linear_velocity: Vector::zeros(),
+            angular_velocity: Vector::zeros(),
         };
-        world.take_body("bluecylinder1", at);
-        world.take_body("teapot", at);
-        world.take_grasp_status(true);
-        assert_eq!(world.held(), Some(ObjectId(2)));
-        world.take_grasp_status(false);
-        assert_eq!(world.held(), None);
+        world.update_body("bluecylinder1", at);
+        world.update_body("teapot", at);
+        world.update_grasp_status(true);
+        assert_eq!(world.held_object(), Some(ObjectId(2)));
+        world.update_grasp_status(false);
+        assert_eq!(world.held_object(), None);
     }
 
     #[test]

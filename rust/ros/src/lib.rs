@@ -10,11 +10,11 @@
 //! does everything in whole ticks.
 //!
 //! ```
-//! use proact_ros::action::{Admission, GoalId, GoalList};
+//! use proact_ros::action::{GoalAdmission, GoalId, GoalList};
 //! use proact_types::SimTime;
 //! let mut goals = GoalList::default();
 //! let first = GoalId { id: "client-1".into(), stamp_ns: 7 };
-//! assert_eq!(goals.admit(first, SimTime(0)), Admission::Begin { preempted: None });
+//! assert_eq!(goals.admit(first, SimTime(0)), GoalAdmission::Begin { preempted: None });
 //! ```
 // Nodes live by the real clock and read their environment.
 // They panic where the output is closed or full.
@@ -28,7 +28,9 @@ pub mod compat;
 pub mod controllers;
 pub mod frames;
 pub mod gaze_pairs;
+pub mod gaze_topic_monitor;
 pub mod gazebo;
+pub mod heartbeat;
 pub mod joy;
 pub mod tf_body;
 pub mod trajectory;
@@ -37,3 +39,5 @@ pub mod trajectory;
 pub mod messages;
 #[cfg(feature = "rosrust")]
 pub mod node;
+#[cfg(feature = "rosrust")]
+mod publishing;

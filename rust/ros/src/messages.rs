@@ -33,6 +33,7 @@ rosrust::rosmsg_include!(
     proact_msgs / State,
     proact_msgs / View,
     rosgraph_msgs / Clock,
+    rosgraph_msgs / TopicStatistics,
     sensor_msgs / JointState,
     sensor_msgs / Joy,
     shoulder_localization / fixWorld,

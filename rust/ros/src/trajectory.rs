@@ -91,7 +91,7 @@ pub struct RawPoint {
 
 /// Angle, speed and acceleration of one joint.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Knot {
+pub struct JointSetpoint {
     /// rad.
     pub position: f64,
     /// rad/s.
@@ -102,11 +102,11 @@ pub struct Knot {
 
 /// A checked trajectory: per point its time and one knot per joint of the controller.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Course {
-    points: Vec<(f64, Vec<Knot>)>,
+pub struct ControllerTrajectory {
+    points: Vec<(f64, Vec<JointSetpoint>)>,
 }
 
-impl Course {
+impl ControllerTrajectory {
     /// Checks `points` for a controller of `joints` and begins them at `start` (where the controller is now).
     /// `begin_secs` is the message's own start relative to now: negative when it lies in the past, in which case
     /// the points that are over are left out.
@@ -118,7 +118,7 @@ impl Course {
         named: &[String],
         points: &[RawPoint],
         begin_secs: f64,
-        start: &[Knot],
+        start: &[JointSetpoint],
     ) -> Result<Self, TrajectoryError> {
         let wrong_joints = || TrajectoryError::Joints { got: named.to_vec(), expected: joints.to_vec() };
         if named.len() != joints.len() {
@@ -162,12 +162,12 @@ impl Course {
                 });
             }
             before = point.time_secs;
-            let knot = |j: &usize| Knot {
+            let setpoint = |j: &usize| JointSetpoint {
                 position: point.positions[*j],
                 velocity: point.velocities.get(*j).copied(),
                 acceleration: point.accelerations.get(*j).copied(),
             };
-            checked.push((point.time_secs + begin_secs, order.iter().map(knot).collect::<Vec<_>>()));
+            checked.push((point.time_secs + begin_secs, order.iter().map(setpoint).collect::<Vec<_>>()));
         }
         if let Some((last, _)) = checked.last()
             && *last < 0.0
@@ -191,9 +191,9 @@ impl Course {
     ///
     /// Between points that have speeds the way is a cubic, with accelerations as well a quintic, otherwise a line,
     /// as ros_control has it.
-    pub fn sample(&self, time_secs: f64) -> Option<Vec<Knot>> {
+    pub fn sample(&self, time_secs: f64) -> Option<Vec<JointSetpoint>> {
         let (first, last) = (self.points.first()?, self.points.last()?);
-        let still = |k: &Knot| Knot { velocity: Some(0.0), acceleration: Some(0.0), ..*k };
+        let still = |k: &JointSetpoint| JointSetpoint { velocity: Some(0.0), acceleration: Some(0.0), ..*k };
         if time_secs >= last.0 {
             return Some(last.1.iter().map(still).collect());
         }
@@ -203,13 +203,13 @@ impl Course {
         let next = self.points.partition_point(|(time, _)| *time <= time_secs);
         let (a, b) = (&self.points[next - 1], &self.points[next]);
         let h = b.0 - a.0;
-        Some(a.1.iter().zip(&b.1).map(|(p, q)| between(p, q, h, (time_secs - a.0) / h)).collect())
+        Some(a.1.iter().zip(&b.1).map(|(p, q)| interpolate(p, q, h, (time_secs - a.0) / h)).collect())
     }
 }
 
 /// The knot at share `s` of a segment that lasts `h` seconds: its polynomial's coefficients are those that match
 /// what is given at both ends.
-fn between(a: &Knot, b: &Knot, h: f64, s: f64) -> Knot {
+fn interpolate(a: &JointSetpoint, b: &JointSetpoint, h: f64, s: f64) -> JointSetpoint {
     let (p0, p1) = (a.position, b.position);
     let coefficients = match (a.velocity, b.velocity, a.acceleration, b.acceleration) {
         (Some(v0), Some(v1), Some(a0), Some(a1)) => {
@@ -236,7 +236,7 @@ fn between(a: &Knot, b: &Knot, h: f64, s: f64) -> Knot {
         velocity = velocity * s + position;
         position = position * s + c;
     }
-    Knot { position, velocity: Some(velocity / h), acceleration: Some(acceleration / (h * h)) }
+    JointSetpoint { position, velocity: Some(velocity / h), acceleration: Some(acceleration / (h * h)) }
 }
 
 #[cfg(test)]
@@ -247,8 +247,8 @@ mod tests {
         ["a", "b"].map(str::to_owned).into()
     }
 
-    fn start() -> Vec<Knot> {
-        vec![Knot { position: 0.0, velocity: Some(0.0), acceleration: Some(0.0) }; 2]
+    fn start() -> Vec<JointSetpoint> {
+        vec![JointSetpoint { position: 0.0, velocity: Some(0.0), acceleration: Some(0.0) }; 2]
     }
 
     fn point(time_secs: f64, positions: &[f64], velocities: &[f64], accelerations: &[f64]) -> RawPoint {
@@ -264,11 +264,13 @@ mod tests {
     fn joints_may_come_in_any_order_but_must_be_the_controllers() {
         let swapped: Vec<String> = ["b", "a"].map(str::to_owned).into();
         let points = [point(1.0, &[2.0, 1.0], &[], &[])];
-        let course = Course::new(&names(), &swapped, &points, 0.0, &start()).expect("valid");
-        let end = course.sample(1.0).expect("has points");
+        let trajectory =
+            ControllerTrajectory::new(&names(), &swapped, &points, 0.0, &start()).expect("valid");
+        let end = trajectory.sample(1.0).expect("has points");
         assert_eq!((end[0].position, end[1].position), (1.0, 2.0));
         for wrong in [vec!["a".to_owned()], vec!["a".to_owned(), "c".to_owned()], vec![]] {
-            let error = Course::new(&names(), &wrong, &points, 0.0, &start()).expect_err("other joints");
+            let error = ControllerTrajectory::new(&names(), &wrong, &points, 0.0, &start())
+                .expect_err("other joints");
             assert_eq!(error.code(), -2, "{error}");
         }
     }
@@ -276,7 +278,9 @@ mod tests {
     #[test]
     fn wrong_lengths_not_a_number_and_times_that_do_not_ascend_are_refused_with_their_place() {
         let refuse = |points: &[RawPoint]| {
-            Course::new(&names(), &names(), points, 0.0, &start()).expect_err("refused").to_string()
+            ControllerTrajectory::new(&names(), &names(), points, 0.0, &start())
+                .expect_err("refused")
+                .to_string()
         };
         let good = point(1.0, &[0.0, 0.0], &[], &[]);
         assert_eq!(
@@ -287,7 +291,7 @@ mod tests {
         assert!(refuse(&[point(1.0, &[0.0, f64::NAN], &[], &[])]).contains("positions of b is NaN"));
         assert!(refuse(&[good.clone(), good.clone()]).contains("more than 1 s"));
         assert!(refuse(&[point(f64::NAN, &[0.0, 0.0], &[], &[])]).contains("NaN"));
-        let past = Course::new(&names(), &names(), &[good], -3.0, &start()).expect_err("over");
+        let past = ControllerTrajectory::new(&names(), &names(), &[good], -3.0, &start()).expect_err("over");
         assert_eq!((past.code(), past.to_string().as_str()), (-3, "the trajectory ended 2 s before it came"));
     }
 
@@ -299,8 +303,9 @@ mod tests {
                 point(0.5, &[1.0, -1.0], velocities, accelerations),
                 point(2.0, &[0.2, 0.4], velocities, accelerations),
             ];
-            let course = Course::new(&names(), &names(), &points, 0.0, &start()).expect("valid");
-            let angle = |t: f64| course.sample(t).expect("has points")[0].position;
+            let trajectory =
+                ControllerTrajectory::new(&names(), &names(), &points, 0.0, &start()).expect("valid");
+            let angle = |t: f64| trajectory.sample(t).expect("has points")[0].position;
             assert!((angle(0.5) - 1.0).abs() < 1e-12 && (angle(2.0) - 0.2).abs() < 1e-12);
             assert_eq!(angle(-1.0), 0.0);
             for k in 1..40 {
@@ -309,11 +314,11 @@ mod tests {
                 if (t - 0.5).abs() < 2.0 * h {
                     continue;
                 }
-                let speed = course.sample(t).expect("has points")[0].velocity.expect("always given");
+                let speed = trajectory.sample(t).expect("has points")[0].velocity.expect("always given");
                 assert!(((angle(t + h) - angle(t - h)) / (2.0 * h) - speed).abs() < 1e-6, "at {t}");
             }
             if let Some(v) = velocities.first() {
-                let before_end = course.sample(2.0 - 1e-9).expect("has points")[0].velocity;
+                let before_end = trajectory.sample(2.0 - 1e-9).expect("has points")[0].velocity;
                 assert!((before_end.expect("given") - v).abs() < 1e-6);
             }
         }
@@ -322,8 +327,9 @@ mod tests {
     #[test]
     fn a_course_that_began_before_goes_on_from_where_it_should_be() {
         let points = [point(1.0, &[1.0, 0.0], &[], &[]), point(3.0, &[3.0, 0.0], &[], &[])];
-        let course = Course::new(&names(), &names(), &points, -2.0, &start()).expect("valid");
-        assert_eq!(course.duration_secs(), 1.0);
-        assert_eq!(course.sample(0.5).expect("has points")[0].position, 1.5);
+        let trajectory =
+            ControllerTrajectory::new(&names(), &names(), &points, -2.0, &start()).expect("valid");
+        assert_eq!(trajectory.duration_secs(), 1.0);
+        assert_eq!(trajectory.sample(0.5).expect("has points")[0].position, 1.5);
     }
 }

@@ -3,7 +3,9 @@
 use crate::png;
 use axum::{body::Bytes, extract::ws::Utf8Bytes};
 use ciborium::Value as Cbor;
-use proact_messages::{MessageType, Time, Value, known_type, plain_name};
+use proact_messages::{
+    MessageType, MessageValue, Ros2Message, RosVersion, ServiceType, Time, builtin_type, ros1_name,
+};
 use serde::Serialize;
 use serde_json::Value as Json;
 use std::{
@@ -58,6 +60,9 @@ pub trait TopicBus: Send + Sync {
         sink: Arc<dyn TopicSink>,
     ) -> Result<(), BusError>;
 
+    /// How many receive what is published here on a topic now. On a ROS graph only connections that stand count.
+    fn receiver_count(&self, topic: &str) -> usize;
+
     /// Ends a subscription.
     ///
     /// # Errors
@@ -82,8 +87,11 @@ pub trait TopicBus: Send + Sync {
     /// [`BusError::NoService`] if the member does not offer it.
     fn unadvertise_service(&self, member: MemberId, service: &str) -> Result<(), BusError>;
 
-    /// Whether the fields of a service type are known, so that calls are checked.
-    fn knows_service_type(&self, type_name: &str) -> bool;
+    /// The message type of that name in either spelling, if its fields are known.
+    fn message_type(&self, name: &str) -> Option<Arc<MessageType>>;
+
+    /// The service type of that name in either spelling, if its fields are known, so that calls are checked.
+    fn service_type(&self, name: &str) -> Option<Arc<ServiceType>>;
 
     /// Calls a service; the answer comes through `reply`, a failure too. Arguments are an object, or a list in the order of
     /// the fields where these are known.
@@ -104,8 +112,8 @@ pub struct TopicType {
 
 impl TopicType {
     /// The type of that name in either spelling, with its fields if they are known.
-    pub fn named(name: &str) -> Self {
-        TopicType { name: plain_name(name), definition: known_type(name) }
+    pub fn from_name(name: &str) -> Self {
+        TopicType { name: ros1_name(name), definition: builtin_type(name) }
     }
 }
 
@@ -126,20 +134,20 @@ pub trait ServiceProvider: Send + Sync {
 
 /// The way back of a service call. Dropped without an answer, it tells the caller so.
 pub struct ServiceReply {
-    to: Option<Answer>,
+    callback: Option<ReplyCallback>,
     deadline: Option<Instant>,
 }
 
-type Answer = Box<dyn FnOnce(Result<Json, String>) + Send>;
+type ReplyCallback = Box<dyn FnOnce(Result<Json, String>) + Send>;
 
 impl ServiceReply {
     /// A reply that ends in `to`: the values, or one sentence of what went wrong.
     pub fn new(to: impl FnOnce(Result<Json, String>) + Send + 'static) -> Self {
-        ServiceReply { to: Some(Box::new(to)), deadline: None }
+        ServiceReply { callback: Some(Box::new(to)), deadline: None }
     }
 
     /// The caller waits no longer than until then.
-    pub fn within(mut self, deadline: Instant) -> Self {
+    pub fn with_deadline(mut self, deadline: Instant) -> Self {
         self.deadline = Some(deadline);
         self
     }
@@ -151,7 +159,7 @@ impl ServiceReply {
 
     /// Answers.
     pub fn answer(mut self, result: Result<Json, String>) {
-        if let Some(to) = self.to.take() {
+        if let Some(to) = self.callback.take() {
             to(result);
         }
     }
@@ -159,7 +167,7 @@ impl ServiceReply {
 
 impl Drop for ServiceReply {
     fn drop(&mut self) {
-        if let Some(to) = self.to.take() {
+        if let Some(to) = self.callback.take() {
             to(Err("the provider of the service went away without an answer".to_owned()));
         }
     }
@@ -173,49 +181,81 @@ pub struct TopicMessage {
     /// The type's fields, if they are known.
     pub definition: Option<Arc<MessageType>>,
     /// The content.
-    pub value: Value,
-    text: OnceLock<Utf8Bytes>,
-    png: OnceLock<Utf8Bytes>,
-    cbor: OnceLock<Bytes>,
+    pub value: MessageValue,
+    ros1: MessageEncodings,
+    ros2: MessageEncodings,
     cbor_raw: OnceLock<Option<Bytes>>,
 }
 
+/// The written forms of a message in one convention.
+#[derive(Debug, Default)]
+struct MessageEncodings {
+    text: OnceLock<Utf8Bytes>,
+    png: OnceLock<Utf8Bytes>,
+    cbor: OnceLock<Bytes>,
+}
+
 #[derive(Serialize)]
-struct Publish<'a> {
+struct Publish<'a, M> {
     op: &'static str,
     topic: &'a str,
-    msg: &'a Value,
+    msg: M,
 }
 
 impl TopicMessage {
     /// A message; `value` has been read with `definition`, or built field by field in its order.
-    pub fn new(topic: impl Into<Arc<str>>, definition: Option<Arc<MessageType>>, value: Value) -> Arc<Self> {
-        let (text, png, cbor, cbor_raw) = Default::default();
-        Arc::new(TopicMessage { topic: topic.into(), definition, value, text, png, cbor, cbor_raw })
+    pub fn new(
+        topic: impl Into<Arc<str>>,
+        definition: Option<Arc<MessageType>>,
+        value: MessageValue,
+    ) -> Arc<Self> {
+        let (ros1, ros2, cbor_raw) = Default::default();
+        Arc::new(TopicMessage { topic: topic.into(), definition, value, ros1, ros2, cbor_raw })
     }
 
     /// The same message under another name of its topic.
-    pub(crate) fn renamed(&self, topic: &Arc<str>) -> Arc<Self> {
+    pub(crate) fn with_topic(&self, topic: &Arc<str>) -> Arc<Self> {
         TopicMessage::new(Arc::clone(topic), self.definition.clone(), self.value.clone())
     }
 
+    /// How it is written for clients of either ROS: the same where both have the message alike.
+    fn encodings(&self, convention: RosVersion) -> (&MessageEncodings, RosVersion) {
+        let alike = self.definition.as_ref().is_some_and(|kind| !kind.differs_in_ros2());
+        match convention {
+            RosVersion::Ros2 if !alike => (&self.ros2, RosVersion::Ros2),
+            _ => (&self.ros1, RosVersion::Ros1),
+        }
+    }
+
     /// `{"op":"publish","topic":..,"msg":..}`.
-    pub fn text(&self) -> &Utf8Bytes {
-        self.text.get_or_init(|| {
-            serde_json::to_string(&Publish { op: "publish", topic: &self.topic, msg: &self.value })
-                .expect("plain values with string keys always serialise; what is not finite becomes null")
+    pub fn text(&self, convention: RosVersion) -> &Utf8Bytes {
+        let (written, convention) = self.encodings(convention);
+        let (op, topic, value) = ("publish", &*self.topic, &self.value);
+        written.text.get_or_init(|| {
+            let text = match convention {
+                RosVersion::Ros1 => serde_json::to_string(&Publish { op, topic, msg: value }),
+                RosVersion::Ros2 => {
+                    let msg = Ros2Message { value, kind: self.definition.as_deref() };
+                    serde_json::to_string(&Publish { op, topic, msg })
+                }
+            };
+            text.expect("plain values with string keys always serialise; what is not finite becomes null")
                 .into()
         })
     }
 
     /// The text as a picture: `{"op":"png","data":..}`.
-    pub fn png(&self) -> &Utf8Bytes {
-        self.png.get_or_init(|| png::envelope(self.text()).into())
+    pub fn png(&self, convention: RosVersion) -> &Utf8Bytes {
+        let (written, convention) = self.encodings(convention);
+        written.png.get_or_init(|| png::encode_message(self.text(convention)).into())
     }
 
     /// The same as CBOR.
-    pub fn cbor(&self) -> &Bytes {
-        self.cbor.get_or_init(|| self.publish_as_cbor(self.value.to_cbor(self.definition.as_deref())))
+    pub fn cbor(&self, convention: RosVersion) -> &Bytes {
+        let (written, convention) = self.encodings(convention);
+        written
+            .cbor
+            .get_or_init(|| self.publish_as_cbor(self.value.to_cbor(self.definition.as_deref(), convention)))
     }
 
     /// As CBOR with `secs`, `nsecs` and `bytes` for content: what `clock` said when this was asked for first, and the
@@ -349,7 +389,7 @@ pub fn check_name(what: &'static str, name: &str) -> Result<(), BusError> {
 /// # Errors
 /// [`BusError::BadType`].
 pub fn check_type(name: &str) -> Result<(), BusError> {
-    let plain = plain_name(name);
+    let plain = ros1_name(name);
     let word = |word: &str| {
         word.starts_with(|c: char| c.is_ascii_alphabetic())
             && word.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')

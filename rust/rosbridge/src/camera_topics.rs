@@ -2,11 +2,11 @@
 
 use crate::{
     bus::{BusError, MemberId, ServiceProvider, ServiceReply, TopicBus, TopicMessage},
-    headset::{named, stamped_pose, time_of},
+    headset::{frame_time, message_value, stamped_pose},
 };
 use proact_arm::ArmModel;
-use proact_camera::{Camera, Picture, Studio, View};
-use proact_messages::{Value, known_type};
+use proact_camera::{Camera, CameraView, Renderer, RgbdImage};
+use proact_messages::{MessageValue, builtin_type};
 use proact_types::{DisplayFrame, Scene};
 use serde_json::{Value as Json, json};
 use std::{
@@ -22,12 +22,12 @@ const IMAGE: &str = "/proact/camera/image_raw";
 const INFO: &str = "/proact/camera/camera_info";
 const POSE: &str = "/proact/camera/pose";
 /// Takes one picture of each view asked for.
-const TAKE: &str = "/proact/camera/take";
+const TAKE_PICTURE: &str = "/proact/camera/take";
 const FRAME: &str = "proact_camera";
 /// Pixels.
-const SIZE: [u32; 2] = [640, 480];
+const IMAGE_SIZE_PX: [u32; 2] = [640, 480];
 /// Pictures that may wait to be taken.
-const MAX_WAITING: usize = 4;
+const MAX_PENDING_REQUESTS: usize = 4;
 
 /// A trial's camera on a bus.
 ///
@@ -38,16 +38,16 @@ const MAX_WAITING: usize = 4;
 pub struct CameraTopics {
     bus: Arc<dyn TopicBus>,
     member: MemberId,
-    latest: Arc<Latest>,
-    orders: Option<SyncSender<ServiceReply>>,
+    latest_frame: Arc<LatestFrame>,
+    requests: Option<SyncSender<ServiceReply>>,
     worker: Option<JoinHandle<()>>,
 }
 
 /// The instant that a picture would show.
 #[derive(Default)]
-struct Latest(Mutex<Option<Arc<DisplayFrame>>>);
+struct LatestFrame(Mutex<Option<Arc<DisplayFrame>>>);
 
-impl Latest {
+impl LatestFrame {
     fn set(&self, frame: Option<Arc<DisplayFrame>>) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = frame;
     }
@@ -64,19 +64,25 @@ impl CameraTopics {
     /// [`BusError`] if somebody else uses these topics for other types.
     pub fn new(bus: Arc<dyn TopicBus>, arm: &ArmModel, scene: &Scene) -> Result<CameraTopics, BusError> {
         let member = bus.join("/proact_camera");
-        let latest = Arc::new(Latest::default());
-        let (orders, ordered) = sync_channel::<ServiceReply>(MAX_WAITING);
-        let photographer = Photographer {
+        let latest = Arc::new(LatestFrame::default());
+        let (orders, ordered) = sync_channel::<ServiceReply>(MAX_PENDING_REQUESTS);
+        let photographer = PictureWorker {
             bus: Arc::downgrade(&bus),
-            studio: Studio::new(arm, scene),
-            latest: Arc::clone(&latest),
+            renderer: Renderer::new(arm, scene),
+            latest_frame: Arc::clone(&latest),
         };
         let worker = std::thread::spawn(move || {
             for reply in ordered {
-                reply.answer(Ok(photographer.take()));
+                reply.answer(Ok(photographer.take_picture()));
             }
         });
-        let topics = CameraTopics { bus, member, latest, orders: Some(orders.clone()), worker: Some(worker) };
+        let topics = CameraTopics {
+            bus,
+            member,
+            latest_frame: latest,
+            requests: Some(orders.clone()),
+            worker: Some(worker),
+        };
         for (topic, kind) in [
             (IMAGE, "sensor_msgs/Image"),
             (INFO, "sensor_msgs/CameraInfo"),
@@ -84,13 +90,18 @@ impl CameraTopics {
         ] {
             topics.bus.advertise(member, topic, kind, false)?;
         }
-        topics.bus.advertise_service(member, TAKE, "std_srvs/Trigger", Arc::new(Shutter(orders)))?;
+        topics.bus.advertise_service(
+            member,
+            TAKE_PICTURE,
+            "std_srvs/Trigger",
+            Arc::new(PictureService(orders)),
+        )?;
         Ok(topics)
     }
 
     /// The instant that the next picture shows.
-    pub fn show(&self, frame: &DisplayFrame) {
-        self.latest.set(Some(Arc::new(frame.clone())));
+    pub fn set_frame(&self, frame: &DisplayFrame) {
+        self.latest_frame.set(Some(Arc::new(frame.clone())));
     }
 }
 
@@ -98,7 +109,7 @@ impl Drop for CameraTopics {
     fn drop(&mut self) {
         // With the service goes the other sender, so that the thread ends.
         self.bus.leave(self.member);
-        self.orders.take();
+        self.requests.take();
         if let Some(worker) = self.worker.take() {
             let _ = worker.join();
         }
@@ -106,84 +117,84 @@ impl Drop for CameraTopics {
 }
 
 /// Hands orders to the thread that takes the pictures.
-struct Shutter(SyncSender<ServiceReply>);
+struct PictureService(SyncSender<ServiceReply>);
 
-impl ServiceProvider for Shutter {
+impl ServiceProvider for PictureService {
     fn call(&self, _: Json, reply: ServiceReply) {
         if let Err(TrySendError::Full(reply) | TrySendError::Disconnected(reply)) = self.0.try_send(reply) {
-            let message = format!("{MAX_WAITING} pictures wait to be taken already; ask again");
+            let message = format!("{MAX_PENDING_REQUESTS} pictures wait to be taken already; ask again");
             reply.answer(Ok(json!({"success": false, "message": message})));
         }
     }
 }
 
-struct Photographer {
+struct PictureWorker {
     bus: Weak<dyn TopicBus>,
-    studio: Studio,
-    latest: Arc<Latest>,
+    renderer: Renderer,
+    latest_frame: Arc<LatestFrame>,
 }
 
-impl Photographer {
+impl PictureWorker {
     /// Takes a picture and publishes it; the answer of the service.
-    fn take(&self) -> Json {
-        let (Some(frame), Some(bus)) = (self.latest.get(), self.bus.upgrade()) else {
+    fn take_picture(&self) -> Json {
+        let (Some(frame), Some(bus)) = (self.latest_frame.get(), self.bus.upgrade()) else {
             return json!({"success": false, "message": "nothing is shown yet; ask again"});
         };
-        let camera = self.studio.camera(View::Head, &frame, SIZE, FRAC_PI_3);
-        let picture = self.studio.take(&frame, &camera);
+        let camera = self.renderer.camera(CameraView::Head, &frame, IMAGE_SIZE_PX, FRAC_PI_3);
+        let picture = self.renderer.render(&frame, &camera);
         bus.publish(&messages(&frame, &camera, picture));
         json!({"success": true, "message": format!("published on {IMAGE}")})
     }
 }
 
-fn messages(frame: &DisplayFrame, camera: &Camera, picture: Picture) -> [Arc<TopicMessage>; 3] {
+fn messages(frame: &DisplayFrame, camera: &Camera, picture: RgbdImage) -> [Arc<TopicMessage>; 3] {
     let header = |frame_id: &str| {
-        named([
-            ("seq", Value::Uint(0)),
-            ("stamp", Value::Time(time_of(frame))),
-            ("frame_id", Value::Text(frame_id.to_owned())),
+        message_value([
+            ("seq", MessageValue::Uint(0)),
+            ("stamp", MessageValue::Time(frame_time(frame))),
+            ("frame_id", MessageValue::Text(frame_id.to_owned())),
         ])
     };
-    let whole = |number: u32| Value::Uint(number.into());
+    let whole = |number: u32| MessageValue::Uint(number.into());
     let size = [("height", whole(camera.height)), ("width", whole(camera.width))];
     let [height, width] = size.clone();
-    let image = named([
+    let image = message_value([
         ("header", header(FRAME)),
         height,
         width,
-        ("encoding", Value::Text("rgb8".to_owned())),
-        ("is_bigendian", Value::Uint(0)),
+        ("encoding", MessageValue::Text("rgb8".to_owned())),
+        ("is_bigendian", MessageValue::Uint(0)),
         ("step", whole(3 * camera.width)),
-        ("data", Value::Bytes(picture.rgb)),
+        ("data", MessageValue::Bytes(picture.rgb)),
     ]);
     let k = camera.intrinsics();
     let p = [k[0], k[1], k[2], 0.0, k[3], k[4], k[5], 0.0, k[6], k[7], k[8], 0.0];
     let [height, width] = size;
-    let info = named([
+    let info = message_value([
         ("header", header(FRAME)),
         height,
         width,
-        ("distortion_model", Value::Text("plumb_bob".to_owned())),
-        ("D", Value::Floats(vec![0.0; 5])),
-        ("K", Value::Floats(k.to_vec())),
-        ("R", Value::Floats(vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])),
-        ("P", Value::Floats(p.to_vec())),
+        ("distortion_model", MessageValue::Text("plumb_bob".to_owned())),
+        ("D", MessageValue::Floats(vec![0.0; 5])),
+        ("K", MessageValue::Floats(k.to_vec())),
+        ("R", MessageValue::Floats(vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])),
+        ("P", MessageValue::Floats(p.to_vec())),
         ("binning_x", whole(0)),
         ("binning_y", whole(0)),
         (
             "roi",
-            named([
+            message_value([
                 ("x_offset", whole(0)),
                 ("y_offset", whole(0)),
                 ("height", whole(0)),
                 ("width", whole(0)),
-                ("do_rectify", Value::Bool(false)),
+                ("do_rectify", MessageValue::Bool(false)),
             ]),
         ),
     ]);
     [
-        TopicMessage::new(IMAGE, known_type("sensor_msgs/Image"), image),
-        TopicMessage::new(INFO, known_type("sensor_msgs/CameraInfo"), info),
+        TopicMessage::new(IMAGE, builtin_type("sensor_msgs/Image"), image),
+        TopicMessage::new(INFO, builtin_type("sensor_msgs/CameraInfo"), info),
         stamped_pose(POSE, &header("world"), &camera.world_from_camera),
     ]
 }

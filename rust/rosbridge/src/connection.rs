@@ -1,19 +1,21 @@
-//! One client: from its socket to its [`Session`](crate::session::Session), and from its outbox to its socket.
+//! One client: from its socket to its [`RosbridgeSession`](crate::session::Session), and from its outbox to its socket.
 
 use crate::{
+    actions::ActionBridge,
     fragments,
     outbox::{Compression, Outbox, Outgoing},
     png,
-    server::{Shared, wall_clock},
-    services::Offered,
-    session::{Now, Session},
+    server::{RosbridgeState, wall_time},
+    services::OfferedServices,
+    session::{ReceiveTime, RosbridgeSession},
 };
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
 use futures_util::{
     SinkExt, StreamExt,
     stream::{SplitSink, SplitStream},
 };
-use proact_http::Pulse;
+use proact_http::WebSocketLiveness;
+use proact_messages::RosVersion;
 use std::{
     net::SocketAddr,
     sync::atomic::{AtomicU64, Ordering},
@@ -25,8 +27,8 @@ pub(super) use crate::session::MAX_MESSAGE_BYTES;
 
 /// A client that takes no byte for so long is gone or hopeless.
 const SEND_TIMEOUT: Duration = Duration::from_secs(30);
-/// How often overdue service calls are looked for.
-const CHORE_PERIOD: Duration = Duration::from_millis(250);
+/// How often overdue service calls, and goals whose servers are connected by now, are looked for.
+const POLL_PERIOD: Duration = Duration::from_millis(50);
 /// A client that sends more than this many messages in a second is read no faster.
 const MAX_MESSAGES_PER_SECOND: u32 = 100_000;
 /// The same, in a tenth of a second.
@@ -39,18 +41,24 @@ type Sink = SplitSink<WebSocket, Message>;
 static NEXT_CLIENT: AtomicU64 = AtomicU64::new(1);
 
 /// Serves one client until it goes or is given up.
-pub(super) async fn serve(socket: WebSocket, peer: SocketAddr, shared: &Shared) {
+pub(super) async fn serve(
+    socket: WebSocket,
+    peer: SocketAddr,
+    convention: RosVersion,
+    shared: &RosbridgeState,
+) {
     let name = format!("/rosbridge_client_{}", NEXT_CLIENT.fetch_add(1, Ordering::Relaxed));
     shared.notice("connected", format!("{name} connected from {peer}"));
-    let mut session = Session::new(std::sync::Arc::clone(&shared.bus), &name);
+    let (bus, actions) = (std::sync::Arc::clone(&shared.bus), std::sync::Arc::clone(&shared.actions));
+    let mut session = RosbridgeSession::new(bus, actions, &name, convention, shared.frozen_gaze_timeout);
     let (outbox, offered) =
-        (std::sync::Arc::clone(session.outbox()), std::sync::Arc::clone(session.offered()));
+        (std::sync::Arc::clone(session.outbox()), std::sync::Arc::clone(session.offered_services()));
     let (mut sink, incoming) = socket.split();
-    let pulse = Pulse::new(shared.limits);
+    let liveness = WebSocketLiveness::new(shared.limits);
     // Reading and writing are apart: a stop must come in while a slow line is still busy with old messages.
     let reason = tokio::select! {
-        reason = read(incoming, &mut session, &pulse, &name, shared) => reason,
-        reason = write(&mut sink, &outbox, &offered, &pulse) => reason,
+        reason = read(incoming, &mut session, &liveness, &name, shared) => reason,
+        reason = write(&mut sink, &outbox, &offered, &shared.actions, &liveness) => reason,
     };
     drop(session);
     // The standard allows 123 bytes; the texts are ASCII.
@@ -69,15 +77,15 @@ pub(super) async fn serve(socket: WebSocket, peer: SocketAddr, shared: &Shared) 
 }
 
 /// Why a connection ends; none if the client wanted it.
-type Reason = Option<&'static str>;
+type CloseReason = Option<&'static str>;
 
 async fn read(
     mut incoming: Incoming,
-    session: &mut Session,
-    pulse: &Pulse,
+    session: &mut RosbridgeSession,
+    liveness: &WebSocketLiveness,
     name: &str,
-    shared: &Shared,
-) -> Reason {
+    shared: &RosbridgeState,
+) -> CloseReason {
     let (mut window, mut count) = (Instant::now(), 0);
     let mut noticed = false;
     loop {
@@ -88,15 +96,15 @@ async fn read(
             None => return None,
         };
         let now = Instant::now();
-        pulse.beat();
+        liveness.record_received();
         let bytes = match &message {
             Message::Text(text) => text.as_bytes(),
             Message::Binary(bytes) => bytes,
             Message::Close(_) => return None,
             _ => continue,
         };
-        let result = session.handle(bytes, Now { instant: now, time: wall_clock() });
-        if !noticed && let Some(mistake) = session.first_mistake() {
+        let result = session.handle(bytes, ReceiveTime { instant: now, time: wall_time() });
+        if !noticed && let Some(mistake) = session.first_error() {
             shared
                 .notice("mistake", format!("{name}: {mistake} (further ones are answered and not reported)"));
             noticed = true;
@@ -114,77 +122,86 @@ async fn read(
     }
 }
 
-async fn write(sink: &mut Sink, outbox: &Outbox, offered: &Offered, pulse: &Pulse) -> Reason {
-    const LOST: Reason = Some("it takes no more data");
+async fn write(
+    sink: &mut Sink,
+    outbox: &Outbox,
+    offered: &OfferedServices,
+    actions: &ActionBridge,
+    liveness: &WebSocketLiveness,
+) -> CloseReason {
+    const STALLED_CLIENT: CloseReason = Some("it takes no more data");
     let mut pieces = 0;
-    let mut ping = pulse.pings();
-    let mut chores = time::interval(CHORE_PERIOD);
+    let mut ping = liveness.ping_interval();
+    let mut chores = time::interval(POLL_PERIOD);
     chores.set_missed_tick_behavior(time::MissedTickBehavior::Delay);
     loop {
         tokio::select! {
             () = outbox.ready() => {}
             _ = chores.tick() => {
                 offered.expire(Instant::now());
+                actions.poll(Instant::now());
                 continue;
             }
             _ = ping.tick() => {
-                if pulse.is_lost() {
+                if liveness.is_timed_out() {
                     return Some("it has been silent for too long");
                 }
                 if send(sink.send(Message::Ping(Default::default()))).await.is_err() {
-                    return LOST;
+                    return STALLED_CLIENT;
                 }
                 continue;
             }
         }
         loop {
-            let Some(batch) = outbox.take(Instant::now()) else {
+            let Some(batch) = outbox.take_batch(Instant::now()) else {
                 return Some("it asks and does not read the answers");
             };
             if batch.is_empty() {
                 break;
             }
             for outgoing in batch {
-                for message in frames(&outgoing, &mut pieces) {
+                for message in websocket_frames(&outgoing, &mut pieces) {
                     if send(sink.feed(message)).await.is_err() {
-                        return LOST;
+                        return STALLED_CLIENT;
                     }
                 }
             }
             if send(sink.flush()).await.is_err() {
-                return LOST;
+                return STALLED_CLIENT;
             }
         }
     }
 }
 
 /// The connection is of no use any more.
-struct Lost;
+struct ConnectionLost;
 
-async fn send<E>(sending: impl Future<Output = Result<(), E>>) -> Result<(), Lost> {
+async fn send<E>(sending: impl Future<Output = Result<(), E>>) -> Result<(), ConnectionLost> {
     match time::timeout(SEND_TIMEOUT, sending).await {
         Ok(Ok(())) => Ok(()),
-        _ => Err(Lost),
+        _ => Err(ConnectionLost),
     }
 }
 
 /// The frames of something to send; `pieces` counts the messages that went in pieces, which gives them their ids.
-fn frames(outgoing: &Outgoing, pieces: &mut u64) -> Vec<Message> {
+fn websocket_frames(outgoing: &Outgoing, pieces: &mut u64) -> Vec<Message> {
     let (text, fragment_size): (Utf8Bytes, _) = match outgoing {
         Outgoing::Message(message, delivery) => {
             let text = match delivery.compression {
-                Compression::None => message.text(),
-                Compression::Png => message.png(),
-                Compression::Cbor => return vec![Message::Binary(message.cbor().clone())],
+                Compression::None => message.text(delivery.ros_version),
+                Compression::Png => message.png(delivery.ros_version),
+                Compression::Cbor => {
+                    return vec![Message::Binary(message.cbor(delivery.ros_version).clone())];
+                }
                 // Of a type that nobody knows there are no such bytes; the subscriber was told.
                 Compression::CborRaw => {
-                    return message.cbor_raw(wall_clock).cloned().map(Message::Binary).into_iter().collect();
+                    return message.cbor_raw(wall_time).cloned().map(Message::Binary).into_iter().collect();
                 }
             };
             (text.clone(), delivery.fragment_size)
         }
         Outgoing::Reply(reply) => match reply.compression {
-            Compression::Png => (png::envelope(&reply.text).into(), reply.fragment_size),
+            Compression::Png => (png::encode_message(&reply.text).into(), reply.fragment_size),
             _ => (reply.text.clone(), reply.fragment_size),
         },
     };

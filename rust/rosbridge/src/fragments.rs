@@ -7,9 +7,9 @@ use std::{
 };
 
 /// Messages that one client may send in pieces at the same time.
-const MAX_OPEN: usize = 32;
+const MAX_PARTIAL_MESSAGES: usize = 32;
 /// Most pieces of a message.
-const MAX_PIECES: usize = 65_536;
+const MAX_FRAGMENTS: usize = 65_536;
 /// Most bytes of all unfinished messages of one client.
 const MAX_BYTES: usize = 8 * 1024 * 1024;
 /// A message whose next piece does not come for so long is given up.
@@ -17,24 +17,24 @@ const MAX_AGE: Duration = Duration::from_secs(30);
 
 /// The pieces that a client has sent so far, in any order and of several messages at a time.
 #[derive(Default)]
-pub(crate) struct Fragments {
-    open: HashMap<String, Open>,
+pub(crate) struct FragmentedMessages {
+    partial: HashMap<String, PartialMessage>,
     bytes: usize,
 }
 
-struct Open {
-    pieces: Vec<Option<String>>,
+struct PartialMessage {
+    fragments: Vec<Option<String>>,
     missing: usize,
     bytes: usize,
-    heard: Instant,
+    last_received: Instant,
 }
 
-impl Fragments {
+impl FragmentedMessages {
     /// Takes one piece; the whole message once nothing is missing.
     ///
     /// # Errors
     /// One sentence. The message that the piece belongs to is given up.
-    pub(crate) fn take(
+    pub(crate) fn add(
         &mut self,
         id: &str,
         number: usize,
@@ -43,34 +43,34 @@ impl Fragments {
         now: Instant,
     ) -> Result<Option<String>, String> {
         self.expire(now);
-        if total == 0 || total > MAX_PIECES || number >= total {
-            self.forget(id);
+        if total == 0 || total > MAX_FRAGMENTS || number >= total {
+            self.remove(id);
             return Err(format!(
-                "piece {number} of {total}, expected a number below a total of 1 to {MAX_PIECES}"
+                "piece {number} of {total}, expected a number below a total of 1 to {MAX_FRAGMENTS}"
             ));
         }
-        if self.open.get(id).is_some_and(|open| open.pieces.len() != total) {
-            self.forget(id);
+        if self.partial.get(id).is_some_and(|open| open.fragments.len() != total) {
+            self.remove(id);
             return Err(format!("the pieces of message {id:?} do not agree on their total, got {total} now"));
         }
         if self.bytes + data.len() > MAX_BYTES {
-            self.forget(id);
+            self.remove(id);
             return Err(format!("unfinished messages hold more than {MAX_BYTES} bytes; finish some first"));
         }
-        if !self.open.contains_key(id) && self.open.len() == MAX_OPEN {
-            return Err(format!("{MAX_OPEN} messages are unfinished; finish some first"));
+        if !self.partial.contains_key(id) && self.partial.len() == MAX_PARTIAL_MESSAGES {
+            return Err(format!("{MAX_PARTIAL_MESSAGES} messages are unfinished; finish some first"));
         }
-        let open = self.open.entry(id.to_owned()).or_insert_with(|| Open {
-            pieces: vec![None; total],
+        let open = self.partial.entry(id.to_owned()).or_insert_with(|| PartialMessage {
+            fragments: vec![None; total],
             missing: total,
             bytes: 0,
-            heard: now,
+            last_received: now,
         });
-        open.heard = now;
+        open.last_received = now;
         // A piece that comes twice replaces the first.
         self.bytes += data.len();
         open.bytes += data.len();
-        match open.pieces[number].replace(data) {
+        match open.fragments[number].replace(data) {
             Some(old) => {
                 self.bytes -= old.len();
                 open.bytes -= old.len();
@@ -80,11 +80,11 @@ impl Fragments {
         if open.missing > 0 {
             return Ok(None);
         }
-        Ok(self.forget(id).map(|open| open.pieces.into_iter().flatten().collect()))
+        Ok(self.remove(id).map(|open| open.fragments.into_iter().flatten().collect()))
     }
 
-    fn forget(&mut self, id: &str) -> Option<Open> {
-        let open = self.open.remove(id)?;
+    fn remove(&mut self, id: &str) -> Option<PartialMessage> {
+        let open = self.partial.remove(id)?;
         self.bytes -= open.bytes;
         Some(open)
     }
@@ -92,13 +92,13 @@ impl Fragments {
     /// Gives up what has stood still for too long.
     fn expire(&mut self, now: Instant) {
         let stale: Vec<String> = self
-            .open
+            .partial
             .iter()
-            .filter(|(_, open)| now.duration_since(open.heard) > MAX_AGE)
+            .filter(|(_, open)| now.duration_since(open.last_received) > MAX_AGE)
             .map(|(id, _)| id.clone())
             .collect();
         for id in stale {
-            self.forget(&id);
+            self.remove(&id);
         }
     }
 }
@@ -109,12 +109,12 @@ pub(crate) fn split(text: &str, size: usize, id: u64) -> Option<Vec<String>> {
     if text.len() <= size {
         return None;
     }
-    let size = size.max(text.len().div_ceil(MAX_PIECES / 2)).max(4);
+    let size = size.max(text.len().div_ceil(MAX_FRAGMENTS / 2)).max(4);
     let mut pieces = Vec::new();
     let mut rest = text;
     while !rest.is_empty() {
-        let longest = size.min(rest.len());
-        let end = (0..=longest).rev().find(|end| rest.is_char_boundary(*end)).unwrap_or(rest.len());
+        let max_length = size.min(rest.len());
+        let end = (0..=max_length).rev().find(|end| rest.is_char_boundary(*end)).unwrap_or(rest.len());
         let (piece, after) = rest.split_at(end);
         pieces.push(piece);
         rest = after;
@@ -131,11 +131,11 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn feed(fragments: &mut Fragments, piece: &str) -> Result<Option<String>, String> {
+    fn feed(fragments: &mut FragmentedMessages, piece: &str) -> Result<Option<String>, String> {
         let json: Json = serde_json::from_str(piece).unwrap();
         let number = |name: &str| json[name].as_u64().unwrap() as usize;
         let (id, data) = (json["id"].as_str().unwrap(), json["data"].as_str().unwrap().to_owned());
-        fragments.take(id, number("num"), number("total"), data, Instant::now())
+        fragments.add(id, number("num"), number("total"), data, Instant::now())
     }
 
     proptest! {
@@ -155,7 +155,7 @@ mod tests {
             // A shuffle that depends on the seed alone.
             let key = |piece: &str| piece.bytes().fold(seed, |h, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3));
             pieces.sort_by_key(|(_, piece)| key(piece));
-            let mut fragments = Fragments::default();
+            let mut fragments = FragmentedMessages::default();
             let mut whole = vec![None; texts.len()];
             for (n, piece) in &pieces {
                 if let Some(text) = feed(&mut fragments, piece).unwrap() {
@@ -166,15 +166,15 @@ mod tests {
                 prop_assert_eq!(whole[n].as_ref(), Some(text));
             }
             prop_assert_eq!(fragments.bytes, 0);
-            prop_assert!(fragments.open.is_empty());
+            prop_assert!(fragments.partial.is_empty());
         }
     }
 
     #[test]
     fn nonsense_is_refused_and_leaves_nothing_behind() {
-        let mut fragments = Fragments::default();
+        let mut fragments = FragmentedMessages::default();
         let now = Instant::now();
-        let mut take = |number, total, data: &str| fragments.take("a", number, total, data.to_owned(), now);
+        let mut take = |number, total, data: &str| fragments.add("a", number, total, data.to_owned(), now);
         assert!(take(0, 0, "").unwrap_err().contains("total"));
         assert!(take(3, 3, "").unwrap_err().contains("below"));
         assert!(take(0, usize::MAX, "").unwrap_err().contains("total"));
@@ -188,16 +188,16 @@ mod tests {
 
     #[test]
     fn unfinished_messages_are_bounded_in_number_bytes_and_age() {
-        let mut fragments = Fragments::default();
+        let mut fragments = FragmentedMessages::default();
         let start = Instant::now();
-        for n in 0..MAX_OPEN {
-            assert_eq!(fragments.take(&n.to_string(), 0, 2, "x".to_owned(), start), Ok(None));
+        for n in 0..MAX_PARTIAL_MESSAGES {
+            assert_eq!(fragments.add(&n.to_string(), 0, 2, "x".to_owned(), start), Ok(None));
         }
-        assert!(fragments.take("one more", 0, 2, "x".to_owned(), start).is_err());
+        assert!(fragments.add("one more", 0, 2, "x".to_owned(), start).is_err());
         let later = start + MAX_AGE + Duration::from_secs(1);
-        assert_eq!(fragments.take("one more", 0, 2, "x".to_owned(), later), Ok(None));
-        assert_eq!(fragments.open.len(), 1);
-        let error = fragments.take("big", 0, 2, "x".repeat(MAX_BYTES + 1), later).unwrap_err();
+        assert_eq!(fragments.add("one more", 0, 2, "x".to_owned(), later), Ok(None));
+        assert_eq!(fragments.partial.len(), 1);
+        let error = fragments.add("big", 0, 2, "x".repeat(MAX_BYTES + 1), later).unwrap_err();
         assert!(error.contains("bytes"), "{error}");
     }
 }

@@ -2,9 +2,9 @@
 
 use crate::bus::{TopicMessage, TopicSink};
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
-use proact_messages::Value;
+use proact_messages::MessageValue;
 use proact_messages::original::topic;
-use proact_types::{GazeSample, Gesture, Point, Pose, Vector};
+use proact_types::{Command, GazeSample, Point, Pose, Vector};
 use std::{
     sync::{Arc, Mutex, MutexGuard, PoisonError},
     time::{Duration, Instant},
@@ -14,7 +14,7 @@ use std::{
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum HeadsetInput {
     /// The gesture in force from now on.
-    Gesture(Gesture),
+    Gesture(Command),
     /// Where the person looks, in `world`.
     Gaze(GazeSample),
     /// `world_from_head`.
@@ -22,21 +22,21 @@ pub enum HeadsetInput {
     /// `world_from_shoulder`: where the arm's base is to go.
     Shoulder(Pose),
     /// A gesture came, new or the one in force once more.
-    Alive,
+    Heartbeat,
 }
 
 /// A gesture is released when its source is silent for longer. The testbed, which is told of each message, stops the
 /// arm much sooner.
-const MAX_SILENCE: Duration = Duration::from_millis(500);
+const GESTURE_TIMEOUT: Duration = Duration::from_millis(500);
 /// A gaze direction belongs to an eye position that is not older.
 const MAX_GAZE_LAG: Duration = Duration::from_millis(200);
 /// Most inputs kept for a trial that does not fetch them.
 const MAX_WAITING: usize = 512;
 
 /// Collects inputs.
-pub(super) struct Inbox {
+pub(super) struct HeadsetInbox {
     state: Mutex<State>,
-    max_way: f64,
+    max_distance_m: f64,
 }
 
 struct State {
@@ -46,11 +46,11 @@ struct State {
     /// The head as the app has it.
     unity_from_head: Option<Pose>,
     eye: Option<(Instant, Point)>,
-    gesture: Option<(Instant, Gesture)>,
+    gesture: Option<(Instant, Command)>,
     waiting: Vec<HeadsetInput>,
 }
 
-impl Inbox {
+impl HeadsetInbox {
     /// Topics that are listened to, with their types.
     pub(super) const TOPICS: [(&'static str, &'static str); 5] = [
         (topic::GAZE_POSITION, "geometry_msgs/Vector3Stamped"),
@@ -61,16 +61,16 @@ impl Inbox {
         (topic::EMG, "std_msgs/String"),
     ];
 
-    pub(super) fn new(world_from_head: Pose, max_way: f64) -> Self {
+    pub(super) fn new(world_from_head: Pose, max_distance: f64) -> Self {
         let state = State {
-            world_from_unity: level(&world_from_head),
+            world_from_unity: yaw_only(&world_from_head),
             start: world_from_head,
             unity_from_head: None,
             eye: None,
             gesture: None,
             waiting: Vec::new(),
         };
-        Inbox { state: Mutex::new(state), max_way }
+        HeadsetInbox { state: Mutex::new(state), max_distance_m: max_distance }
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {
@@ -93,57 +93,57 @@ impl Inbox {
     pub(super) fn fix_world(&self) -> Result<Pose, String> {
         let mut state = self.lock();
         let head = state.unity_from_head.ok_or("no /hololens/head has come yet")?;
-        state.world_from_unity = level(&state.start) * level(&head).inverse();
+        state.world_from_unity = yaw_only(&state.start) * yaw_only(&head).inverse();
         Ok(state.world_from_unity)
     }
 
     /// Everything since the last call, oldest first; a gesture whose source fell silent is released.
     pub(super) fn drain(&self, now: Instant) -> Vec<HeadsetInput> {
         let mut state = self.lock();
-        if let Some((heard, gesture)) = state.gesture
-            && now.saturating_duration_since(heard) > MAX_SILENCE
+        if let Some((received_at, command)) = state.gesture
+            && now.saturating_duration_since(received_at) > GESTURE_TIMEOUT
         {
             state.gesture = None;
-            if gesture != Gesture::NoMotion {
-                state.push(HeadsetInput::Gesture(Gesture::NoMotion));
+            if command != Command::NoMotion {
+                state.push(HeadsetInput::Gesture(Command::NoMotion));
             }
         }
         std::mem::take(&mut state.waiting)
     }
 
-    fn take(&self, topic: &str, value: &Value, now: Instant) {
+    fn receive(&self, topic: &str, value: &MessageValue, now: Instant) {
         let mut state = self.lock();
         match topic {
             topic::GAZE_POSITION => {
                 let eye = value.get("vector").and_then(vector);
                 state.eye = eye.map(|eye| (now, state.world_from_unity * Point::from(eye)));
             }
-            topic::GAZE_DIRECTION => state.look(value, now),
+            topic::GAZE_DIRECTION => state.receive_gaze_direction(value, now),
             topic::HEAD => {
                 let Some(head) = value.get("pose").and_then(pose) else { return };
                 state.unity_from_head = Some(head);
                 let head = state.world_from_unity * head;
-                if state.near(&head, self.max_way) {
+                if state.is_near(&head, self.max_distance_m) {
                     state.push(HeadsetInput::Head(head));
                 }
             }
             topic::SET_LINK_STATE => {
-                let name = value.get("link_name").and_then(Value::as_text).unwrap_or_default();
-                let frame = value.get("reference_frame").and_then(Value::as_text).unwrap_or_default();
+                let name = value.get("link_name").and_then(MessageValue::as_text).unwrap_or_default();
+                let frame = value.get("reference_frame").and_then(MessageValue::as_text).unwrap_or_default();
                 let Some(shoulder) = value.get("pose").and_then(pose) else { return };
                 let ours = name.ends_with("base_link") && matches!(frame, "" | "world");
-                if ours && state.near(&shoulder, self.max_way) {
+                if ours && state.is_near(&shoulder, self.max_distance_m) {
                     state.push(HeadsetInput::Shoulder(shoulder));
                 }
             }
             topic::EMG => {
-                let text = value.get("data").and_then(Value::as_text).unwrap_or_default();
-                let Ok(gesture) = text.parse::<Gesture>() else { return };
-                let before = state.gesture.replace((now, gesture)).map(|(_, before)| before);
-                if before != Some(gesture) {
-                    state.push(HeadsetInput::Gesture(gesture));
+                let text = value.get("data").and_then(MessageValue::as_text).unwrap_or_default();
+                let Ok(command) = text.parse::<Command>() else { return };
+                let before = state.gesture.replace((now, command)).map(|(_, before)| before);
+                if before != Some(command) {
+                    state.push(HeadsetInput::Gesture(command));
                 }
-                state.push(HeadsetInput::Alive);
+                state.push(HeadsetInput::Heartbeat);
             }
             _ => {}
         }
@@ -152,7 +152,7 @@ impl Inbox {
 
 impl State {
     /// A direction; with the eye's place it is a gaze sample. The app sends both in each of its frames.
-    fn look(&mut self, value: &Value, now: Instant) {
+    fn receive_gaze_direction(&mut self, value: &MessageValue, now: Instant) {
         let Some((seen, origin)) = self.eye else { return };
         let direction = value.get("vector").and_then(vector);
         let Some(direction) = direction.filter(|direction| direction.norm() > 1e-6) else { return };
@@ -162,8 +162,8 @@ impl State {
         }
     }
 
-    fn near(&self, pose: &Pose, max_way: f64) -> bool {
-        (pose.translation.vector - self.start.translation.vector).norm() <= max_way
+    fn is_near(&self, pose: &Pose, max_distance: f64) -> bool {
+        (pose.translation.vector - self.start.translation.vector).norm() <= max_distance
     }
 
     fn push(&mut self, input: HeadsetInput) {
@@ -174,15 +174,15 @@ impl State {
         } else if self.waiting.len() >= MAX_WAITING {
             // Nobody fetches. What has piled up is stale, so it goes, and a stop stands in for it.
             self.waiting.clear();
-            self.waiting.push(HeadsetInput::Gesture(Gesture::NoMotion));
+            self.waiting.push(HeadsetInput::Gesture(Command::NoMotion));
         }
         self.waiting.push(input);
     }
 }
 
-impl TopicSink for Inbox {
+impl TopicSink for HeadsetInbox {
     fn deliver(&self, message: &Arc<TopicMessage>) {
-        self.take(&message.topic, &message.value, Instant::now());
+        self.receive(&message.topic, &message.value, Instant::now());
     }
 
     /// The trial fetches when it has time.
@@ -190,22 +190,22 @@ impl TopicSink for Inbox {
 }
 
 /// The pose with its turn about the vertical alone.
-fn level(pose: &Pose) -> Pose {
+fn yaw_only(pose: &Pose) -> Pose {
     let ahead = pose.rotation * Vector::x();
     let turn = UnitQuaternion::from_axis_angle(&Vector::z_axis(), ahead.y.atan2(ahead.x));
     Pose::from_parts(pose.translation, turn)
 }
 
 /// A vector of finite numbers below a hundred metres.
-fn vector(value: &Value) -> Option<Vector> {
-    let number = |name| value.get(name).and_then(Value::as_f64).filter(|x| x.abs() <= 100.0);
+fn vector(value: &MessageValue) -> Option<Vector> {
+    let number = |name| value.get(name).and_then(MessageValue::as_f64).filter(|x| x.abs() <= 100.0);
     Some(Vector::new(number("x")?, number("y")?, number("z")?))
 }
 
-fn pose(value: &Value) -> Option<Pose> {
+fn pose(value: &MessageValue) -> Option<Pose> {
     let position = value.get("position").and_then(vector)?;
     let q = value.get("orientation")?;
-    let number = |name| q.get(name).and_then(Value::as_f64);
+    let number = |name| q.get(name).and_then(MessageValue::as_f64);
     let q = Quaternion::new(number("w")?, number("x")?, number("y")?, number("z")?);
     // A turn is written as a unit quaternion; anything else is no turn.
     let turn = ((q.norm() - 1.0).abs() < 1e-2).then(|| UnitQuaternion::from_quaternion(q))?;
@@ -215,22 +215,22 @@ fn pose(value: &Value) -> Option<Pose> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proact_messages::{Time, known_type};
+    use proact_messages::{Time, builtin_type};
     use serde_json::{Value as Json, json};
 
-    fn inbox() -> Inbox {
+    fn inbox() -> HeadsetInbox {
         // The head is at the origin of the app's world, turned left by a quarter in ours and nodding.
         let turn = UnitQuaternion::from_euler_angles(0.0, 0.3, std::f64::consts::FRAC_PI_2);
-        Inbox::new(Pose::from_parts(Translation3::new(-0.5, 0.0, 1.6), turn), 3.0)
+        HeadsetInbox::new(Pose::from_parts(Translation3::new(-0.5, 0.0, 1.6), turn), 3.0)
     }
 
-    fn give(inbox: &Inbox, topic: &str, json: Json, at: Instant) {
-        let kind = Inbox::TOPICS.iter().find(|(name, _)| *name == topic).unwrap().1;
-        let value = known_type(kind).unwrap().read(json, Time::default()).unwrap();
-        inbox.take(topic, &value, at);
+    fn give(inbox: &HeadsetInbox, topic: &str, json: Json, at: Instant) {
+        let kind = HeadsetInbox::TOPICS.iter().find(|(name, _)| *name == topic).unwrap().1;
+        let value = builtin_type(kind).unwrap().parse_json(json, Time::default()).unwrap();
+        inbox.receive(topic, &value, at);
     }
 
-    fn gaze(inbox: &Inbox, at: Instant) {
+    fn gaze(inbox: &HeadsetInbox, at: Instant) {
         give(inbox, "/gaze_position", json!({"vector": {"x": 1.0, "y": 0.0, "z": 0.0}}), at);
         give(inbox, "/gaze_direction", json!({"vector": {"x": 0.0, "y": 0.0, "z": -1.0}}), at);
     }
@@ -284,10 +284,10 @@ mod tests {
         for ms in [0, 50, 100] {
             give(&inbox, "/emg", json!({"data": "wrist_extension"}), at(ms));
         }
-        let first = [HeadsetInput::Gesture(Gesture::WristExtension), HeadsetInput::Alive];
+        let first = [HeadsetInput::Gesture(Command::WristExtension), HeadsetInput::Heartbeat];
         assert_eq!(inbox.drain(at(100)), first);
         assert_eq!(inbox.drain(at(590)), []);
-        assert_eq!(inbox.drain(at(610)), [HeadsetInput::Gesture(Gesture::NoMotion)]);
+        assert_eq!(inbox.drain(at(610)), [HeadsetInput::Gesture(Command::NoMotion)]);
         assert_eq!(inbox.drain(at(2000)), []);
     }
 
@@ -316,7 +316,7 @@ mod tests {
         }
         let inputs = inbox.drain(now);
         assert!(
-            inputs.len() <= MAX_WAITING + 3 && inputs.contains(&HeadsetInput::Gesture(Gesture::NoMotion))
+            inputs.len() <= MAX_WAITING + 3 && inputs.contains(&HeadsetInput::Gesture(Command::NoMotion))
         );
     }
 }

@@ -11,7 +11,7 @@
 //! It uses the real clock and threads. It computes nothing of a trial, and knows topics only through [`TopicBus`].
 //!
 //! ```no_run
-//! use proact_messages::{Time, known_type};
+//! use proact_messages::{Time, builtin_type};
 //! use proact_rosbridge::{LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus, TopicMessage};
 //! use std::sync::Arc;
 //! let bus: Arc<dyn TopicBus> = LocalBus::new();
@@ -19,8 +19,8 @@
 //! println!("ws://{}/", server.address());
 //! let me = bus.join("/talker");
 //! bus.advertise(me, "/chatter", "std_msgs/String", false)?;
-//! let text = known_type("std_msgs/String").expect("it is in the table");
-//! let hello = text.read(serde_json::json!({"data": "hello"}), Time::default())?;
+//! let text = builtin_type("std_msgs/String").expect("it is in the table");
+//! let hello = text.parse_json(serde_json::json!({"data": "hello"}), Time::default())?;
 //! bus.publish(&[TopicMessage::new("/chatter", Some(text), hello)]);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -28,20 +28,22 @@
 #![allow(clippy::disallowed_methods)]
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod actions;
 mod bus;
 mod camera_topics;
 mod connection;
 mod error;
-mod fields;
 mod fragments;
+mod frozen_gaze;
 mod headset;
 mod headset_input;
 mod local_bus;
 mod outbox;
 mod png;
-mod requests;
+mod request_fields;
 mod rosapi;
 mod server;
+mod service_types;
 mod services;
 mod session;
 
@@ -54,4 +56,4 @@ pub use error::RosbridgeError;
 pub use headset::{HeadsetInput, HeadsetTopics};
 pub use local_bus::LocalBus;
 pub use server::{RosbridgeOptions, RosbridgeServer};
-pub use services::Answering;
+pub use services::FunctionService;

@@ -4,8 +4,8 @@ use crate::bus::{
     BusError, Graph, MemberId, ServiceInfo, ServiceProvider, ServiceReply, TopicBus, TopicInfo, TopicMessage,
     TopicSink, TopicType, check_name, check_type,
 };
-use crate::requests;
-use proact_messages::MessageType;
+use crate::service_types;
+use proact_messages::{MessageType, ServiceType, builtin_type, ros1_name};
 use serde_json::Value as Json;
 use std::{
     collections::{BTreeMap, HashMap},
@@ -73,29 +73,29 @@ impl State {
             return Err(BusError::TooMany { what: "topics", limit: MAX_NAMES });
         }
         let topic = self.topics.entry(name.to_owned()).or_default();
-        if let Some(asked) = type_name.map(TopicType::named) {
+        if let Some(requested) = type_name.map(TopicType::from_name) {
             match &topic.kind {
-                Some(kind) if kind.name != asked.name => {
-                    let (topic, has, got) = (name.to_owned(), kind.name.clone(), asked.name);
+                Some(kind) if kind.name != requested.name => {
+                    let (topic, has, got) = (name.to_owned(), kind.name.clone(), requested.name);
                     return Err(BusError::TypeConflict { topic, has, got });
                 }
                 Some(_) => {}
-                None => topic.kind = Some(asked),
+                None => topic.kind = Some(requested),
             }
         }
         Ok(topic)
     }
 
     /// Forgets a topic that nobody has to do with any more.
-    fn tidy(&mut self, name: &str) {
-        if self.topics.get(name).is_some_and(Topic::idle) {
+    fn remove_if_unused(&mut self, name: &str) {
+        if self.topics.get(name).is_some_and(Topic::is_unused) {
             self.topics.remove(name);
         }
     }
 }
 
 impl Topic {
-    fn idle(&self) -> bool {
+    fn is_unused(&self) -> bool {
         self.publishers.is_empty() && self.subscribers.is_empty()
     }
 
@@ -128,7 +128,7 @@ impl TopicBus for LocalBus {
             topic.drop_publisher(member);
             topic.subscribers.remove(&member);
         }
-        state.topics.retain(|_, topic| !topic.idle());
+        state.topics.retain(|_, topic| !topic.is_unused());
         let services = std::mem::take(&mut state.services);
         let (gone, kept) = services.into_iter().partition(|(_, service)| service.member == member);
         state.services = kept;
@@ -143,14 +143,14 @@ impl TopicBus for LocalBus {
         let result = entry.map(|entry| {
             entry.publishers.insert(member, latch);
         });
-        state.tidy(topic);
+        state.remove_if_unused(topic);
         result
     }
 
     fn unadvertise(&self, member: MemberId, topic: &str) -> Result<(), BusError> {
         let mut state = self.write();
         let found = state.topics.get_mut(topic).is_some_and(|entry| entry.drop_publisher(member));
-        state.tidy(topic);
+        state.remove_if_unused(topic);
         if found { Ok(()) } else { Err(BusError::NotAdvertised { topic: topic.to_owned() }) }
     }
 
@@ -194,15 +194,19 @@ impl TopicBus for LocalBus {
             }
             entry.subscribers.insert(member, sink);
         });
-        state.tidy(topic);
+        state.remove_if_unused(topic);
         result
+    }
+
+    fn receiver_count(&self, topic: &str) -> usize {
+        self.read().topics.get(topic).map_or(0, |entry| entry.subscribers.len())
     }
 
     fn unsubscribe(&self, member: MemberId, topic: &str) -> Result<(), BusError> {
         let mut state = self.write();
         let entry = state.topics.get_mut(topic);
         let found = entry.is_some_and(|entry| entry.subscribers.remove(&member).is_some());
-        state.tidy(topic);
+        state.remove_if_unused(topic);
         if found { Ok(()) } else { Err(BusError::NotSubscribed { topic: topic.to_owned() }) }
     }
 
@@ -219,8 +223,8 @@ impl TopicBus for LocalBus {
         if !state.services.contains_key(service) && state.services.len() >= MAX_NAMES {
             return Err(BusError::TooMany { what: "services", limit: MAX_NAMES });
         }
-        let request = requests::known(type_name);
-        let entry = Service { member, type_name: type_name.to_owned(), request, provider };
+        let request = service_types::builtin_service_type(type_name).map(|kind| Arc::clone(&kind.request));
+        let entry = Service { member, type_name: ros1_name(type_name), request, provider };
         let replaced = state.services.insert(service.to_owned(), entry);
         drop(state);
         drop(replaced);
@@ -238,8 +242,12 @@ impl TopicBus for LocalBus {
         Ok(())
     }
 
-    fn knows_service_type(&self, type_name: &str) -> bool {
-        requests::known(type_name).is_some()
+    fn message_type(&self, name: &str) -> Option<Arc<MessageType>> {
+        builtin_type(name)
+    }
+
+    fn service_type(&self, name: &str) -> Option<Arc<ServiceType>> {
+        service_types::builtin_service_type(name)
     }
 
     fn call_service(&self, service: &str, arguments: Json, reply: ServiceReply) {
@@ -250,7 +258,7 @@ impl TopicBus for LocalBus {
         let Some((request, provider)) = found else {
             return reply.answer(Err(format!("service {service} is offered by nobody")));
         };
-        match requests::named(request.as_deref(), arguments) {
+        match service_types::arguments_by_name(request.as_deref(), arguments) {
             Ok(arguments) => provider.call(arguments, reply),
             Err(reason) => reply.answer(Err(format!("call of {service}: {reason}"))),
         }

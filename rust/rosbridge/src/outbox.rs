@@ -2,6 +2,7 @@
 
 use crate::bus::{TopicMessage, TopicSink};
 use axum::extract::ws::Utf8Bytes;
+use proact_messages::RosVersion;
 use std::{
     collections::{HashMap, VecDeque},
     sync::{Arc, Mutex, MutexGuard, PoisonError},
@@ -19,7 +20,7 @@ const BATCH_BYTES: usize = 64 * 1024;
 
 /// How a client wants the messages of a topic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Delivery {
+pub(crate) struct DeliveryOptions {
     /// Least time from one message to the next.
     pub(crate) throttle: Duration,
     /// Most messages that wait; zero for as many as memory allows.
@@ -28,6 +29,8 @@ pub(crate) struct Delivery {
     pub(crate) fragment_size: Option<usize>,
     /// How it is written.
     pub(crate) compression: Compression,
+    /// Whether names and fields are those of ROS 1 or of ROS 2.
+    pub(crate) ros_version: RosVersion,
 }
 
 /// How a message is written.
@@ -47,13 +50,13 @@ pub(crate) enum Compression {
 /// Something to send.
 pub(crate) enum Outgoing {
     /// A message of a topic.
-    Message(Arc<TopicMessage>, Delivery),
+    Message(Arc<TopicMessage>, DeliveryOptions),
     /// An answer or a status, ready to go.
-    Reply(Reply),
+    Reply(QueuedReply),
 }
 
 /// An answer or a status.
-pub(crate) struct Reply {
+pub(crate) struct QueuedReply {
     pub(crate) text: Utf8Bytes,
     pub(crate) fragment_size: Option<usize>,
     pub(crate) compression: Compression,
@@ -70,7 +73,7 @@ pub(crate) struct Outbox {
 struct Queues {
     topics: HashMap<Arc<str>, TopicQueue>,
     /// What goes out next. A topic stands here as often as it has messages that are ready.
-    order: VecDeque<Slot>,
+    order: VecDeque<QueueEntry>,
     /// Topics with messages that wait for their throttle.
     throttled: Vec<Arc<str>>,
     bytes: usize,
@@ -79,20 +82,26 @@ struct Queues {
     closed: bool,
 }
 
-enum Slot {
+enum QueueEntry {
     Topic(Arc<str>),
-    Reply(Reply),
+    Reply(QueuedReply),
 }
 
 struct TopicQueue {
     name: Arc<str>,
     /// What the client calls the topic, if it leaves the first slash out: it wants that name back.
     alias: Option<Arc<str>>,
-    delivery: Delivery,
+    delivery: DeliveryOptions,
     /// The first `ready` may be sent, the others wait for their throttle.
-    waiting: VecDeque<Arc<TopicMessage>>,
+    queued: VecDeque<QueuedMessage>,
     ready: usize,
     next_due: Option<Instant>,
+}
+
+/// A message with its length as text when it came: the client may ask for another form since.
+struct QueuedMessage {
+    message: Arc<TopicMessage>,
+    bytes: usize,
 }
 
 impl Outbox {
@@ -102,7 +111,7 @@ impl Outbox {
     }
 
     /// Begins or changes the delivery of a topic.
-    pub(crate) fn set_delivery(&self, topic: &str, delivery: Delivery) {
+    pub(crate) fn set_delivery(&self, topic: &str, delivery: DeliveryOptions) {
         let mut queues = self.lock();
         match queues.topics.get_mut(topic) {
             Some(queue) => queue.delivery = delivery,
@@ -113,7 +122,7 @@ impl Outbox {
                     name: Arc::clone(&name),
                     alias: None,
                     delivery,
-                    waiting,
+                    queued: waiting,
                     ready: 0,
                     next_due: None,
                 };
@@ -133,19 +142,19 @@ impl Outbox {
     pub(crate) fn remove(&self, topic: &str) {
         let mut queues = self.lock();
         if let Some(queue) = queues.topics.remove(topic) {
-            queues.bytes -= queue.waiting.iter().map(|message| message.text().len()).sum::<usize>();
-            queues.order.retain(|slot| !matches!(slot, Slot::Topic(name) if &**name == topic));
+            queues.bytes -= queue.queued.iter().map(|waiting| waiting.bytes).sum::<usize>();
+            queues.order.retain(|slot| !matches!(slot, QueueEntry::Topic(name) if &**name == topic));
             queues.throttled.retain(|name| &**name != topic);
         }
     }
 
     /// Puts an answer or a status behind what waits.
-    pub(crate) fn reply(&self, reply: Reply) {
+    pub(crate) fn reply(&self, reply: QueuedReply) {
         let mut queues = self.lock();
         queues.bytes += reply.text.len();
         queues.replies += 1;
-        queues.order.push_back(Slot::Reply(reply));
-        queues.make_room();
+        queues.order.push_back(QueueEntry::Reply(reply));
+        queues.drop_oldest();
         if queues.replies > MAX_REPLIES || queues.bytes > MAX_WAITING_BYTES {
             queues.closed = true;
         }
@@ -159,19 +168,19 @@ impl Outbox {
     }
 
     /// What may be sent now, about a batch; none once the client has more answers waiting than it is allowed.
-    pub(crate) fn take(&self, now: Instant) -> Option<Vec<Outgoing>> {
+    pub(crate) fn take_batch(&self, now: Instant) -> Option<Vec<Outgoing>> {
         let mut queues = self.lock();
         if queues.closed {
             return None;
         }
-        queues.release(now);
+        queues.release_throttled(now);
         let mut batch = Vec::new();
         let mut bytes = 0;
         while bytes < BATCH_BYTES
             && let Some(outgoing) = queues.pop()
         {
             bytes += match &outgoing {
-                Outgoing::Message(message, _) => message.text().len(),
+                Outgoing::Message(message, delivery) => message.text(delivery.ros_version).len(),
                 Outgoing::Reply(reply) => reply.text.len(),
             };
             batch.push(outgoing);
@@ -198,53 +207,54 @@ impl Outbox {
         let queues = &mut *guard;
         let Some(queue) = queues.topics.get_mut(&*message.topic) else { return };
         let name = Arc::clone(&queue.name);
-        let Delivery { throttle, queue_length, .. } = queue.delivery;
-        let size = message.text().len();
+        let DeliveryOptions { throttle, queue_length, ros_version: convention, .. } = queue.delivery;
+        let bytes = message.text(convention).len();
+        let waiting = QueuedMessage { message: Arc::clone(message), bytes };
         let early = !throttle.is_zero()
-            && (queue.waiting.len() > queue.ready || queue.next_due.is_some_and(|due| now < due));
+            && (queue.queued.len() > queue.ready || queue.next_due.is_some_and(|due| now < due));
         if early {
             if queue_length == 0 {
                 return;
             }
-            queue.waiting.push_back(Arc::clone(message));
-            queues.bytes += size;
-            if queue.waiting.len() - queue.ready > queue_length {
-                let gone = queue.waiting.remove(queue.ready);
-                queues.bytes -= gone.map_or(0, |message| message.text().len());
+            queue.queued.push_back(waiting);
+            queues.bytes += bytes;
+            if queue.queued.len() - queue.ready > queue_length {
+                let gone = queue.queued.remove(queue.ready);
+                queues.bytes -= gone.map_or(0, |waiting| waiting.bytes);
             }
             if !queues.throttled.contains(&name) {
                 queues.throttled.push(name);
             }
         } else {
             queue.next_due = Some(now + throttle);
-            queue.waiting.push_back(Arc::clone(message));
-            queues.bytes += size;
+            queue.queued.push_back(waiting);
+            queues.bytes += bytes;
             if queue_length > 0 && queue.ready == queue_length {
                 // The new message takes the place of the oldest one in the order.
-                let gone = queue.waiting.pop_front();
-                queues.bytes -= gone.map_or(0, |message| message.text().len());
+                let gone = queue.queued.pop_front();
+                queues.bytes -= gone.map_or(0, |waiting| waiting.bytes);
                 queues.dropped += 1;
             } else {
                 queue.ready += 1;
-                queues.order.push_back(Slot::Topic(name));
+                queues.order.push_back(QueueEntry::Topic(name));
             }
         }
-        queues.make_room();
+        queues.drop_oldest();
     }
 }
 
 impl Queues {
     /// Drops the oldest messages until what waits fits; answers stay.
-    fn make_room(&mut self) {
+    fn drop_oldest(&mut self) {
         let mut kept = VecDeque::new();
         while self.bytes > MAX_WAITING_BYTES {
             match self.order.pop_front() {
-                Some(Slot::Topic(name)) => {
+                Some(QueueEntry::Topic(name)) => {
                     if let Some(queue) = self.topics.get_mut(&name)
-                        && let Some(message) = queue.waiting.pop_front()
+                        && let Some(waiting) = queue.queued.pop_front()
                     {
                         queue.ready -= 1;
-                        self.bytes -= message.text().len();
+                        self.bytes -= waiting.bytes;
                         self.dropped += 1;
                     }
                 }
@@ -253,8 +263,8 @@ impl Queues {
                 None => {
                     let Some(name) = self.throttled.pop() else { break };
                     if let Some(queue) = self.topics.get_mut(&name) {
-                        for message in queue.waiting.drain(..) {
-                            self.bytes -= message.text().len();
+                        for waiting in queue.queued.drain(..) {
+                            self.bytes -= waiting.bytes;
                             self.dropped += 1;
                         }
                     }
@@ -267,16 +277,16 @@ impl Queues {
     }
 
     /// Lets throttled messages go whose time has come.
-    fn release(&mut self, now: Instant) {
+    fn release_throttled(&mut self, now: Instant) {
         let (topics, order) = (&mut self.topics, &mut self.order);
         self.throttled.retain(|name| {
             let Some(queue) = topics.get_mut(name) else { return false };
-            if queue.next_due.is_none_or(|due| due <= now) && queue.waiting.len() > queue.ready {
+            if queue.next_due.is_none_or(|due| due <= now) && queue.queued.len() > queue.ready {
                 queue.ready += 1;
                 queue.next_due = Some(now + queue.delivery.throttle);
-                order.push_back(Slot::Topic(Arc::clone(name)));
+                order.push_back(QueueEntry::Topic(Arc::clone(name)));
             }
-            queue.waiting.len() > queue.ready
+            queue.queued.len() > queue.ready
         });
     }
 
@@ -287,18 +297,18 @@ impl Queues {
     fn pop(&mut self) -> Option<Outgoing> {
         loop {
             match self.order.pop_front()? {
-                Slot::Reply(reply) => {
+                QueueEntry::Reply(reply) => {
                     self.bytes -= reply.text.len();
                     self.replies -= 1;
                     return Some(Outgoing::Reply(reply));
                 }
-                Slot::Topic(name) => {
+                QueueEntry::Topic(name) => {
                     let Some(queue) = self.topics.get_mut(&name) else { continue };
-                    let Some(message) = queue.waiting.pop_front() else { continue };
+                    let Some(QueuedMessage { message, bytes }) = queue.queued.pop_front() else { continue };
                     queue.ready -= 1;
-                    self.bytes -= message.text().len();
+                    self.bytes -= bytes;
                     let message = match &queue.alias {
-                        Some(alias) => message.renamed(alias),
+                        Some(alias) => message.with_topic(alias),
                         None => message,
                     };
                     return Some(Outgoing::Message(message, queue.delivery));
@@ -321,23 +331,24 @@ impl TopicSink for Outbox {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proact_messages::Value;
+    use proact_messages::MessageValue;
 
-    const PLAIN: Delivery = Delivery {
+    const PLAIN: DeliveryOptions = DeliveryOptions {
         throttle: Duration::ZERO,
         queue_length: 0,
         fragment_size: None,
         compression: Compression::None,
+        ros_version: RosVersion::Ros1,
     };
 
     fn message(topic: &str, number: usize, size: usize) -> Arc<TopicMessage> {
         let text = format!("{number:06}{}", "x".repeat(size));
-        TopicMessage::new(topic, None, Value::Message(vec![("data".into(), Value::Text(text))]))
+        TopicMessage::new(topic, None, MessageValue::Message(vec![("data".into(), MessageValue::Text(text))]))
     }
 
     fn numbers(batch: &[Outgoing]) -> Vec<(String, usize)> {
         let number = |message: &TopicMessage| {
-            message.value.get("data").and_then(Value::as_text).unwrap()[..6].parse().unwrap()
+            message.value.get("data").and_then(MessageValue::as_text).unwrap()[..6].parse().unwrap()
         };
         let one = |outgoing: &Outgoing| match outgoing {
             Outgoing::Message(message, _) => (message.topic.to_string(), number(message)),
@@ -355,15 +366,15 @@ mod tests {
         let outbox = Outbox::default();
         let now = Instant::now();
         for topic in ["/a", "/b"] {
-            outbox.set_delivery(topic, Delivery { queue_length: 1, ..PLAIN });
+            outbox.set_delivery(topic, DeliveryOptions { queue_length: 1, ..PLAIN });
         }
         for number in 0..5 {
             outbox.push(&message("/a", number, 0), now);
             outbox.push(&message("/b", number, 0), now);
         }
-        assert_eq!(numbers(&outbox.take(now).unwrap()), pairs(&[("/a", 4), ("/b", 4)]));
+        assert_eq!(numbers(&outbox.take_batch(now).unwrap()), pairs(&[("/a", 4), ("/b", 4)]));
         assert_eq!(outbox.dropped(), 8);
-        assert!(outbox.take(now).unwrap().is_empty());
+        assert!(outbox.take_batch(now).unwrap().is_empty());
     }
 
     #[test]
@@ -377,7 +388,7 @@ mod tests {
         }
         let mut got = Vec::new();
         loop {
-            let batch = outbox.take(now).unwrap();
+            let batch = outbox.take_batch(now).unwrap();
             if batch.is_empty() {
                 break;
             }
@@ -393,14 +404,16 @@ mod tests {
         let outbox = Outbox::default();
         let start = Instant::now();
         let at = |ms| start + Duration::from_millis(ms);
-        outbox
-            .set_delivery("/a", Delivery { throttle: Duration::from_millis(100), queue_length: 1, ..PLAIN });
+        outbox.set_delivery(
+            "/a",
+            DeliveryOptions { throttle: Duration::from_millis(100), queue_length: 1, ..PLAIN },
+        );
         let mut got = Vec::new();
         for ms in 0..250 {
             outbox.push(&message("/a", ms as usize, 0), at(ms));
-            got.extend(numbers(&outbox.take(at(ms)).unwrap()));
+            got.extend(numbers(&outbox.take_batch(at(ms)).unwrap()));
         }
-        got.extend(numbers(&outbox.take(at(1000)).unwrap()));
+        got.extend(numbers(&outbox.take_batch(at(1000)).unwrap()));
         assert_eq!(got, pairs(&[("/a", 0), ("/a", 100), ("/a", 200), ("/a", 249)]));
         assert_eq!(outbox.lock().bytes, 0);
     }
@@ -409,23 +422,23 @@ mod tests {
     fn a_throttle_without_a_queue_drops_what_comes_early() {
         let outbox = Outbox::default();
         let start = Instant::now();
-        outbox.set_delivery("/a", Delivery { throttle: Duration::from_millis(100), ..PLAIN });
+        outbox.set_delivery("/a", DeliveryOptions { throttle: Duration::from_millis(100), ..PLAIN });
         for ms in 0..=100 {
             outbox.push(&message("/a", ms, 0), start + Duration::from_millis(ms as u64));
         }
-        assert_eq!(numbers(&outbox.take(start).unwrap()), pairs(&[("/a", 0), ("/a", 100)]));
+        assert_eq!(numbers(&outbox.take_batch(start).unwrap()), pairs(&[("/a", 0), ("/a", 100)]));
     }
 
     #[test]
     fn a_client_that_asks_and_never_reads_is_given_up() {
         let outbox = Outbox::default();
-        let reply = || Reply { text: "x".into(), fragment_size: None, compression: Compression::None };
+        let reply = || QueuedReply { text: "x".into(), fragment_size: None, compression: Compression::None };
         for _ in 0..MAX_REPLIES {
             outbox.reply(reply());
         }
         assert!(!outbox.lock().closed);
         outbox.reply(reply());
-        assert!(outbox.take(Instant::now()).is_none());
+        assert!(outbox.take_batch(Instant::now()).is_none());
     }
 
     #[test]
@@ -433,14 +446,17 @@ mod tests {
         let outbox = Outbox::default();
         let now = Instant::now();
         outbox.set_delivery("/a", PLAIN);
-        outbox.set_delivery("/b", Delivery { throttle: Duration::from_secs(1), queue_length: 3, ..PLAIN });
+        outbox.set_delivery(
+            "/b",
+            DeliveryOptions { throttle: Duration::from_secs(1), queue_length: 3, ..PLAIN },
+        );
         for number in 0..3 {
             outbox.push(&message("/a", number, 9), now);
             outbox.push(&message("/b", number, 9), now);
         }
         outbox.remove("/a");
         outbox.remove("/b");
-        assert!(outbox.take(now).unwrap().is_empty());
+        assert!(outbox.take_batch(now).unwrap().is_empty());
         assert_eq!(outbox.lock().bytes, 0);
         assert_eq!(outbox.lock().next_due(), None);
     }

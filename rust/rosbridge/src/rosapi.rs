@@ -1,10 +1,11 @@
 //! The services of `rosapi` that clients ask for: what topics, services, types and parameters there are.
 
 use crate::{
-    bus::{BusError, Graph, MemberId, TopicBus, TopicInfo, check_name},
-    services::Answering,
+    actions::action_servers,
+    bus::{BusError, MemberId, TopicBus, TopicInfo, check_name},
+    services::FunctionService,
 };
-use proact_messages::{Count, Kind, MessageType, Time, known_type, plain_name};
+use proact_messages::{ArrayKind, FieldType, MessageField, MessageType, Time, ros1_name, ros2_name};
 use serde_json::{Value as Json, json};
 use std::{
     collections::BTreeMap,
@@ -21,13 +22,17 @@ type Parameters = Mutex<BTreeMap<String, Json>>;
 ///
 /// # Errors
 /// [`BusError::TooMany`] if the bus is full.
-pub(crate) fn offer(bus: &Arc<dyn TopicBus>, member: MemberId, clock: fn() -> Time) -> Result<(), BusError> {
-    for (name, question) in GRAPH_QUESTIONS {
+pub(crate) fn advertise_services(
+    bus: &Arc<dyn TopicBus>,
+    member: MemberId,
+    clock: fn() -> Time,
+) -> Result<(), BusError> {
+    for (name, question) in GRAPH_QUERIES {
         // The bus owns the service, so the service must not own the bus.
         let weak: Weak<dyn TopicBus> = Arc::downgrade(bus);
         let answer = move |arguments: &Json| {
             let bus = weak.upgrade().ok_or("the bus is closing")?;
-            question(&bus.graph(), arguments)
+            question(&*bus, arguments)
         };
         advertise(bus, member, name, answer)?;
     }
@@ -37,7 +42,7 @@ pub(crate) fn offer(bus: &Arc<dyn TopicBus>, member: MemberId, clock: fn() -> Ti
     };
     advertise(bus, member, "get_time", time)?;
     let parameters: Arc<Parameters> = Arc::default();
-    for (name, question) in PARAMETER_QUESTIONS {
+    for (name, question) in PARAMETER_REQUESTS {
         let parameters = Arc::clone(&parameters);
         advertise(bus, member, name, move |arguments: &Json| question(&parameters, arguments))?;
     }
@@ -50,68 +55,86 @@ fn advertise(
     name: &str,
     answer: impl Fn(&Json) -> Result<Json, String> + Send + Sync + 'static,
 ) -> Result<(), BusError> {
-    let words = name.split('_').map(|word| {
-        let (first, rest) = word.split_at(1);
-        first.to_uppercase() + rest
-    });
-    let type_name = format!("rosapi/{}", words.collect::<String>());
-    bus.advertise_service(member, &format!("/rosapi/{name}"), &type_name, Arc::new(Answering(answer)))
+    let type_name = match name {
+        "action_servers" => "rosapi/GetActionServers".to_owned(),
+        "get_ros_version" => "rosapi/GetROSVersion".to_owned(),
+        _ => {
+            let words = name.split('_').map(|word| {
+                let (first, rest) = word.split_at(1);
+                first.to_uppercase() + rest
+            });
+            format!("rosapi/{}", words.collect::<String>())
+        }
+    };
+    bus.advertise_service(member, &format!("/rosapi/{name}"), &type_name, Arc::new(FunctionService(answer)))
 }
 
-type GraphQuestion = fn(&Graph, &Json) -> Result<Json, String>;
+type GraphQuery = fn(&dyn TopicBus, &Json) -> Result<Json, String>;
 
-const GRAPH_QUESTIONS: [(&str, GraphQuestion); 17] = [
-    ("topics", |graph, _| {
+const GRAPH_QUERIES: [(&str, GraphQuery); 19] = [
+    ("topics", |bus, _| {
+        let graph = bus.graph();
         let (topics, types): (Vec<_>, Vec<_>) =
             graph.topics.iter().map(|(name, info)| (name, &info.type_name)).unzip();
         Ok(json!({"topics": topics, "types": types}))
     }),
-    ("topics_for_type", |graph, arguments| {
-        let wanted = plain_name(text(arguments, "type")?);
+    ("topics_for_type", |bus, arguments| {
+        let graph = bus.graph();
+        let wanted = ros1_name(text_argument(arguments, "type")?);
         let topics: Vec<&String> =
             graph.topics.iter().filter(|(_, info)| info.type_name == wanted).map(|(name, _)| name).collect();
         Ok(json!({"topics": topics}))
     }),
-    ("topics_and_raw_types", |graph, _| {
+    ("topics_and_raw_types", |bus, _| {
+        let graph = bus.graph();
         let (topics, types): (Vec<_>, Vec<_>) =
             graph.topics.iter().map(|(name, info)| (name, &info.type_name)).unzip();
-        let raw: Vec<String> = graph.topics.values().map(|info| raw_definition(&info.type_name)).collect();
+        let raw: Vec<String> =
+            graph.topics.values().map(|info| raw_definition(bus, &info.type_name)).collect();
         Ok(json!({"topics": topics, "types": types, "typedefs_full_text": raw}))
     }),
-    ("topic_type", |graph, arguments| {
-        let topic = graph.topics.get(text(arguments, "topic")?);
+    ("topic_type", |bus, arguments| {
+        let graph = bus.graph();
+        let topic = graph.topics.get(text_argument(arguments, "topic")?);
         Ok(json!({"type": topic.map_or("", |info| &info.type_name)}))
     }),
-    ("publishers", |graph, arguments| {
-        let topic = graph.topics.get(text(arguments, "topic")?);
+    ("publishers", |bus, arguments| {
+        let graph = bus.graph();
+        let topic = graph.topics.get(text_argument(arguments, "topic")?);
         Ok(json!({"publishers": topic.map(|info| &info.publishers[..]).unwrap_or_default()}))
     }),
-    ("subscribers", |graph, arguments| {
-        let topic = graph.topics.get(text(arguments, "topic")?);
+    ("subscribers", |bus, arguments| {
+        let graph = bus.graph();
+        let topic = graph.topics.get(text_argument(arguments, "topic")?);
         Ok(json!({"subscribers": topic.map(|info| &info.subscribers[..]).unwrap_or_default()}))
     }),
-    ("services", |graph, _| Ok(json!({"services": graph.services.keys().collect::<Vec<_>>()}))),
-    ("services_for_type", |graph, arguments| {
-        let wanted = text(arguments, "type")?;
+    ("services", |bus, _| Ok(json!({"services": bus.graph().services.keys().collect::<Vec<_>>()}))),
+    ("services_for_type", |bus, arguments| {
+        let graph = bus.graph();
+        let wanted = ros1_name(text_argument(arguments, "type")?);
         let found = graph.services.iter().filter(|(_, info)| info.type_name == wanted);
         Ok(json!({"services": found.map(|(name, _)| name).collect::<Vec<_>>()}))
     }),
-    ("service_type", |graph, arguments| {
-        let service = graph.services.get(text(arguments, "service")?);
+    ("service_type", |bus, arguments| {
+        let graph = bus.graph();
+        let service = graph.services.get(text_argument(arguments, "service")?);
         Ok(json!({"type": service.map_or("", |info| &info.type_name)}))
     }),
-    ("service_node", |graph, arguments| {
-        let service = graph.services.get(text(arguments, "service")?);
+    ("service_node", |bus, arguments| {
+        let graph = bus.graph();
+        let service = graph.services.get(text_argument(arguments, "service")?);
         Ok(json!({"node": service.map_or("", |info| &info.provider)}))
     }),
-    ("service_providers", |graph, arguments| {
-        let wanted = text(arguments, "service")?;
+    ("service_providers", |bus, arguments| {
+        let graph = bus.graph();
+        let wanted = ros1_name(text_argument(arguments, "service")?);
         let found = graph.services.iter().filter(|(_, info)| info.type_name == wanted);
         Ok(json!({"providers": found.map(|(_, info)| &info.provider).collect::<Vec<_>>()}))
     }),
-    ("nodes", |graph, _| Ok(json!({"nodes": graph.members}))),
-    ("node_details", |graph, arguments| {
-        let node = text(arguments, "node")?.to_owned();
+    ("nodes", |bus, _| Ok(json!({"nodes": bus.graph().members}))),
+    ("node_details", |bus, arguments| {
+        let graph = bus.graph();
+        let node = text_argument(arguments, "node")?.to_owned();
         let of = |members: fn(&TopicInfo) -> &Vec<String>| -> Vec<&String> {
             let topics = graph.topics.iter();
             topics.filter(|(_, info)| members(info).contains(&node)).map(|(name, _)| name).collect()
@@ -124,24 +147,105 @@ const GRAPH_QUESTIONS: [(&str, GraphQuestion); 17] = [
             "services": services,
         }))
     }),
-    ("message_details", |_, arguments| {
-        let name = text(arguments, "type")?;
-        let kind = known_type(name).ok_or_else(|| format!("the fields of {name} are not known here"))?;
-        let mut details = Vec::new();
-        describe(&kind, &mut details);
-        Ok(json!({"typedefs": details}))
+    ("message_details", |bus, arguments| {
+        let name = text_argument(arguments, "type")?;
+        type_details(name, bus.message_type(name).as_deref())
     }),
-    // There are no action servers here.
-    ("action_servers", |_, _| Ok(json!({"action_servers": []}))),
-    ("service_host", |graph, arguments| {
-        let known = graph.services.contains_key(text(arguments, "service")?);
+    ("service_request_details", |bus, arguments| {
+        let name = text_argument(arguments, "type")?;
+        type_details(name, bus.service_type(name).map(|kind| Arc::clone(&kind.request)).as_deref())
+    }),
+    ("service_response_details", |bus, arguments| {
+        let name = text_argument(arguments, "type")?;
+        type_details(name, bus.service_type(name).map(|kind| Arc::clone(&kind.response)).as_deref())
+    }),
+    ("action_servers", |bus, _| {
+        let graph = bus.graph();
+        Ok(json!({"action_servers": action_servers(&graph).keys().collect::<Vec<_>>()}))
+    }),
+    ("service_host", |bus, arguments| {
+        let graph = bus.graph();
+        let known = graph.services.contains_key(text_argument(arguments, "service")?);
         Ok(json!({"host": if known { "localhost" } else { "" }}))
     }),
     ("get_ros_version", |_, _| Ok(json!({"version": 1, "distro": "noetic"}))),
 ];
 
+/// An answer of a service as a client of ROS 2 has it: names of types with `msg` or `srv`, fields as ROS 2 has them. Texts
+/// of definitions stay ROS 1's. The service may be a client's, so the values may be anything.
+pub(crate) fn response_to_ros2(service: &str, mut values: Json) -> Json {
+    let rename = |name: Option<&mut Json>, interface: &str| {
+        if let Some(Json::String(text)) = name {
+            *text = ros2_name(text, interface);
+        }
+    };
+    match service.strip_prefix("/rosapi/") {
+        Some("topics" | "topics_and_raw_types") => {
+            let types = values.get_mut("types").and_then(Json::as_array_mut);
+            types.into_iter().flatten().for_each(|name| rename(Some(name), "msg"));
+        }
+        Some("topic_type") => rename(values.get_mut("type"), "msg"),
+        Some("service_type") => rename(values.get_mut("type"), "srv"),
+        Some("message_details" | "service_request_details" | "service_response_details") => {
+            if let Some(typedefs) = values.get_mut("typedefs").and_then(Json::as_array_mut) {
+                typedefs_to_ros2(typedefs);
+            }
+        }
+        _ => {}
+    }
+    values
+}
+
+/// Headers without `seq`; times by the names that ROS 2 has for them and their fields.
+fn typedefs_to_ros2(typedefs: &mut [Json]) {
+    const TIMES: [(&str, &str); 2] =
+        [("time", "builtin_interfaces/Time"), ("duration", "builtin_interfaces/Duration")];
+    let renamed = |name: &Json| TIMES.iter().find(|(ros1, _)| name == ros1).map(|(_, ros2)| json!(ros2));
+    for typedef in typedefs.iter_mut().filter_map(Json::as_object_mut) {
+        if let Some(name) = typedef.get("type").and_then(renamed) {
+            typedef.insert("type".to_owned(), name);
+            typedef.insert("fieldnames".to_owned(), json!(["sec", "nanosec"]));
+            typedef.insert("fieldtypes".to_owned(), json!(["int32", "uint32"]));
+        }
+        let names = typedef.get("fieldnames").and_then(Json::as_array);
+        let seq = names.and_then(|names| names.iter().position(|name| name == "seq"));
+        let is_header = typedef.get("type").is_some_and(|name| name == "std_msgs/Header");
+        for key in ["fieldnames", "fieldtypes", "fieldarraylen", "examples"] {
+            let Some(values) = typedef.get_mut(key).and_then(Json::as_array_mut) else { continue };
+            if let Some(seq) = seq.filter(|seq| is_header && *seq < values.len()) {
+                values.remove(seq);
+            }
+            for value in values.iter_mut().filter(|_| key == "fieldtypes") {
+                if let Some(name) = renamed(value) {
+                    *value = name;
+                }
+            }
+        }
+    }
+}
+
+/// The answer that describes a type, if it is known.
+fn type_details(name: &str, kind: Option<&MessageType>) -> Result<Json, String> {
+    let kind = kind.ok_or_else(|| format!("the fields of {name} are not known here"))?;
+    let mut details = Vec::new();
+    add_typedefs(kind, &mut details);
+    Ok(json!({"typedefs": details}))
+}
+
+/// What a field holds that is left out, in the words of ROS's Python.
+fn default_text(field: &MessageField) -> &'static str {
+    match (field.count, &field.kind) {
+        (ArrayKind::Variable | ArrayKind::Fixed(_), _) => "[]",
+        (_, FieldType::Bool) => "False",
+        (_, FieldType::Int { .. }) => "0",
+        (_, FieldType::Float32 | FieldType::Float64) => "0.0",
+        (_, FieldType::Text) => "",
+        (_, FieldType::Time | FieldType::Duration | FieldType::Message(_)) => "{}",
+    }
+}
+
 /// A type and the types that it needs, each once, as rosapi's `TypeDef`s.
-fn describe(kind: &MessageType, details: &mut Vec<Json>) {
+fn add_typedefs(kind: &MessageType, details: &mut Vec<Json>) {
     if details.iter().any(|known| known["type"] == kind.name.as_str()) {
         return;
     }
@@ -149,9 +253,9 @@ fn describe(kind: &MessageType, details: &mut Vec<Json>) {
         .fields
         .iter()
         .map(|field| match field.count {
-            Count::One => -1,
-            Count::Any => 0,
-            Count::Exactly(length) => i64::try_from(length).unwrap_or(i64::MAX),
+            ArrayKind::Single => -1,
+            ArrayKind::Variable => 0,
+            ArrayKind::Fixed(length) => i64::try_from(length).unwrap_or(i64::MAX),
         })
         .collect();
     details.push(json!({
@@ -159,28 +263,40 @@ fn describe(kind: &MessageType, details: &mut Vec<Json>) {
         "fieldnames": kind.fields.iter().map(|field| &*field.name).collect::<Vec<_>>(),
         "fieldtypes": kind.fields.iter().map(|field| field.kind.name()).collect::<Vec<_>>(),
         "fieldarraylen": lengths,
-        "examples": vec![""; kind.fields.len()],
-        "constnames": [],
-        "constvalues": [],
+        "examples": kind.fields.iter().map(default_text).collect::<Vec<_>>(),
+        "constnames": kind.constants.iter().map(|constant| &constant.name).collect::<Vec<_>>(),
+        "constvalues": kind.constants.iter().map(|constant| &constant.value).collect::<Vec<_>>(),
     }));
     for field in &kind.fields {
-        if let Kind::Message(inner) = &field.kind {
-            describe(inner, details);
+        match &field.kind {
+            FieldType::Message(inner) => add_typedefs(inner, details),
+            FieldType::Time | FieldType::Duration => add_time_typedef(&field.kind.name(), details),
+            _ => {}
         }
     }
 }
 
-/// The definition with those that it needs; empty if it is not known.
-fn raw_definition(name: &str) -> String {
-    known_type(name).map(|kind| kind.text()).unwrap_or_default()
+/// Times count as types with two fields.
+fn add_time_typedef(name: &str, details: &mut Vec<Json>) {
+    if !details.iter().any(|known| known["type"] == name) {
+        details.push(json!({
+            "type": name, "fieldnames": ["secs", "nsecs"], "fieldtypes": ["int32", "int32"],
+            "fieldarraylen": [-1, -1], "examples": ["0", "0"], "constnames": [], "constvalues": [],
+        }));
+    }
 }
 
-type ParameterQuestion = fn(&Parameters, &Json) -> Result<Json, String>;
+/// The definition with those that it needs; empty if it is not known.
+fn raw_definition(bus: &dyn TopicBus, name: &str) -> String {
+    bus.message_type(name).map(|kind| kind.full_text()).unwrap_or_default()
+}
+
+type ParameterRequest = fn(&Parameters, &Json) -> Result<Json, String>;
 
 /// Values of parameters travel as JSON text, as rosapi has it.
-const PARAMETER_QUESTIONS: [(&str, ParameterQuestion); 5] = [
+const PARAMETER_REQUESTS: [(&str, ParameterRequest); 5] = [
     ("get_param", |parameters, arguments| {
-        let name = text(arguments, "name")?;
+        let name = text_argument(arguments, "name")?;
         let parameters = parameters.lock().unwrap_or_else(PoisonError::into_inner);
         let default = arguments.get("default").and_then(Json::as_str).filter(|text| !text.is_empty());
         match (parameters.get(name), default) {
@@ -189,7 +305,7 @@ const PARAMETER_QUESTIONS: [(&str, ParameterQuestion); 5] = [
         }
     }),
     ("set_param", |parameters, arguments| {
-        let (name, value) = (text(arguments, "name")?, text(arguments, "value")?);
+        let (name, value) = (text_argument(arguments, "name")?, text_argument(arguments, "value")?);
         check_name("parameter", name).map_err(|error| error.to_string())?;
         if value.len() > MAX_PARAMETER_BYTES {
             return Err(format!("the value has {} bytes, at most {MAX_PARAMETER_BYTES} fit", value.len()));
@@ -204,10 +320,10 @@ const PARAMETER_QUESTIONS: [(&str, ParameterQuestion); 5] = [
     }),
     ("has_param", |parameters, arguments| {
         let parameters = parameters.lock().unwrap_or_else(PoisonError::into_inner);
-        Ok(json!({"exists": parameters.contains_key(text(arguments, "name")?)}))
+        Ok(json!({"exists": parameters.contains_key(text_argument(arguments, "name")?)}))
     }),
     ("delete_param", |parameters, arguments| {
-        let name = text(arguments, "name")?;
+        let name = text_argument(arguments, "name")?;
         let removed = parameters.lock().unwrap_or_else(PoisonError::into_inner).remove(name);
         removed.map(|_| json!({})).ok_or_else(|| format!("there is no parameter {name}"))
     }),
@@ -218,7 +334,7 @@ const PARAMETER_QUESTIONS: [(&str, ParameterQuestion); 5] = [
 ];
 
 /// A text among the arguments.
-fn text<'a>(arguments: &'a Json, name: &str) -> Result<&'a str, String> {
+fn text_argument<'a>(arguments: &'a Json, name: &str) -> Result<&'a str, String> {
     arguments
         .get(name)
         .and_then(Json::as_str)

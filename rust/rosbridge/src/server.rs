@@ -1,15 +1,17 @@
 //! The server: a router that makes every request a client of the bus.
 
-use crate::{RosbridgeError, bus::MemberId, bus::TopicBus, connection, rosapi};
+use crate::{RosbridgeError, actions::ActionBridge, bus::MemberId, bus::TopicBus, connection, rosapi};
 use axum::{
     Extension, Router,
     extract::{State, ws::WebSocketUpgrade},
-    http::StatusCode,
+    http::{StatusCode, Uri},
     response::{IntoResponse, Response},
     routing::any,
 };
-use proact_http::{Access, Limits, Options, Pages, Peer, Repeats, Server};
-use proact_messages::Time;
+use proact_http::{
+    AccessConfig, AllowedOrigins, ConnectionLimits, HttpServer, HttpServerOptions, LogThrottle, Peer,
+};
+use proact_messages::{RosVersion, Time};
 use std::{
     collections::VecDeque,
     net::{IpAddr, Ipv4Addr, SocketAddr},
@@ -17,7 +19,7 @@ use std::{
         Arc, Mutex, PoisonError,
         atomic::{AtomicUsize, Ordering},
     },
-    time::{Instant, SystemTime, UNIX_EPOCH},
+    time::{Duration, Instant, SystemTime, UNIX_EPOCH},
 };
 
 /// Most clients at once.
@@ -27,6 +29,8 @@ const MAX_CLIENTS: usize = 64;
 const SEND_BUFFER_BYTES: u32 = 256 * 1024;
 /// Written to the system at least this often while a batch is on its way, bytes.
 const WRITE_BUFFER_BYTES: usize = 64 * 1024;
+/// Longest rest of a measured gaze: `dead_man.gaze_timeout_ms` of the default profile.
+const FROZEN_GAZE_TIMEOUT: Duration = Duration::from_secs(1);
 /// Notices kept for an owner that does not fetch them.
 const MAX_NOTICES: usize = 200;
 
@@ -38,9 +42,11 @@ pub struct RosbridgeOptions {
     /// Address to listen on. On a loopback address only this machine can connect.
     pub bind: IpAddr,
     /// Who may connect from other machines.
-    pub access: Access,
+    pub access: AccessConfig,
     /// How long a connection may dawdle, and how many there may be.
-    pub limits: Limits,
+    pub limits: ConnectionLimits,
+    /// A client whose gaze is the same for longer is warned that it counts as a frozen eye tracker; none: it does not.
+    pub frozen_gaze_timeout: Option<Duration>,
 }
 
 impl Default for RosbridgeOptions {
@@ -49,16 +55,19 @@ impl Default for RosbridgeOptions {
         RosbridgeOptions {
             port: 9090,
             bind: Ipv4Addr::LOCALHOST.into(),
-            access: Access::default(),
-            limits: Limits::default(),
+            access: AccessConfig::default(),
+            limits: ConnectionLimits::default(),
+            frozen_gaze_timeout: Some(FROZEN_GAZE_TIMEOUT),
         }
     }
 }
 
 /// What all connections share.
-pub(super) struct Shared {
-    pub(super) limits: Limits,
+pub(super) struct RosbridgeState {
+    pub(super) limits: ConnectionLimits,
+    pub(super) frozen_gaze_timeout: Option<Duration>,
     pub(super) bus: Arc<dyn TopicBus>,
+    pub(super) actions: Arc<ActionBridge>,
     clients: AtomicUsize,
     notices: Mutex<Notices>,
 }
@@ -66,28 +75,28 @@ pub(super) struct Shared {
 /// What the owner is told.
 #[derive(Default)]
 struct Notices {
-    repeats: Repeats,
-    waiting: VecDeque<String>,
+    repeats: LogThrottle,
+    queued: VecDeque<String>,
 }
 
 impl Notices {
     /// The oldest is forgotten if nobody asks.
     fn add(&mut self, text: String) {
-        if self.waiting.len() == MAX_NOTICES {
-            self.waiting.pop_front();
+        if self.queued.len() == MAX_NOTICES {
+            self.queued.pop_front();
         }
-        self.waiting.push_back(text);
+        self.queued.push_back(text);
     }
 }
 
-impl Shared {
+impl RosbridgeState {
     /// Tells the owner something; of what happens again and again, the first and the count.
     pub(super) fn notice(&self, kind: &'static str, text: String) {
         // Clients' words are printed on a terminal: no control characters, and no more than one reads.
         let text: String = text.chars().take(300).map(|c| if c.is_control() { '?' } else { c }).collect();
         // No code that holds the lock can panic half way through a change.
         let mut notices = self.notices.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(text) = notices.repeats.tell(kind, text, Instant::now()) {
+        if let Some(text) = notices.repeats.report(kind, text, Instant::now()) {
             notices.add(text);
         }
     }
@@ -95,10 +104,10 @@ impl Shared {
 
 /// The rosbridge server. Runs in its own thread until it is dropped.
 pub struct RosbridgeServer {
-    shared: Arc<Shared>,
+    state: Arc<RosbridgeState>,
     member: MemberId,
     // Some until it is dropped: the clients go first, rosapi's services after them.
-    server: Option<Server>,
+    server: Option<HttpServer>,
     address: SocketAddr,
 }
 
@@ -109,14 +118,16 @@ impl RosbridgeServer {
     /// [`RosbridgeError::Serve`] if the port is taken, the address is not ours, or other machines could connect and nothing
     /// says which; [`RosbridgeError::Bus`] if the bus is full.
     pub fn start(options: RosbridgeOptions, bus: Arc<dyn TopicBus>) -> Result<Self, RosbridgeError> {
-        let RosbridgeOptions { port, bind, access, limits } = options;
-        let shared = Arc::new(Shared {
+        let RosbridgeOptions { port, bind, access, limits, frozen_gaze_timeout: frozen_gaze } = options;
+        let shared = Arc::new(RosbridgeState {
             limits,
+            frozen_gaze_timeout: frozen_gaze,
             bus: Arc::clone(&bus),
+            actions: Arc::new(ActionBridge::new(Arc::clone(&bus))),
             clients: AtomicUsize::new(0),
             notices: Mutex::default(),
         });
-        let options = Options {
+        let options = HttpServerOptions {
             name: "rosbridge",
             port,
             further_ports: 0,
@@ -125,21 +136,23 @@ impl RosbridgeServer {
             https: false,
             access,
             // The page of a trial is one of another port.
-            pages: Pages::OfThisHost,
+            allowed_origins: AllowedOrigins::SameHost,
             send_buffer_bytes: SEND_BUFFER_BYTES,
             limits,
         };
         let router = Router::new().fallback(any(connect)).with_state(Arc::clone(&shared));
         let for_refusals = Arc::clone(&shared);
         let member = bus.join("/rosapi");
-        let started = rosapi::offer(&bus, member, wall_clock).map_err(RosbridgeError::from).and_then(|()| {
-            let refused = move |reason| for_refusals.notice("refused", reason);
-            Ok(Server::start(options, router, refused, std::future::pending())?)
-        });
+        let started = rosapi::advertise_services(&bus, member, wall_time)
+            .map_err(RosbridgeError::from)
+            .and_then(|()| {
+                let refused = move |reason| for_refusals.notice("refused", reason);
+                Ok(HttpServer::start(options, router, refused, std::future::pending())?)
+            });
         match started {
             Ok(server) => {
                 let address = server.address();
-                Ok(RosbridgeServer { shared, member, server: Some(server), address })
+                Ok(RosbridgeServer { state: shared, member, server: Some(server), address })
             }
             Err(error) => {
                 bus.leave(member);
@@ -155,68 +168,71 @@ impl RosbridgeServer {
 
     /// Number of clients that are connected.
     pub fn client_count(&self) -> usize {
-        self.shared.clients.load(Ordering::Relaxed)
+        self.state.clients.load(Ordering::Relaxed)
     }
 
     /// What happened since the last call, one line each: clients that came, went or were refused, and the first
-    /// mistake of each. Where there are many of a kind, they are counted ([`Repeats`]).
+    /// mistake of each. Where there are many of a kind, they are counted ([`LogThrottle`]).
     pub fn drain_notices(&self) -> Vec<String> {
-        let mut notices = self.shared.notices.lock().unwrap_or_else(PoisonError::into_inner);
-        for text in notices.repeats.due(Instant::now()) {
+        let mut notices = self.state.notices.lock().unwrap_or_else(PoisonError::into_inner);
+        for text in notices.repeats.take_due(Instant::now()) {
             notices.add(text);
         }
-        notices.waiting.drain(..).collect()
+        notices.queued.drain(..).collect()
     }
 }
 
 impl Drop for RosbridgeServer {
     fn drop(&mut self) {
         drop(self.server.take());
-        self.shared.bus.leave(self.member);
+        self.state.bus.leave(self.member);
     }
 }
 
 /// The time of day, for stamps that clients leave out.
-pub(super) fn wall_clock() -> Time {
+pub(super) fn wall_time() -> Time {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     // ROS 1 counts seconds in 32 bits, until 2106.
     Time { secs: u32::try_from(since.as_secs()).unwrap_or(u32::MAX), nsecs: since.subsec_nanos() }
 }
 
 /// Counts a client for as long as it lives.
-struct Count(Arc<Shared>);
+struct RosbridgeClientSlot(Arc<RosbridgeState>);
 
-impl Count {
+impl RosbridgeClientSlot {
     /// None if there are as many as are allowed.
-    fn up(shared: &Arc<Shared>) -> Option<Self> {
+    fn acquire(shared: &Arc<RosbridgeState>) -> Option<Self> {
         let before = shared.clients.fetch_add(1, Ordering::Relaxed);
-        let count = Count(Arc::clone(shared));
+        let count = RosbridgeClientSlot(Arc::clone(shared));
         (before < MAX_CLIENTS).then_some(count)
     }
 }
 
-impl Drop for Count {
+impl Drop for RosbridgeClientSlot {
     fn drop(&mut self) {
         self.0.clients.fetch_sub(1, Ordering::Relaxed);
     }
 }
 
-/// Any path will do, as with other rosbridges.
+/// Any path will do, as with other rosbridges. With `?ros=2` the client is one of ROS 2 from the start.
 async fn connect(
-    State(shared): State<Arc<Shared>>,
+    State(shared): State<Arc<RosbridgeState>>,
     Extension(peer): Extension<Peer>,
+    uri: Uri,
     upgrade: WebSocketUpgrade,
 ) -> Response {
-    let Some(count) = Count::up(&shared) else {
+    let Some(count) = RosbridgeClientSlot::acquire(&shared) else {
         let reason = format!("{MAX_CLIENTS} clients are connected already\n");
         return (StatusCode::SERVICE_UNAVAILABLE, reason).into_response();
     };
+    let is_ros2 = uri.query().is_some_and(|query| query.split('&').any(|pair| pair == "ros=2"));
+    let convention = if is_ros2 { RosVersion::Ros2 } else { RosVersion::Ros1 };
     upgrade
         .max_message_size(connection::MAX_MESSAGE_BYTES)
         .max_frame_size(connection::MAX_MESSAGE_BYTES)
         .write_buffer_size(WRITE_BUFFER_BYTES)
         .on_upgrade(async move |socket| {
-            connection::serve(socket, peer.address, &shared).await;
+            connection::serve(socket, peer.address, convention, &shared).await;
             drop(count);
         })
 }

@@ -4,6 +4,7 @@ use crate::{
     bus::{ServiceProvider, ServiceReply},
     outbox::{self, Compression, Outbox},
 };
+use proact_messages::{RosVersion, ros2_json};
 use serde_json::{Value as Json, json};
 use std::{
     collections::{HashMap, HashSet},
@@ -16,7 +17,7 @@ const MAX_CALLS: usize = 10_000;
 
 /// The services that one client offers, and the calls that it has not answered yet.
 #[derive(Default)]
-pub(crate) struct Offered {
+pub(crate) struct OfferedServices {
     state: Mutex<State>,
 }
 
@@ -24,20 +25,20 @@ pub(crate) struct Offered {
 struct State {
     services: HashSet<String>,
     calls: HashMap<String, (String, ServiceReply)>,
-    next: u64,
+    next_id: u64,
     closed: bool,
 }
 
-impl Offered {
+impl OfferedServices {
     fn lock(&self) -> MutexGuard<'_, State> {
         // No code that holds the lock can panic half way through a change.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Counts a service in; false if there are `most` already.
-    pub(crate) fn add(&self, service: &str, most: usize) -> bool {
+    /// Counts a service in; false if there are `max_pending` already.
+    pub(crate) fn add(&self, service: &str, max_pending: usize) -> bool {
         let mut state = self.lock();
-        let fits = state.services.contains(service) || state.services.len() < most;
+        let fits = state.services.contains(service) || state.services.len() < max_pending;
         if fits {
             state.services.insert(service.to_owned());
         }
@@ -90,7 +91,7 @@ impl Offered {
     }
 
     /// Keeps a call until it is answered; its id, or the reply if it cannot be kept.
-    fn keep(&self, service: &str, reply: ServiceReply) -> Result<String, (ServiceReply, &'static str)> {
+    fn store_call(&self, service: &str, reply: ServiceReply) -> Result<String, (ServiceReply, &'static str)> {
         let mut state = self.lock();
         if state.closed {
             return Err((reply, "went away"));
@@ -98,8 +99,8 @@ impl Offered {
         if state.calls.len() >= MAX_CALLS {
             return Err((reply, "is busy: too many calls wait for its answer"));
         }
-        state.next += 1;
-        let id = format!("call:{service}:{}", state.next);
+        state.next_id += 1;
+        let id = format!("call:{service}:{}", state.next_id);
         state.calls.insert(id.clone(), (service.to_owned(), reply));
         Ok(id)
     }
@@ -113,23 +114,35 @@ fn same_name(a: &str, b: &str) -> bool {
 /// A service that a client of rosbridge answers.
 pub(crate) struct RemoteProvider {
     service: String,
+    ros_version: RosVersion,
     outbox: Arc<Outbox>,
-    offered: Arc<Offered>,
+    offered_services: Arc<OfferedServices>,
 }
 
 impl RemoteProvider {
-    pub(crate) fn new(service: &str, outbox: Arc<Outbox>, offered: Arc<Offered>) -> Self {
-        RemoteProvider { service: service.to_owned(), outbox, offered }
+    pub(crate) fn new(
+        service: &str,
+        convention: RosVersion,
+        outbox: Arc<Outbox>,
+        offered: Arc<OfferedServices>,
+    ) -> Self {
+        RemoteProvider {
+            service: service.to_owned(),
+            ros_version: convention,
+            outbox,
+            offered_services: offered,
+        }
     }
 }
 
 impl ServiceProvider for RemoteProvider {
     fn call(&self, arguments: Json, reply: ServiceReply) {
-        match self.offered.keep(&self.service, reply) {
+        let arguments = if self.ros_version == RosVersion::Ros2 { ros2_json(arguments) } else { arguments };
+        match self.offered_services.store_call(&self.service, reply) {
             Ok(id) => {
                 let call =
                     json!({"op": "call_service", "id": id, "service": self.service, "args": arguments});
-                self.outbox.reply(outbox::Reply {
+                self.outbox.reply(outbox::QueuedReply {
                     text: call.to_string().into(),
                     fragment_size: None,
                     compression: Compression::None,
@@ -141,12 +154,12 @@ impl ServiceProvider for RemoteProvider {
 }
 
 /// A service that a function answers at once: the values, or one sentence why not.
-pub struct Answering<F>(
+pub struct FunctionService<F>(
     /// The function.
     pub F,
 );
 
-impl<F: Fn(&Json) -> Result<Json, String> + Send + Sync> ServiceProvider for Answering<F> {
+impl<F: Fn(&Json) -> Result<Json, String> + Send + Sync> ServiceProvider for FunctionService<F> {
     fn call(&self, arguments: Json, reply: ServiceReply) {
         reply.answer((self.0)(&arguments));
     }

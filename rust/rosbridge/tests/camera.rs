@@ -5,7 +5,7 @@ mod common;
 
 use common::frame;
 use proact_description::mpl_right_arm;
-use proact_messages::{Time, Value};
+use proact_messages::{MessageValue, Time};
 use proact_rosbridge::{CameraTopics, LocalBus, ServiceReply, TopicBus, TopicMessage, TopicSink};
 use proact_types::{Pose, Scene};
 use serde_json::{Value as Json, json};
@@ -48,16 +48,16 @@ fn each_call_publishes_one_picture_whose_messages_agree_with_their_definitions()
         bus.subscribe(member, topic, None, sink).unwrap();
     }
     assert_eq!(call(&bus)["success"], false, "there is nothing to see yet");
-    camera.show(&frame(Pose::translation(-0.5, 0.0, 1.6)));
+    camera.set_frame(&frame(Pose::translation(-0.5, 0.0, 1.6)));
     assert_eq!(call(&bus)["success"], true);
     let messages: Vec<Arc<TopicMessage>> = received.try_iter().collect();
     assert_eq!(messages.iter().map(|m| &*m.topic).collect::<Vec<_>>(), TOPICS);
     for message in &messages {
         let json = serde_json::to_value(&message.value).unwrap();
         let kind = message.definition.clone().unwrap();
-        assert_eq!(kind.read(json, Time::default()).unwrap(), message.value, "{}", message.topic);
+        assert_eq!(kind.parse_json(json, Time::default()).unwrap(), message.value, "{}", message.topic);
     }
-    let Some(Value::Bytes(data)) = messages[0].value.get("data") else { panic!("no data") };
+    let Some(MessageValue::Bytes(data)) = messages[0].value.get("data") else { panic!("no data") };
     assert_eq!(data.len(), 3 * 640 * 480);
     drop(camera);
     assert!(bus.graph().services.is_empty(), "the service goes with the camera");

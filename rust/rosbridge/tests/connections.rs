@@ -4,8 +4,8 @@
 mod common;
 
 use common::{Client, server, texts};
-use proact_http::{Access, Limits, Listed, Right, ServeError};
-use proact_messages::{Time, known_type};
+use proact_http::{AccessConfig, AccessRight, AllowedAddress, ConnectionLimits, ServeError};
+use proact_messages::{Time, builtin_type};
 use proact_rosbridge::{LocalBus, RosbridgeError, RosbridgeOptions, RosbridgeServer, TopicMessage};
 use serde_json::json;
 use std::{
@@ -24,20 +24,20 @@ fn a_client_that_stops_reading_loses_old_messages_and_the_others_none() {
     let (mut stuck, mut reader) = (Client::connect(&server), Client::connect(&server));
     for client in [&mut stuck, &mut reader] {
         client.subscribe("/big");
-        client.settle();
+        client.drain_messages();
     }
     let writer = bus.join("/writer");
     bus.advertise(writer, "/big", TEXT, false).unwrap();
-    let kind = known_type(TEXT).unwrap();
+    let kind = builtin_type(TEXT).unwrap();
     let rounds = 100;
     for n in 0..rounds {
         // Fifty megabytes in all; the one reads each before the next comes, the other reads nothing.
         let data = format!("{n:03}{}", "x".repeat(500_000));
-        let value = kind.read(json!({"data": data}), Time::default()).unwrap();
+        let value = kind.parse_json(json!({"data": data}), Time::default()).unwrap();
         bus.publish(&[TopicMessage::new("/big", Some(Arc::clone(&kind)), value)]);
         assert_eq!(reader.next()["msg"]["data"].as_str().unwrap()[..3], format!("{n:03}"));
     }
-    let got = texts(&stuck.settle(), "/big");
+    let got = texts(&stuck.drain_messages(), "/big");
     let numbers: Vec<usize> = got.iter().map(|text| text[..3].parse().unwrap()).collect();
     assert!(numbers.is_sorted() && numbers.len() < rounds, "{numbers:?}");
     assert_eq!(numbers.last(), Some(&(rounds - 1)), "the newest is never lost");
@@ -52,14 +52,14 @@ fn ten_thousand_subscriptions_and_silent_connections_hurt_nobody() {
     for n in 0..10_000 {
         greedy.subscribe(&format!("/t{n}"));
     }
-    let refused = greedy.settle();
+    let refused = greedy.drain_messages();
     assert_eq!(refused.len(), 9000);
     assert!(refused.iter().all(|status| status["msg"].as_str().unwrap().contains("of 1000 topics")));
     other.advertise("/t5", TEXT);
     other.subscribe("/t5");
     other.publish("/t5", json!({"data": "still here"}));
-    assert_eq!(texts(&other.settle(), "/t5"), ["still here"]);
-    assert_eq!(texts(&greedy.settle(), "/t5"), ["still here"]);
+    assert_eq!(texts(&other.drain_messages(), "/t5"), ["still here"]);
+    assert_eq!(texts(&greedy.drain_messages(), "/t5"), ["still here"]);
     drop(silent);
 }
 
@@ -75,7 +75,7 @@ fn what_is_no_websocket_is_turned_away() {
         let _ = stream.read_to_end(&mut answer);
         assert!(!String::from_utf8_lossy(&answer).contains("101"), "{request:?}");
     }
-    Client::connect(&server).settle();
+    Client::connect(&server).drain_messages();
 }
 
 #[test]
@@ -100,17 +100,20 @@ fn foreign_pages_are_refused_and_listening_for_others_needs_a_guard() {
     assert!(server.drain_notices().iter().any(|notice| notice.contains("evil.example")));
     assert!(ask("null").unwrap_err().to_string().contains("403"));
 
-    let open = |access: Access| {
+    let open = |access: AccessConfig| {
         let bind = Ipv4Addr::UNSPECIFIED.into();
         let options = RosbridgeOptions { port: 0, bind, access, ..RosbridgeOptions::default() };
         RosbridgeServer::start(options, Arc::clone(&bus))
     };
-    assert!(matches!(open(Access::default()), Err(RosbridgeError::Serve(ServeError::Unguarded { .. }))));
-    let listed = Listed { address: "10.0.0.1".parse().unwrap(), right: Right::Act };
-    assert!(open(Access { listed: vec![listed], ..Access::default() }).is_ok());
     assert!(matches!(
-        open(Access { token: Some("short".to_owned()), ..Access::default() }),
-        Err(RosbridgeError::Serve(ServeError::Token { .. }))
+        open(AccessConfig::default()),
+        Err(RosbridgeError::Serve(ServeError::AccessNotConfigured { .. }))
+    ));
+    let listed = AllowedAddress { address: "10.0.0.1".parse().unwrap(), right: AccessRight::Control };
+    assert!(open(AccessConfig { allowed_addresses: vec![listed], ..AccessConfig::default() }).is_ok());
+    assert!(matches!(
+        open(AccessConfig { token: Some("short".to_owned()), ..AccessConfig::default() }),
+        Err(RosbridgeError::Serve(ServeError::InvalidToken { .. }))
     ));
     let taken = RosbridgeOptions { port, ..RosbridgeOptions::default() };
     let error = RosbridgeServer::start(taken, LocalBus::new()).err().unwrap().to_string();
@@ -122,7 +125,7 @@ fn a_client_too_many_is_told_so_and_comes_in_when_another_has_gone() {
     let (server, _bus) = server();
     let mut clients: Vec<Client> = (0..64).map(|_| Client::connect(&server)).collect();
     for client in &mut clients {
-        client.settle();
+        client.drain_messages();
     }
     let address = format!("ws://{}/", server.address());
     assert!(connect(&address).unwrap_err().to_string().contains("503"));
@@ -131,13 +134,17 @@ fn a_client_too_many_is_told_so_and_comes_in_when_another_has_gone() {
     gone.0.close(None).unwrap();
     while gone.0.read().is_ok() {}
     // Its place is free before the server hangs up.
-    Client::connect(&server).settle();
+    Client::connect(&server).drain_messages();
 }
 
 #[test]
 fn where_there_is_a_token_programs_on_this_machine_show_it_or_are_listed() {
     let start = |listed| {
-        let access = Access { listed, token: Some("a-long-secret".to_owned()), ..Access::default() };
+        let access = AccessConfig {
+            allowed_addresses: listed,
+            token: Some("a-long-secret".to_owned()),
+            ..AccessConfig::default()
+        };
         let options = RosbridgeOptions { port: 0, access, ..RosbridgeOptions::default() };
         RosbridgeServer::start(options, LocalBus::new()).unwrap()
     };
@@ -145,17 +152,18 @@ fn where_there_is_a_token_programs_on_this_machine_show_it_or_are_listed() {
     let refused = connect(format!("ws://{}/", server.address())).unwrap_err().to_string();
     assert!(refused.contains("401"), "{refused}");
     assert!(connect(format!("ws://{}/?token=a-long-secret", server.address())).is_ok());
-    let here = |right| Listed { address: Ipv4Addr::LOCALHOST.into(), right };
-    let server = start(vec![here(Right::Act)]);
+    let here = |right| AllowedAddress { address: Ipv4Addr::LOCALHOST.into(), right };
+    let server = start(vec![here(AccessRight::Control)]);
     assert!(connect(format!("ws://{}/", server.address())).is_ok());
-    let server = start(vec![here(Right::Watch)]);
+    let server = start(vec![here(AccessRight::View)]);
     let refused = connect(format!("ws://{}/", server.address())).unwrap_err().to_string();
     assert!(refused.contains("403"), "{refused}");
 }
 
 #[test]
 fn a_client_that_never_answers_a_ping_is_dropped() {
-    let limits = Limits { silence: Duration::from_millis(250), ..Limits::default() };
+    let limits =
+        ConnectionLimits { websocket_timeout: Duration::from_millis(250), ..ConnectionLimits::default() };
     let options = RosbridgeOptions { port: 0, limits, ..RosbridgeOptions::default() };
     let server = RosbridgeServer::start(options, LocalBus::new()).unwrap();
     // It says nothing and reads nothing, but holds the line.

@@ -4,7 +4,7 @@
 mod common;
 
 use common::{Client, server};
-use proact_messages::{MessageType, Time, known_types};
+use proact_messages::{MessageType, Ros2Message, RosVersion, Time, builtin_types, ros2_name};
 use proact_rosbridge::TopicMessage;
 use serde_json::{Value as Json, json};
 use std::sync::Arc;
@@ -15,13 +15,14 @@ fn samples() -> Vec<(String, Arc<TopicMessage>)> {
     let now = Time { secs: 7, nsecs: 8 };
     let one = |kind: &Arc<MessageType>| {
         let topic = format!("/all/{}", kind.name);
-        let mut json = serde_json::to_value(kind.empty(now)).unwrap();
+        let mut json = serde_json::to_value(kind.default_value(now)).unwrap();
         fill(&mut json, 1);
-        let value =
-            kind.read(json.clone(), now).unwrap_or_else(|error| panic!("{}: {error}: {json}", kind.name));
+        let value = kind
+            .parse_json(json.clone(), now)
+            .unwrap_or_else(|error| panic!("{}: {error}: {json}", kind.name));
         (kind.name.clone(), TopicMessage::new(topic, Some(Arc::clone(kind)), value))
     };
-    known_types().map(one).collect()
+    builtin_types().map(one).collect()
 }
 
 /// Puts numbers and texts in the place of zeros; empty arrays stay, their entries' type is not seen here.
@@ -37,6 +38,12 @@ fn fill(json: &mut Json, depth: u32) {
 
 #[test]
 fn png_and_cbor_of_every_type_hold_what_the_text_holds() {
+    for convention in [RosVersion::Ros1, RosVersion::Ros2] {
+        check_encodings(convention);
+    }
+}
+
+fn check_encodings(convention: RosVersion) {
     let (server, bus) = server();
     let mut plain = Client::connect(&server);
     let mut png = Client::connect(&server);
@@ -46,16 +53,24 @@ fn png_and_cbor_of_every_type_hold_what_the_text_holds() {
     for (kind, message) in &samples {
         bus.advertise(writer, &message.topic, kind, false).unwrap();
         for (client, compression) in [(&mut plain, "none"), (&mut png, "png"), (&mut cbor, "cbor")] {
-            client.send(json!({"op": "subscribe", "topic": &*message.topic, "compression": compression}));
+            let kind = if convention == RosVersion::Ros2 { ros2_name(kind, "msg") } else { kind.clone() };
+            client.send(json!({
+                "op": "subscribe", "topic": &*message.topic, "type": kind, "compression": compression,
+            }));
         }
     }
     for client in [&mut plain, &mut png, &mut cbor] {
-        client.settle();
+        client.drain_messages();
     }
     for (kind, message) in &samples {
         bus.publish(std::slice::from_ref(message));
         let text = plain.next();
-        assert_eq!(text["msg"], serde_json::to_value(&message.value).unwrap(), "{kind}");
+        let ros2 = Ros2Message { value: &message.value, kind: message.definition.as_deref() };
+        let expected = match convention {
+            RosVersion::Ros1 => serde_json::to_value(&message.value),
+            RosVersion::Ros2 => serde_json::to_value(ros2),
+        };
+        assert_eq!(text["msg"], expected.unwrap(), "{kind}");
         let picture = png.next();
         assert_eq!(picture["op"], "png");
         assert_eq!(text_of_picture(picture["data"].as_str().unwrap()), text, "{kind}");
@@ -75,7 +90,7 @@ fn cbor_raw_of_every_type_holds_the_bytes_that_ros_sends() {
         bus.advertise(writer, &message.topic, kind, false).unwrap();
         client.send(json!({"op": "subscribe", "topic": &*message.topic, "compression": "cbor-raw"}));
     }
-    client.settle();
+    client.drain_messages();
     for (kind, message) in &samples {
         bus.publish(std::slice::from_ref(message));
         let Message::Binary(bytes) = client.frame() else {

@@ -59,6 +59,10 @@ fn any_message() -> impl Strategy<Value = Json> {
         "status",
         "auth",
         "png",
+        "send_action_goal",
+        "cancel_action_goal",
+        "advertise_action",
+        "action_result",
     ]);
     let key = prop::sample::select(vec![
         "id",
@@ -79,6 +83,9 @@ fn any_message() -> impl Strategy<Value = Json> {
         "data",
         "latch",
         "timeout",
+        "action",
+        "action_type",
+        "feedback",
     ]);
     let value = prop_oneof![
         any_json(),
@@ -86,6 +93,15 @@ fn any_message() -> impl Strategy<Value = Json> {
             json!("/chat"),
             json!("/rosapi/topics"),
             json!("std_msgs/String"),
+            json!("std_msgs/msg/Header"),
+            json!("/lab/move"),
+            json!("/lab/move/goal"),
+            json!("/lab/move/result"),
+            json!("/lab/move/cancel"),
+            json!("lab_msgs/MoveActionGoal"),
+            json!("lab_msgs/MoveActionResult"),
+            json!("lab_msgs/action/Move"),
+            json!("/lab/move/_action/cancel_goal"),
             json!("png"),
             json!("cbor"),
             json!(0),
@@ -124,7 +140,7 @@ fn count_panics() {
 
 fn still_answers(server: &RosbridgeServer) {
     let mut client = Client::connect(server);
-    client.settle();
+    client.drain_messages();
     assert_eq!(PANICS.load(Ordering::Relaxed), 0, "the server's thread panicked");
 }
 
@@ -174,6 +190,51 @@ fn arbitrary_json_is_survived() {
 fn operations_with_arbitrary_values_are_survived() {
     let message = any_message().prop_map(|json| Message::text(json.to_string()));
     fuzz(prop::collection::vec(message, 1..80), 120);
+}
+
+/// Goals for an action server, and what that server says of them.
+fn action_messages() -> impl Strategy<Value = Json> {
+    let id = prop_oneof![Just(json!("g")), Just(json!(1)), any_json()];
+    let action = prop::sample::select(vec!["/lab/move", "lab/move", "/lab/other", ""]);
+    let type_name =
+        prop::sample::select(vec!["lab_msgs/action/Move", "lab_msgs/Move", "lab_msgs/action/Other", "/"]);
+    let goal = (id.clone(), action.clone(), type_name, any_json(), any::<bool>()).prop_map(
+        |(id, action, type_name, args, feedback)| {
+            json!({
+                "op": "send_action_goal", "id": id, "action": action, "action_type": type_name, "args": args,
+                "feedback": feedback,
+            })
+        },
+    );
+    let cancel =
+        (id, action).prop_map(|(id, action)| json!({"op": "cancel_action_goal", "id": id, "action": action}));
+    let part = prop::sample::select(vec!["feedback", "result", "status"]);
+    let status_update = (part, any_json(), any_json(), any::<u8>()).prop_map(|(part, a, b, number)| {
+        let status = json!({"goal_id": {"id": a}, "status": number % 12, "text": b});
+        json!({
+            "op": "publish", "topic": format!("/lab/move/{part}"),
+            "msg": {"status": status, "status_list": [status, b], "result": a, "feedback": b},
+        })
+    });
+    prop_oneof![goal, cancel, status_update]
+}
+
+#[test]
+fn goals_and_results_with_arbitrary_values_are_survived() {
+    let server = [
+        ("advertise", "result", "lab_msgs/MoveActionResult"),
+        ("advertise", "feedback", "lab_msgs/MoveActionFeedback"),
+        ("advertise", "status", "actionlib_msgs/GoalStatusArray"),
+        ("subscribe", "goal", "lab_msgs/MoveActionGoal"),
+    ];
+    let server = server.map(|(op, topic, kind)| {
+        Message::text(json!({"op": op, "topic": format!("/lab/move/{topic}"), "type": kind}).to_string())
+    });
+    let batch = prop::collection::vec(action_messages(), 1..40).prop_map(move |messages| {
+        let messages = messages.into_iter().map(|json| Message::text(json.to_string()));
+        server.iter().cloned().chain(messages).collect()
+    });
+    fuzz(batch, 60);
 }
 
 #[test]

@@ -7,7 +7,7 @@ mod common;
 use common::{Client, frame, scene, server};
 use nalgebra::{Point3, Quaternion, Translation3, UnitQuaternion};
 use proact_rosbridge::{HeadsetInput, HeadsetTopics};
-use proact_types::{Event, EventKind, Gesture, HandState, ModeView, ObjectId, Point, Pose, SimTime, Vector};
+use proact_types::{Command, Event, EventKind, HandState, ModeView, ObjectId, Point, Pose, SimTime, Vector};
 use serde_json::{Value as Json, json};
 use std::{collections::BTreeMap, sync::Arc};
 
@@ -96,11 +96,11 @@ fn the_app_gets_one_consistent_instant_with_absolute_poses_in_its_own_world() {
     let mut app = Client::connect(&server);
     // The app comes first: nobody publishes yet.
     handshake(&mut app);
-    app.settle();
+    app.drain_messages();
     let arm = proact_description::mpl_right_arm();
     let topics = HeadsetTopics::new(Arc::clone(&bus), &arm, &scene(), head()).unwrap();
-    let shown = frame(head());
-    topics.publish(&shown);
+    let display_frame = frame(head());
+    topics.publish(&display_frame);
     let got = read_frame(&mut app, "/current_block");
 
     // Its world begins at its head, level: the turn to the left is the only one.
@@ -109,14 +109,14 @@ fn the_app_gets_one_consistent_instant_with_absolute_poses_in_its_own_world() {
     let in_unity = |topic: &str| ros(unity(&got[topic]));
     assert!(close(&in_unity("/rosworld_pose_msg"), &world_from_unity.inverse()));
     let world = |topic: &str| world_from_unity * in_unity(topic);
-    assert!(close(&world("/mpl_right_arm/base_pose"), &shown.world_from_base));
-    for (topic, block) in IN[2..6].iter().zip(&shown.objects) {
+    assert!(close(&world("/mpl_right_arm/base_pose"), &display_frame.world_from_base));
+    for (topic, block) in IN[2..6].iter().zip(&display_frame.objects) {
         assert!(close(&world(topic.0), block), "{}", topic.0);
     }
-    let place = in_unity("/place_location_selected");
-    assert!(place.rotation.angle() < 1e-12, "the disc lies level in the app's world");
-    let place = world_from_unity * Point::from(place.translation.vector);
-    assert!((place - shown.target.place.unwrap()).norm() < 1e-9);
+    let place_pose = in_unity("/place_location_selected");
+    assert!(place_pose.rotation.angle() < 1e-12, "the disc lies level in the app's world");
+    let place_point = world_from_unity * Point::from(place_pose.translation.vector);
+    assert!((place_point - display_frame.target.place.unwrap()).norm() < 1e-9);
     assert_eq!(got["/current_block"]["data"], "bluecylinder2");
 
     // One instant: every stamp is the frame's.
@@ -131,11 +131,11 @@ fn the_app_gets_one_consistent_instant_with_absolute_poses_in_its_own_world() {
         joints["name"].as_array().unwrap().iter().map(|name| name.as_str().unwrap()).collect();
     assert_eq!(names.len(), 27);
     assert!(names.is_sorted());
-    for (place, joint) in arm.moving().enumerate() {
+    for (index, joint) in arm.moving().enumerate() {
         let at = names.iter().position(|name| *name == arm.joints[joint].name).unwrap();
         let angle = joints["position"][at].as_f64().unwrap();
         assert!(angle.abs() <= std::f64::consts::PI);
-        assert!((angle - shown.joints[place]).sin().abs() < 1e-9);
+        assert!((angle - display_frame.joints[index]).sin().abs() < 1e-9);
     }
 }
 
@@ -144,22 +144,22 @@ fn what_happened_before_the_app_came_is_told_at_once_and_changes_once_each() {
     let (server, bus) = server();
     let arm = proact_description::mpl_right_arm();
     let topics = HeadsetTopics::new(Arc::clone(&bus), &arm, &scene(), head()).unwrap();
-    let mut shown = frame(head());
+    let mut display_frame = frame(head());
     let directions = ["flexion".to_owned(), "extension".to_owned()];
-    shown.mode = Some(ModeView {
-        moves: proact_types::Moves::Translation(1),
+    display_frame.mode = Some(ModeView {
+        controlled_dof: proact_types::ControlledDof::Translation(1),
         name: "y".to_owned(),
         directions,
         we_sign: -1,
         next_in_secs: None,
     });
-    shown.target.locked = true;
-    topics.publish(&shown);
+    display_frame.target.locked = true;
+    topics.publish(&display_frame);
 
     let mut app = Client::connect(&server);
     handshake(&mut app);
     let before: BTreeMap<String, Json> = app
-        .settle()
+        .drain_messages()
         .into_iter()
         .map(|message| (message["topic"].as_str().unwrap().to_owned(), message["msg"]["data"].clone()))
         .collect();
@@ -168,10 +168,11 @@ fn what_happened_before_the_app_came_is_told_at_once_and_changes_once_each() {
     assert_eq!(before["/grasp_status"], false);
     assert!(!before.contains_key("/success"));
 
-    shown.hand.state = HandState::Closed;
-    shown.events = vec![Event { time: SimTime(1), kind: EventKind::ObjectAttached { object: ObjectId(0) } }];
-    shown.hand.holds = Some(ObjectId(0));
-    topics.publish(&shown);
+    display_frame.hand.state = HandState::Closed;
+    display_frame.events =
+        vec![Event { time: SimTime(1), kind: EventKind::ObjectAttached { object: ObjectId(0) } }];
+    display_frame.hand.held_object = Some(ObjectId(0));
+    topics.publish(&display_frame);
     let got = read_frame(&mut app, "/success");
     assert_eq!(got["/grasp_status"]["data"], true);
     assert_eq!(got["/success"]["data"], true);
@@ -199,11 +200,11 @@ fn gaze_and_head_of_the_app_and_a_classifiers_gestures_reach_the_trial() {
         json!({"header": of_head, "pose": {"position": position, "orientation": turned}}),
     );
     publish(&mut app, "/gaze_target_object", json!({"data": "redcylinder1"}));
-    app.settle();
+    app.drain_messages();
     let mut armband = Client::connect(&server);
     armband.advertise("/emg", "std_msgs/String");
     armband.publish("/emg", json!({"data": "wrist_flexion"}));
-    armband.settle();
+    armband.drain_messages();
 
     let world_from_unity =
         Pose::from_parts(head().translation, UnitQuaternion::from_euler_angles(0.0, 0.0, 0.3));
@@ -213,7 +214,7 @@ fn gaze_and_head_of_the_app_and_a_classifiers_gestures_reach_the_trial() {
         HeadsetInput::Gaze(gaze),
         HeadsetInput::Head(pose),
         HeadsetInput::Gesture(gesture),
-        HeadsetInput::Alive,
+        HeadsetInput::Heartbeat,
     ] = inputs[..]
     else {
         panic!("{inputs:?}");
@@ -226,7 +227,7 @@ fn gaze_and_head_of_the_app_and_a_classifiers_gestures_reach_the_trial() {
             UnitQuaternion::from_euler_angles(0.0, 0.0, std::f64::consts::PI),
         );
     assert!(close(&pose, &expected), "{pose} {expected}");
-    assert_eq!(gesture, Gesture::WristFlexion);
+    assert_eq!(gesture, Command::WristFlexion);
 
     // Where the world was fixed is told back, and used from then on.
     app.send(json!({"op": "call_service", "id": "fix", "service": "/fix_world", "args": {"fixWorld": true}}));
@@ -235,14 +236,14 @@ fn gaze_and_head_of_the_app_and_a_classifiers_gestures_reach_the_trial() {
     topics.publish(&frame(head()));
     let got = read_frame(&mut app, "/rosworld_pose_msg");
     let unity_from_world = ros(unity(&got["/rosworld_pose_msg"]));
-    let told = &answer["values"];
-    let number = |name: &str| told[name].as_f64().unwrap();
+    let values = &answer["values"];
+    let number = |name: &str| values[name].as_f64().unwrap();
     let turn = Quaternion::new(number("qw"), number("qx"), number("qy"), number("qz"));
-    let told = Pose::from_parts(
+    let reported_pose = Pose::from_parts(
         Translation3::new(number("x"), number("y"), number("z")),
         UnitQuaternion::from_quaternion(turn),
     );
-    assert!(close(&unity_from_world.inverse(), &told));
+    assert!(close(&unity_from_world.inverse(), &reported_pose));
 }
 
 /// Between two trials nothing is published.
@@ -251,12 +252,12 @@ fn who_comes_after_the_end_of_a_trial_gets_its_last_state() {
     let (server, bus) = server();
     let arm = proact_description::mpl_right_arm();
     let topics = HeadsetTopics::new(Arc::clone(&bus), &arm, &scene(), head()).unwrap();
-    let shown = frame(head());
-    topics.publish(&shown);
+    let display_frame = frame(head());
+    topics.publish(&display_frame);
     let mut late = Client::connect(&server);
     handshake(&mut late);
     let came: Vec<String> =
-        late.settle().iter().map(|message| message["topic"].as_str().unwrap().to_owned()).collect();
+        late.drain_messages().iter().map(|message| message["topic"].as_str().unwrap().to_owned()).collect();
     for (topic, _) in &IN[..7] {
         assert_eq!(came.iter().filter(|came| came == topic).count(), 1, "{topic}: {came:?}");
     }
@@ -267,7 +268,7 @@ fn who_comes_after_the_end_of_a_trial_gets_its_last_state() {
     let mut later = Client::connect(&server);
     later.send(json!({"op": "subscribe", "topic": "/blue_block2_pose_msg"}));
     later.send(json!({"op": "subscribe", "topic": "/red_block1_pose_msg"}));
-    let came = later.settle();
+    let came = later.drain_messages();
     assert!(
         came.iter().all(|message| message["topic"] == "/red_block1_pose_msg") && came.len() == 1,
         "{came:?}"

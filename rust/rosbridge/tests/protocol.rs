@@ -4,7 +4,9 @@
 mod common;
 
 use common::{Client, server, texts};
+use proact_rosbridge::{LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus};
 use serde_json::{Value as Json, json};
+use std::{sync::Arc, time::Duration};
 use tokio_tungstenite::tungstenite::Message;
 
 const TEXT: &str = "std_msgs/String";
@@ -14,19 +16,19 @@ fn a_subscription_before_the_first_publisher_gets_every_message_in_order() {
     let (server, _bus) = server();
     let (mut reader, mut writer) = (Client::connect(&server), Client::connect(&server));
     reader.subscribe("/chat");
-    assert_eq!(reader.settle(), Vec::<Json>::new());
+    assert_eq!(reader.drain_messages(), Vec::<Json>::new());
     writer.advertise("/chat", TEXT);
     for n in 0..1000 {
         writer.publish("/chat", json!({"data": n.to_string()}));
     }
-    writer.settle();
-    let got = texts(&reader.settle(), "/chat");
+    writer.drain_messages();
+    let got = texts(&reader.drain_messages(), "/chat");
     assert_eq!(got, (0..1000).map(|n| n.to_string()).collect::<Vec<_>>());
     reader.send(json!({"op": "unsubscribe", "topic": "/chat"}));
-    reader.settle();
+    reader.drain_messages();
     writer.publish("/chat", json!({"data": "more"}));
-    writer.settle();
-    assert_eq!(reader.settle(), Vec::<Json>::new());
+    writer.drain_messages();
+    assert_eq!(reader.drain_messages(), Vec::<Json>::new());
 }
 
 #[test]
@@ -58,15 +60,15 @@ fn a_latched_message_waits_for_who_comes_late_until_its_publisher_leaves() {
     writer.send(json!({"op": "advertise", "topic": "/map", "type": TEXT, "latch": true}));
     writer.publish("/map", json!({"data": "old"}));
     writer.publish("/map", json!({"data": "new"}));
-    writer.settle();
+    writer.drain_messages();
     let mut reader = Client::connect(&server);
     reader.subscribe("/map");
-    assert_eq!(texts(&reader.settle(), "/map"), ["new"]);
+    assert_eq!(texts(&reader.drain_messages(), "/map"), ["new"]);
     writer.send(json!({"op": "unadvertise", "topic": "/map"}));
-    writer.settle();
+    writer.drain_messages();
     let mut late = Client::connect(&server);
     late.subscribe("/map");
-    assert_eq!(late.settle(), Vec::<Json>::new());
+    assert_eq!(late.drain_messages(), Vec::<Json>::new());
 }
 
 #[test]
@@ -132,7 +134,7 @@ fn every_mistake_is_answered_with_what_was_expected_and_the_connection_lives_on(
     assert_eq!(client.next()["id"], "mine");
     client.send(json!({"op": "set_level", "level": "none"}));
     client.send(json!({"op": "fly"}));
-    assert_eq!(client.settle(), Vec::<Json>::new());
+    assert_eq!(client.drain_messages(), Vec::<Json>::new());
     let notices = server.drain_notices().join("\n");
     assert_eq!(notices.matches("further ones").count(), 1, "{notices}");
 }
@@ -190,25 +192,27 @@ fn warnings_and_information_come_at_the_level_asked_for() {
     // A header may be left out without a word; of other fields it is said once.
     client.publish("/p", json!({"point": {"x": 1.0, "y": 2.0, "z": 3.0}}));
     assert_eq!(client.next()["op"], "publish");
-    for said in [true, false] {
+    for expects_status in [true, false] {
         client.publish("/p", json!({"point": {"x": 1.0}}));
-        let mut heard = vec![client.next()];
-        if said {
-            heard.push(client.next());
+        let mut received = vec![client.next()];
+        if expects_status {
+            received.push(client.next());
         }
-        let status = heard.iter().find(|message| message["op"] == "status");
-        assert_eq!(status.is_some(), said, "{heard:?}");
+        let status = received.iter().find(|message| message["op"] == "status");
+        assert_eq!(status.is_some(), expects_status, "{received:?}");
         if let Some(status) = status {
             assert!(status["msg"].as_str().unwrap().contains("point.y, point.z left out"), "{status}");
         }
-        assert!(heard.iter().any(|message| message["msg"]["point"] == json!({"x": 1.0, "y": 0.0, "z": 0.0})));
+        assert!(
+            received.iter().any(|message| message["msg"]["point"] == json!({"x": 1.0, "y": 0.0, "z": 0.0}))
+        );
     }
     let mut quiet = Client::connect(&server);
     for (message, ..) in &messages[1..] {
         quiet.send(message.clone());
     }
     assert!(
-        quiet.settle().iter().all(|heard| heard["op"] != "status"),
+        quiet.drain_messages().iter().all(|reply| reply["op"] != "status"),
         "errors alone are said unless asked for"
     );
 }
@@ -218,17 +222,17 @@ fn arguments_of_a_service_come_by_name_or_in_order_and_wrong_ones_are_refused() 
     let (server, _bus) = server();
     let mut provider = Client::connect(&server);
     provider.send(json!({"op": "advertise_service", "service": "/arm", "type": "std_srvs/SetBool"}));
-    provider.settle();
+    provider.drain_messages();
     let mut caller = Client::connect(&server);
     let call = |args: Json| json!({"op": "call_service", "service": "/arm", "id": "c", "args": args});
     for (args, expected) in
         [(json!([true]), true), (json!({"data": true}), true), (json!([]), false), (json!({}), false)]
     {
         caller.send(call(args.clone()));
-        let asked = provider.next();
-        assert_eq!(asked["args"], json!({"data": expected}), "{args}");
+        let service_call = provider.next();
+        assert_eq!(service_call["args"], json!({"data": expected}), "{args}");
         provider.send(json!({
-            "op": "service_response", "service": "/arm", "id": asked["id"], "result": true,
+            "op": "service_response", "service": "/arm", "id": service_call["id"], "result": true,
             "values": {"success": true, "message": ""},
         }));
         assert_eq!(caller.next()["result"], true, "{args}");
@@ -246,7 +250,7 @@ fn arguments_of_a_service_come_by_name_or_in_order_and_wrong_ones_are_refused() 
         assert_eq!(response["result"], false, "{args}");
         assert!(response["values"].as_str().unwrap().contains(part), "{args}: {response}");
     }
-    assert_eq!(provider.settle(), Vec::<Json>::new(), "a refused call reaches nobody");
+    assert_eq!(provider.drain_messages(), Vec::<Json>::new(), "a refused call reaches nobody");
     caller.send(json!({"op": "call_service", "service": "/rosapi/set_param", "args": ["/a", "5"]}));
     assert_eq!(caller.next()["result"], true);
     caller.send(json!({"op": "call_service", "service": "/rosapi/get_param", "args": ["/a"]}));
@@ -259,10 +263,10 @@ fn the_longest_message_allowed_goes_through_and_one_byte_more_does_not() {
     let (server, _bus) = server();
     let mut reader = Client::connect(&server);
     reader.send(json!({"op": "subscribe", "topic": "/long", "type": TEXT}));
-    reader.settle();
+    reader.drain_messages();
     let mut writer = Client::connect(&server);
     writer.advertise("/long", TEXT);
-    writer.settle();
+    writer.drain_messages();
     let frame = |letters: usize| {
         json!({"op": "publish", "topic": "/long", "msg": {"data": "x".repeat(letters)}}).to_string()
     };
@@ -296,7 +300,7 @@ fn pieces_in_any_order_and_of_several_messages_are_put_together() {
             }
         }
     }
-    let mut got = texts(&client.settle(), "/chat");
+    let mut got = texts(&client.drain_messages(), "/chat");
     got.sort();
     assert_eq!(got, ["the first message", "the second"]);
     for _ in 0..2 {
@@ -316,7 +320,7 @@ fn long_messages_come_in_pieces_of_the_size_asked_for() {
     client.send(json!({"op": "subscribe", "topic": "/chat", "fragment_size": 30}));
     let text = "häufig über Öfen ".repeat(20);
     client.publish("/chat", json!({"data": text}));
-    let mut pieces = client.settle();
+    let mut pieces = client.drain_messages();
     assert!(pieces.len() > 10);
     pieces.sort_by_key(|piece| piece["num"].as_u64());
     let whole: String = pieces.iter().map(|piece| piece["data"].as_str().unwrap()).collect();
@@ -331,7 +335,7 @@ fn a_service_is_answered_by_the_client_that_offers_it() {
     let (server, _bus) = server();
     let (mut provider, mut caller) = (Client::connect(&server), Client::connect(&server));
     provider.send(json!({"op": "advertise_service", "service": "/add", "type": "my_pkg/Add"}));
-    provider.settle();
+    provider.drain_messages();
     for n in 0..3 {
         caller.send(json!({"op": "call_service", "id": n, "service": "/add", "args": {"a": n, "b": 1}}));
     }
@@ -367,7 +371,7 @@ fn calls_of_a_service_that_vanishes_or_never_was_fail_at_once() {
     let (server, _bus) = server();
     let (mut provider, mut caller) = (Client::connect(&server), Client::connect(&server));
     provider.send(json!({"op": "advertise_service", "service": "/gone", "type": "my_pkg/Gone"}));
-    provider.settle();
+    provider.drain_messages();
     caller.send(json!({"op": "call_service", "id": 1, "service": "/gone"}));
     assert_eq!(provider.next()["op"], "call_service");
     drop(provider);
@@ -415,4 +419,39 @@ fn rosapi_tells_what_there_is() {
     assert_eq!(call("get_param", json!({"name": "/a"}))["value"], "[1,2]");
     assert_eq!(call("get_param_names", json!({}))["names"], json!(["/a"]));
     call("delete_param", json!({"name": "/a"}));
+}
+
+#[test]
+fn a_client_whose_gaze_stands_still_is_told_once_that_it_counts_as_a_frozen_eye_tracker() {
+    let bus: Arc<dyn TopicBus> = LocalBus::new();
+    // Any gaze that comes twice is frozen.
+    let options = RosbridgeOptions {
+        port: 0,
+        frozen_gaze_timeout: Some(Duration::ZERO),
+        ..RosbridgeOptions::default()
+    };
+    let server = RosbridgeServer::start(options, bus).unwrap();
+    let mut client = Client::connect(&server);
+    let mut statuses = |level: Option<&str>, xs: &[f64]| -> Vec<Json> {
+        if let Some(level) = level {
+            client.send(json!({"op": "set_level", "level": level}));
+        }
+        for topic in ["/gaze_position", "/gaze_direction"] {
+            client.send(json!({"op": "advertise", "topic": topic, "type": "geometry_msgs/Vector3Stamped"}));
+        }
+        for x in xs {
+            client.publish("/gaze_position", json!({"vector": {"x": 0.5, "y": 0.0, "z": 1.6}}));
+            client.publish("/gaze_direction", json!({"vector": {"x": x, "y": 0.0, "z": -0.5}}));
+        }
+        client.drain_messages().into_iter().filter(|message| message["op"] == "status").collect()
+    };
+    let status_messages = statuses(None, &[0.8, 0.8, 0.8, 0.8]);
+    assert_eq!(status_messages.len(), 1, "{status_messages:?}");
+    assert_eq!(status_messages[0]["level"], "warning");
+    assert!(
+        status_messages[0]["msg"].as_str().unwrap().contains("frozen eye tracker"),
+        "{status_messages:?}"
+    );
+    assert_eq!(statuses(None, &[0.8, 0.8]), Vec::<Json>::new(), "said once");
+    assert_eq!(statuses(Some("none"), &[0.9, 0.9, 0.9]), Vec::<Json>::new(), "no status is wanted");
 }

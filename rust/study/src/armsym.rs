@@ -3,7 +3,7 @@
 //! A file is what its folder `Experimental_conditions` holds, or the `identifier.json` of a subject, which has the same and the
 //! person besides. Fields and their meaning are those of MPI-IS/ArmSym, tutorial 4 and `armsym_configurationscene.cs`.
 
-use crate::{Plan, PlanError, SHIPPED, TrialChoice};
+use crate::{SHIPPED_PLANS, StudyPlan, StudyPlanError, TrialOptions};
 use serde::Deserialize;
 use std::fmt::Write;
 
@@ -19,7 +19,8 @@ pub struct ArmSymCondition {
     #[serde(rename = "Display_name", default)]
     pub display_name: Option<String>,
     /// How the arm is commanded: 0 by the trackpad, joint by joint; 1 by the hand, which it imitates; 2 by an order where to go.
-    pub controlmode: i64,
+    #[serde(rename = "controlmode")]
+    pub control_mode: i64,
     /// The trials, from 1, after which the survey is shown.
     #[serde(rename = "trialswithquestionnaire")]
     pub questionnaires: Vec<usize>,
@@ -37,7 +38,8 @@ pub struct ArmSymCondition {
     identifier: Option<String>,
     /// A subject's file: length of the arm, m.
     #[serde(default)]
-    pub armlength: Option<f64>,
+    #[serde(rename = "armlength")]
+    pub arm_length_m: Option<f64>,
     /// A subject's file. Plans name nobody.
     #[serde(default)]
     gender: Option<String>,
@@ -53,10 +55,10 @@ impl ArmSymCondition {
     /// Reads a file of ArmSym.
     ///
     /// # Errors
-    /// [`PlanError::Json`] for what is no JSON, lacks a field or has one of another kind; [`PlanError::Value`] for a control mode or
+    /// [`StudyPlanError::Json`] for what is no JSON, lacks a field or has one of another kind; [`StudyPlanError::Value`] for a control mode or
     /// a trial that there is not.
-    pub fn from_json(text: &str) -> Result<ArmSymCondition, PlanError> {
-        let unreadable = |error: serde_json::Error| PlanError::Json(error.to_string());
+    pub fn from_json(text: &str) -> Result<ArmSymCondition, StudyPlanError> {
+        let unreadable = |error: serde_json::Error| StudyPlanError::Json(error.to_string());
         // A list of values in the fields' order is none of ArmSym's files.
         let object: serde_json::Map<String, serde_json::Value> =
             serde_json::from_str(text).map_err(unreadable)?;
@@ -68,40 +70,40 @@ impl ArmSymCondition {
     }
 
     /// Our method and what it is called in the plan.
-    fn method(&self) -> Result<(&'static str, &'static str), PlanError> {
-        match self.controlmode {
+    fn method(&self) -> Result<(&'static str, &'static str), StudyPlanError> {
+        match self.control_mode {
             0 => Ok(("joints", "A")),
             1 => Ok(("imitate", "imitate")),
             2 => Ok(("go_to", "C")),
-            _ => Err(PlanError::value(
+            _ => Err(StudyPlanError::value(
                 "controlmode",
-                self.controlmode,
+                self.control_mode,
                 "0, 1 or 2: others are a lab's own there; put one of these and change the method in the plan \
                  (one float of the lab streaming layer is docs/methods/lsl_float.toml)",
             )),
         }
     }
 
-    fn check_trials(&self) -> Result<(), PlanError> {
+    fn check_trials(&self) -> Result<(), StudyPlanError> {
         if self.trials == 0 {
-            return Err(PlanError::value("numberoftrials", 0, "at least 1"));
+            return Err(StudyPlanError::value("numberoftrials", 0, "at least 1"));
         }
         if self.length_secs == 0 {
-            return Err(PlanError::value("triallength", 0, "seconds, at least 1"));
+            return Err(StudyPlanError::value("triallength", 0, "seconds, at least 1"));
         }
         for (key, trials) in
             [("trialswithquestionnaire", &self.questionnaires), ("trialswithpause", &self.pauses)]
         {
             if let Some(trial) = trials.iter().find(|trial| !(1..=self.trials).contains(*trial)) {
                 let expected = format!("1 to {}, the trials that numberoftrials says", self.trials);
-                return Err(PlanError::value(key, trial, expected));
+                return Err(StudyPlanError::value(key, trial, expected));
             }
         }
         Ok(())
     }
 
     /// What a plan does not take over, in sentences.
-    pub fn left_out(&self) -> Vec<String> {
+    pub fn ignored_fields(&self) -> Vec<String> {
         let mut left = Vec::new();
         if self.identifier.is_some() || self.gender.is_some() || self.age.is_some() {
             left.push(
@@ -109,7 +111,7 @@ impl ArmSymCondition {
                     .to_owned(),
             );
         }
-        if let Some(length) = self.armlength {
+        if let Some(length) = self.arm_length_m {
             left.push(format!(
                 "armlength {length} m is left out: proact model size makes an arm for a person, [trial] arm names it"
             ));
@@ -124,7 +126,7 @@ impl ArmSymCondition {
     }
 
     /// Whether both have the same trials with the same questions and pauses.
-    fn is_run_like(&self, other: &ArmSymCondition) -> bool {
+    fn has_same_protocol(&self, other: &ArmSymCondition) -> bool {
         (self.trials, &self.questionnaires, &self.pauses)
             == (other.trials, &other.questionnaires, &other.pauses)
     }
@@ -134,13 +136,13 @@ impl ArmSymCondition {
 ///
 /// # Errors
 /// No condition, conditions that differ in their trials, questions or pauses, two of the same control mode and length, and what
-/// [`Plan::from_text`] refuses.
-pub fn plan_from_armsym(name: &str, conditions: &[ArmSymCondition]) -> Result<String, PlanError> {
+/// [`StudyPlan::from_text`] refuses.
+pub fn plan_from_armsym(name: &str, conditions: &[ArmSymCondition]) -> Result<String, StudyPlanError> {
     let Some(first) = conditions.first() else {
-        return Err(PlanError::value("the number of conditions", 0, "at least 1"));
+        return Err(StudyPlanError::value("the number of conditions", 0, "at least 1"));
     };
-    if let Some(other) = conditions.iter().position(|condition| !condition.is_run_like(first)) {
-        return Err(PlanError::value(
+    if let Some(other) = conditions.iter().position(|condition| !condition.has_same_protocol(first)) {
+        return Err(StudyPlanError::value(
             format!("condition {} of the files", other + 1),
             "with other trials, questionnaires or pauses than the first",
             "the same: make a study of each file",
@@ -150,8 +152,8 @@ pub fn plan_from_armsym(name: &str, conditions: &[ArmSymCondition]) -> Result<St
         "# From conditions of ArmSym. The task is that of the plan armsym, in whose file the choice is explained; people,\n\
          # seed and order are not in those conditions: change them here.\n",
     );
-    let _ = writeln!(text, "name = {}", quoted(name));
-    let _ = writeln!(text, "title = {}", quoted(&title(conditions)));
+    let _ = writeln!(text, "name = {}", toml_string(name));
+    let _ = writeln!(text, "title = {}", toml_string(&title(conditions)));
     let _ = writeln!(text, "participants = {PARTICIPANTS}\nseed = 1\n\n[trial]\n{}", trial_text()?);
     for condition in conditions {
         text.push_str(&condition_text(condition, conditions)?);
@@ -164,19 +166,19 @@ pub fn plan_from_armsym(name: &str, conditions: &[ArmSymCondition]) -> Result<St
         "[texts]\nwelcome = \"\"\"\nThank you for coming. You move cubes over a wall with a robot arm at your shoulder. You may \
          stop at any time, without a\nreason.\n\"\"\"\n",
     );
-    Plan::from_text(&text)?;
+    StudyPlan::from_text(&text)?;
     Ok(text)
 }
 
 /// What all trials have in common: as in the plan `armsym`, whose file explains the choice of the task.
-fn trial_text() -> Result<String, PlanError> {
-    let like = SHIPPED.iter().find(|(name, _)| *name == "armsym").map_or("", |(_, text)| text);
-    let trial = TrialChoice { limit_secs: None, ..Plan::from_text(like)?.trial };
-    toml::to_string(&trial).map_err(|error| PlanError::Text(error.to_string()))
+fn trial_text() -> Result<String, StudyPlanError> {
+    let like = SHIPPED_PLANS.iter().find(|(name, _)| *name == "armsym").map_or("", |(_, text)| text);
+    let trial = TrialOptions { limit_secs: None, ..StudyPlan::from_text(like)?.trial };
+    toml::to_string(&trial).map_err(|error| StudyPlanError::Text(error.to_string()))
 }
 
 /// A string of TOML.
-fn quoted(text: &str) -> String {
+fn toml_string(text: &str) -> String {
     toml::Value::String(text.to_owned()).to_string()
 }
 
@@ -186,15 +188,15 @@ fn title(conditions: &[ArmSymCondition]) -> String {
     names.join(", ")
 }
 
-fn condition_text(condition: &ArmSymCondition, all: &[ArmSymCondition]) -> Result<String, PlanError> {
+fn condition_text(condition: &ArmSymCondition, all: &[ArmSymCondition]) -> Result<String, StudyPlanError> {
     let (mut name, method) = (condition.method()?.0.to_owned(), condition.method()?.1);
     // The same command with trials of other lengths is two conditions.
-    if all.iter().filter(|other| other.controlmode == condition.controlmode).count() > 1 {
+    if all.iter().filter(|other| other.control_mode == condition.control_mode).count() > 1 {
         let _ = write!(name, "_{}s", condition.length_secs);
     }
     Ok(format!(
         "[[conditions]]\nname = {}\ntrial = {{ method = \"{method}\", limit_secs = {} }}\n\n",
-        quoted(&name),
+        toml_string(&name),
         condition.length_secs
     ))
 }
@@ -205,7 +207,7 @@ fn session_text(condition: &ArmSymCondition, position: usize) -> String {
     if position > 1 {
         text.push_str("days_after = [1, 7]\n");
     }
-    let _ = writeln!(text, "positions = [{position}]\ntrials = {}", condition.trials);
+    let _ = writeln!(text, "condition_positions = [{position}]\ntrials = {}", condition.trials);
     text.push_str(
         "begin = [\n  { do = \"say\", text = \"welcome\", minutes = 3 },\n  \
          { do = \"train\", repetitions = 3, hold_secs = 3, minutes = 10 },\n]\n\
@@ -214,7 +216,7 @@ fn session_text(condition: &ArmSymCondition, position: usize) -> String {
     if !condition.questionnaires.is_empty() {
         let _ = writeln!(
             text,
-            "within = [{{ after_trials = {:?}, steps = [{{ do = \"form\", form = \"embodiment\", minutes = 1 }}] }}]",
+            "inter_trial_steps = [{{ after_trials = {:?}, steps = [{{ do = \"form\", form = \"embodiment\", minutes = 1 }}] }}]",
             condition.questionnaires
         );
     }
@@ -222,7 +224,7 @@ fn session_text(condition: &ArmSymCondition, position: usize) -> String {
     let rests: Vec<String> =
         pauses.map(|trial| format!("{{ after_trial = {trial}, minutes = {PAUSE_MINUTES} }}")).collect();
     if !rests.is_empty() {
-        let _ = writeln!(text, "rests = [{}]", rests.join(", "));
+        let _ = writeln!(text, "breaks = [{}]", rests.join(", "));
     }
     text.push('\n');
     text
@@ -248,18 +250,21 @@ mod tests {
     #[test]
     fn a_condition_becomes_trials_questions_and_pauses_of_a_plan() {
         let condition = ArmSymCondition::from_json(IMITATE).unwrap();
-        let left = condition.left_out();
+        let left = condition.ignored_fields();
         assert!(left.len() == 1 && left[0].contains("pause after trial 7"), "{left:?}");
-        let plan = Plan::from_text(&plan_from_armsym("mine", &[condition]).unwrap()).unwrap();
+        let plan = StudyPlan::from_text(&plan_from_armsym("mine", &[condition]).unwrap()).unwrap();
         assert_eq!((plan.name.as_str(), plan.title.as_str()), ("mine", "Imitate \"the hand\""));
-        let choice = plan.choice(0);
+        let choice = plan.trial_options(0);
         assert_eq!((choice.method.as_deref(), choice.limit_secs), (Some("imitate"), Some(45.0)));
         let session = &plan.sessions[0];
-        assert_eq!((session.trials, session.within[0].after_trials.as_slice()), (7, [2, 6].as_slice()));
-        let rests: Vec<_> = session.rests.iter().map(|rest| (rest.after_trial, rest.minutes)).collect();
+        assert_eq!(
+            (session.trials, session.inter_trial_steps[0].after_trials.as_slice()),
+            (7, [2, 6].as_slice())
+        );
+        let rests: Vec<_> = session.breaks.iter().map(|rest| (rest.after_trial, rest.minutes)).collect();
         assert_eq!(rests, [(4, 2.0)]);
         // ArmSym's trial 0 is for practice.
-        assert!(session.before_condition.iter().any(|step| matches!(step, ProtocolStep::Practise { .. })));
+        assert!(session.before_condition.iter().any(|step| matches!(step, ProtocolStep::Practice { .. })));
     }
 
     #[test]
@@ -269,15 +274,15 @@ mod tests {
             ArmSymCondition::from_json(&text).unwrap()
         };
         let text = plan_from_armsym("mine", &[of(0, 60), of(2, 60), of(2, 30)]).unwrap();
-        let plan = Plan::from_text(&text).unwrap();
+        let plan = StudyPlan::from_text(&text).unwrap();
         let names: Vec<_> = plan.conditions.iter().map(|condition| condition.name.as_str()).collect();
         assert_eq!(names, ["joints", "go_to_60s", "go_to_30s"]);
-        let methods: Vec<_> = (0..3).filter_map(|k| plan.choice(k).method).collect();
+        let methods: Vec<_> = (0..3).filter_map(|k| plan.trial_options(k).method).collect();
         assert_eq!(methods, ["A", "C", "C"]);
         assert_eq!(plan.sessions.len(), 3);
         assert_eq!(plan.schedule(&[]).unwrap().trials().count(), PARTICIPANTS * 3 * 7);
         let twice = plan_from_armsym("mine", &[of(2, 60), of(2, 60)]).unwrap_err();
-        assert!(matches!(twice, PlanError::Twice { .. }), "{twice}");
+        assert!(matches!(twice, StudyPlanError::Duplicate { .. }), "{twice}");
     }
 
     #[test]
@@ -290,7 +295,7 @@ mod tests {
             ("skin_idx", 1.into()),
         ]);
         let condition = ArmSymCondition::from_json(&text).unwrap();
-        let left = condition.left_out().join("; ");
+        let left = condition.ignored_fields().join("; ");
         assert!(left.contains("identifier") && left.contains("0.7 m") && left.contains("skin_idx"), "{left}");
         assert!(!plan_from_armsym("mine", &[condition]).unwrap().contains("S1"));
     }

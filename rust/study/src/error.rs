@@ -1,7 +1,7 @@
 /// Why a plan is refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-pub enum PlanError {
+pub enum StudyPlanError {
     /// Not TOML, a key that there is not, a value of another type.
     #[error("the plan is unreadable: {0}")]
     Text(String),
@@ -19,10 +19,10 @@ pub enum PlanError {
         expected: String,
     },
     /// A name that nothing has.
-    #[error("{place} names {got:?}, but there is no such {what}; there is {known}")]
+    #[error("{location} names {got:?}, but there is no such {what}; there is {known}")]
     Unknown {
         /// Where it stands.
-        place: String,
+        location: String,
         /// Such as `condition`.
         what: &'static str,
         /// As given.
@@ -32,7 +32,7 @@ pub enum PlanError {
     },
     /// A name that two things have.
     #[error("two {what}s are called {name:?}")]
-    Twice {
+    Duplicate {
         /// Such as `condition`.
         what: &'static str,
         /// The name.
@@ -60,7 +60,7 @@ pub enum PlanError {
     },
 }
 
-impl PlanError {
+impl StudyPlanError {
     pub(crate) fn value(key: impl Into<String>, got: impl ToString, expected: impl Into<String>) -> Self {
         Self::Value { key: key.into(), got: got.to_string(), expected: expected.into() }
     }

@@ -15,7 +15,7 @@ pub const SHIPPED_FORMS: &[(&str, &str)] = &[
 ];
 
 /// A text by language, such as `en`.
-pub type Texts = BTreeMap<String, String>;
+pub type TranslatedText = BTreeMap<String, String>;
 
 /// A questionnaire: a file of data.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -25,13 +25,15 @@ pub struct Form {
     /// By which a plan names it.
     pub name: String,
     /// For people.
-    pub title: Texts,
+    pub title: TranslatedText,
     /// Where the items come from.
     pub source: String,
     /// Under which they may be used.
-    pub licence: String,
+    #[serde(rename = "licence")]
+    pub license: String,
     /// The wording is that of the source, item by item.
-    pub confirmed: bool,
+    #[serde(rename = "confirmed")]
+    pub wording_verified: bool,
     /// How it is scored.
     #[serde(default)]
     pub scoring: Scoring,
@@ -46,7 +48,8 @@ pub struct Form {
 pub enum Scoring {
     /// It is not.
     #[default]
-    Nothing,
+    #[serde(rename = "nothing")]
+    Unscored,
     /// As the NASA Task Load Index: the mean of the ratings, and with `pairs` their mean weighted by how often each item is
     /// chosen among all pairs (Hart and Staveland 1988). No score where a rating or a choice is missing.
     TaskLoad {
@@ -69,17 +72,19 @@ pub enum FormItem {
         key: String,
         /// Its short name; the text if left out.
         #[serde(default)]
-        name: Texts,
+        name: TranslatedText,
         /// The question.
-        text: Texts,
+        text: TranslatedText,
         /// What the lowest number means.
-        low: Texts,
+        low: TranslatedText,
         /// What the highest number means.
-        high: Texts,
+        high: TranslatedText,
         /// The lowest number.
-        least: f64,
+        #[serde(rename = "least")]
+        min: f64,
         /// The highest number.
-        most: f64,
+        #[serde(rename = "most")]
+        max: f64,
         /// From one number to the next.
         step: f64,
     },
@@ -88,26 +93,27 @@ pub enum FormItem {
         /// In the tables.
         key: String,
         /// The question.
-        text: Texts,
+        text: TranslatedText,
         /// What can be answered.
         options: Vec<FormOption>,
         /// More than one may be chosen.
         #[serde(default)]
-        several: bool,
+        #[serde(rename = "several")]
+        multiple: bool,
     },
     /// The study's conditions in an order, in which several may share a place.
     Ranking {
         /// In the tables.
         key: String,
         /// The question.
-        text: Texts,
+        text: TranslatedText,
     },
     /// One of the study's conditions.
     Condition {
         /// In the tables.
         key: String,
         /// The question.
-        text: Texts,
+        text: TranslatedText,
     },
     /// The person agrees to take part.
     Consent {
@@ -116,14 +122,14 @@ pub enum FormItem {
         /// Which text is agreed to; the answer, and with it the tables, say it.
         version: String,
         /// What is agreed to.
-        text: Texts,
+        text: TranslatedText,
     },
     /// Free words.
     Text {
         /// In the tables.
         key: String,
         /// The question.
-        text: Texts,
+        text: TranslatedText,
         /// It may be left empty.
         #[serde(default)]
         optional: bool,
@@ -138,7 +144,7 @@ pub struct FormOption {
     /// In the tables.
     pub value: String,
     /// For people.
-    pub text: Texts,
+    pub text: TranslatedText,
 }
 
 /// Why a questionnaire, or an answer to one, is refused.
@@ -209,7 +215,12 @@ impl Form {
         Self::from_text(text).ok()
     }
 
-    pub(crate) fn refused(&self, what: String, got: impl ToString, expected: impl Into<String>) -> FormError {
+    pub(crate) fn value_error(
+        &self,
+        what: String,
+        got: impl ToString,
+        expected: impl Into<String>,
+    ) -> FormError {
         FormError::Value { form: self.name.clone(), what, got: got.to_string(), expected: expected.into() }
     }
 
@@ -219,19 +230,19 @@ impl Form {
             let key = item.key();
             let plain = |c: char| c.is_ascii_alphanumeric() || c == '_';
             if key.is_empty() || !key.chars().all(plain) || !keys.insert(key) {
-                return Err(self.refused(
+                return Err(self.value_error(
                     "a key".to_owned(),
                     format!("{key:?}"),
                     "letters, digits and _, each key once",
                 ));
             }
             match item {
-                FormItem::Scale { least, most, step, .. } => {
-                    let steps = (most - least) / step;
+                FormItem::Scale { min, max, step, .. } => {
+                    let steps = (max - min) / step;
                     let whole = (steps - steps.round()).abs() < 1e-9;
                     if !(*step > 0.0 && (1.0..=1000.0).contains(&steps) && whole) {
-                        let got = format!("{least} to {most} by {step}");
-                        return Err(self.refused(
+                        let got = format!("{min} to {max} by {step}");
+                        return Err(self.value_error(
                             format!("the scale of {key}"),
                             got,
                             "1 to 1000 whole steps upwards",
@@ -239,17 +250,21 @@ impl Form {
                     }
                 }
                 FormItem::Choice { options, .. } if options.len() < 2 => {
-                    return Err(self.refused(format!("the options of {key}"), options.len(), "at least 2"));
+                    return Err(self.value_error(
+                        format!("the options of {key}"),
+                        options.len(),
+                        "at least 2",
+                    ));
                 }
                 _ => {}
             }
         }
         if self.items.is_empty() {
-            return Err(self.refused("the number of items".to_owned(), 0, "at least 1"));
+            return Err(self.value_error("the number of items".to_owned(), 0, "at least 1"));
         }
         let scales = self.items.iter().all(|item| matches!(item, FormItem::Scale { .. }));
-        if self.scoring != Scoring::Nothing && !scales {
-            return Err(self.refused(
+        if self.scoring != Scoring::Unscored && !scales {
+            return Err(self.value_error(
                 "an item".to_owned(),
                 "no scale",
                 "scales alone, since the form is scored",
@@ -281,16 +296,16 @@ impl Form {
     ) -> Result<Vec<FormScore>, FormError> {
         let mut values = Vec::new();
         for item in &self.items {
-            let FormItem::Scale { key, least, most, step, .. } = item else { continue };
+            let FormItem::Scale { key, min, max, step, .. } = item else { continue };
             let value = ratings.get(key).copied();
             if let Some(value) = value {
-                let steps = (value - least) / step;
-                if !(value >= *least && value <= *most && (steps - steps.round()).abs() < 1e-9) {
-                    let expected = format!("{least} to {most} in steps of {step}");
-                    return Err(self.refused(format!("the answer to {key}"), value, &expected));
+                let steps = (value - min) / step;
+                if !(value >= *min && value <= *max && (steps - steps.round()).abs() < 1e-9) {
+                    let expected = format!("{min} to {max} in steps of {step}");
+                    return Err(self.value_error(format!("the answer to {key}"), value, &expected));
                 }
             }
-            values.push((key.as_str(), value, (least + most) / 2.0));
+            values.push((key.as_str(), value, (min + max) / 2.0));
         }
         let missing: Vec<String> = values
             .iter()
@@ -304,7 +319,7 @@ impl Form {
         };
         let given: Option<Vec<f64>> = values.iter().map(|(_, value, _)| *value).collect();
         Ok(match self.scoring {
-            Scoring::Nothing => Vec::new(),
+            Scoring::Unscored => Vec::new(),
             Scoring::Usability {} => {
                 let points = values.iter().enumerate().map(|(k, (_, value, middle))| {
                     let value = value.unwrap_or(*middle);
@@ -345,7 +360,7 @@ impl Form {
                 }
                 Some(other) => {
                     let expected = format!("{first} or {second}");
-                    return Err(self.refused(
+                    return Err(self.value_error(
                         format!("the answer to {key}"),
                         format!("{other:?}"),
                         &expected,

@@ -1,10 +1,10 @@
-use crate::Answer;
+use crate::FormAnswer;
 use serde::{Deserialize, Serialize};
 
 /// A place in a study: something that happens in a session of a participant.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Spot {
+pub struct StepId {
     /// Whose, from 1.
     pub participant: usize,
     /// Name of the session.
@@ -84,7 +84,8 @@ pub enum StudyEvent {
         simulated: bool,
         /// The kind of simulated participants; none with people, and of journals that are older than kinds.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        people: Option<String>,
+        #[serde(rename = "people")]
+        participant_kind: Option<String>,
         /// Its version.
         program: String,
         /// Hash of the plan.
@@ -109,7 +110,8 @@ pub enum StudyEvent {
     /// Something begins.
     StepBegan {
         /// What.
-        spot: Spot,
+        #[serde(rename = "spot")]
+        step_id: StepId,
         /// How often it was begun, this time included.
         attempt: usize,
         /// Folder of the record within the study's, for a trial.
@@ -119,7 +121,8 @@ pub enum StudyEvent {
     /// Something is over.
     StepEnded {
         /// What.
-        spot: Spot,
+        #[serde(rename = "spot")]
+        step_id: StepId,
         /// Which time.
         attempt: usize,
         /// How.
@@ -131,25 +134,28 @@ pub enum StudyEvent {
     /// A question was answered; the newest answer counts.
     Answered {
         /// The form.
-        spot: Spot,
+        #[serde(rename = "spot")]
+        step_id: StepId,
         /// Name of the form.
         form: String,
         /// Key of the item.
         item: String,
         /// What was answered; none to take an answer back.
-        answer: Option<Answer>,
+        answer: Option<FormAnswer>,
     },
     /// What was done so far does not count: it is done again.
     Repeated {
         /// What.
-        spot: Spot,
+        #[serde(rename = "spot")]
+        step_id: StepId,
         /// Why.
         reason: String,
     },
     /// Something departs from the plan.
     Deviated {
         /// Where.
-        spot: Spot,
+        #[serde(rename = "spot")]
+        step_id: StepId,
         /// What.
         deviation: Deviation,
         /// Why.
@@ -159,21 +165,25 @@ pub enum StudyEvent {
     Noted {
         /// Where, if a session is under way.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        spot: Option<Spot>,
+        #[serde(rename = "spot")]
+        step_id: Option<StepId>,
         /// The words.
         text: String,
     },
     /// A trial stands still, or goes on.
     Paused {
         /// Which.
-        spot: Spot,
+        #[serde(rename = "spot")]
+        step_id: StepId,
         /// It stands still.
-        on: bool,
+        #[serde(rename = "on")]
+        paused: bool,
     },
     /// Gestures were trained or tested.
     Trained {
         /// Where.
-        spot: Spot,
+        #[serde(rename = "spot")]
+        step_id: StepId,
         /// The model's file in the study's folder; none where keys make the gestures.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         model: Option<String>,
@@ -187,7 +197,8 @@ pub enum StudyEvent {
     /// It was measured how well the gaze follows known points.
     GazeChecked {
         /// Where.
-        spot: Spot,
+        #[serde(rename = "spot")]
+        step_id: StepId,
         /// Mean error, degrees; none if no gaze was valid.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         error_deg: Option<f64>,
@@ -197,7 +208,8 @@ pub enum StudyEvent {
     /// What was found ready, or not, before a trial.
     Checked {
         /// Which trial.
-        spot: Spot,
+        #[serde(rename = "spot")]
+        step_id: StepId,
         /// The checks.
         checks: Vec<ReadinessCheck>,
     },
@@ -205,18 +217,18 @@ pub enum StudyEvent {
 
 impl StudyEvent {
     /// Where it happened, if at some step.
-    pub fn spot(&self) -> Option<&Spot> {
+    pub fn step_id(&self) -> Option<&StepId> {
         match self {
-            StudyEvent::StepBegan { spot, .. }
-            | StudyEvent::StepEnded { spot, .. }
-            | StudyEvent::Answered { spot, .. }
-            | StudyEvent::Repeated { spot, .. }
-            | StudyEvent::Deviated { spot, .. }
-            | StudyEvent::Paused { spot, .. }
-            | StudyEvent::Trained { spot, .. }
-            | StudyEvent::GazeChecked { spot, .. }
-            | StudyEvent::Checked { spot, .. } => Some(spot),
-            StudyEvent::Noted { spot, .. } => spot.as_ref(),
+            StudyEvent::StepBegan { step_id, .. }
+            | StudyEvent::StepEnded { step_id, .. }
+            | StudyEvent::Answered { step_id, .. }
+            | StudyEvent::Repeated { step_id, .. }
+            | StudyEvent::Deviated { step_id, .. }
+            | StudyEvent::Paused { step_id, .. }
+            | StudyEvent::Trained { step_id, .. }
+            | StudyEvent::GazeChecked { step_id, .. }
+            | StudyEvent::Checked { step_id, .. } => Some(step_id),
+            StudyEvent::Noted { step_id, .. } => step_id.as_ref(),
             StudyEvent::RunBegan { .. } | StudyEvent::Enrolled { .. } | StudyEvent::Visited { .. } => None,
         }
     }
@@ -232,7 +244,8 @@ pub struct ReadinessCheck {
     /// It is.
     pub ready: bool,
     /// What was found, for the experimenter.
-    pub found: String,
+    #[serde(rename = "found")]
+    pub detail: String,
     /// How old that is, seconds; none where age does not matter.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub age_secs: Option<f64>,

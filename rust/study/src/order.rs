@@ -1,17 +1,17 @@
-use crate::{Plan, PlanError, plan::MOST_CONDITIONS};
+use crate::{StudyPlan, StudyPlanError, plan::MAX_CONDITIONS};
 use rand::{RngExt, SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 /// Up to so many conditions all their orders are looked at (5,040); beyond, so many that are drawn.
-const ALL_ORDERS: usize = 7;
-const DRAWN_ORDERS: usize = 3000;
+const MAX_CONDITIONS_ENUMERATED: usize = 7;
+const SAMPLED_ORDERS: usize = 3000;
 /// Most conditions of `all`: 720 orders.
-const MOST_OF_ALL: usize = 6;
+const MAX_CONDITIONS_OF_ALL: usize = 6;
 /// Passes over all participants in which an order is replaced by a better one.
-const MOST_PASSES: usize = 20;
+const MAX_PASSES: usize = 20;
 /// Draws in which one that keeps the constraints must be found.
-const MOST_DRAWS: usize = 200_000;
+const MAX_DRAWS: usize = 200_000;
 
 /// In which order each participant meets the conditions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -41,29 +41,29 @@ pub enum ConditionOrder {
         alternate: Vec<Vec<String>>,
         /// Pairs that never follow each other, in either order.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
-        apart: Vec<[String; 2]>,
+        never_adjacent: Vec<[String; 2]>,
     },
 }
 
 /// Constraints on an order, by places of conditions in the plan.
 #[derive(Default)]
-struct Constraints {
+struct OrderConstraints {
     /// Group of each condition; none without groups.
     groups: Vec<usize>,
-    apart: Vec<[usize; 2]>,
+    never_adjacent: Vec<[usize; 2]>,
 }
 
-impl Constraints {
+impl OrderConstraints {
     /// Whether `next` may come behind `so_far`.
     fn allow(&self, so_far: &[usize], next: usize) -> bool {
         let Some(&before) = so_far.last() else { return true };
-        if self.apart.iter().any(|pair| *pair == [before, next] || *pair == [next, before]) {
+        if self.never_adjacent.iter().any(|pair| *pair == [before, next] || *pair == [next, before]) {
             return false;
         }
         if self.groups.is_empty() {
             return true;
         }
-        let count = self.groups.iter().max().map_or(1, |most| most + 1);
+        let count = self.groups.iter().max().map_or(1, |max_index| max_index + 1);
         let turn = |k: usize| self.groups[so_far[k]];
         match so_far.len() {
             // The first round says whose turn it is; the others repeat it.
@@ -79,16 +79,16 @@ impl Constraints {
 
 /// A row of a cyclic Latin square.
 fn latin_square(count: usize) -> Vec<Vec<usize>> {
-    (0..count).map(|row| (0..count).map(|place| (row + place) % count).collect()).collect()
+    (0..count).map(|row| (0..count).map(|position| (row + position) % count).collect()).collect()
 }
 
 /// Rows of a Williams design: 0, 1, n-1, 2, n-2, .. and its shifts; for an odd number also what they are backwards.
 fn williams(count: usize) -> Vec<Vec<usize>> {
     let first: Vec<usize> = (0..count)
-        .map(|place| match place {
+        .map(|position| match position {
             0 => 0,
-            _ if place % 2 == 1 => place / 2 + 1,
-            _ => count - place / 2,
+            _ if position % 2 == 1 => position / 2 + 1,
+            _ => count - position / 2,
         })
         .collect();
     let shifted = |row: usize| -> Vec<usize> { first.iter().map(|k| (k + row) % count).collect() };
@@ -101,8 +101,13 @@ fn williams(count: usize) -> Vec<Vec<usize>> {
 }
 
 /// All orders of `count` conditions that keep the constraints.
-fn all_orders(count: usize, constraints: &Constraints) -> Vec<Vec<usize>> {
-    fn grow(so_far: &mut Vec<usize>, count: usize, constraints: &Constraints, found: &mut Vec<Vec<usize>>) {
+fn all_orders(count: usize, constraints: &OrderConstraints) -> Vec<Vec<usize>> {
+    fn grow(
+        so_far: &mut Vec<usize>,
+        count: usize,
+        constraints: &OrderConstraints,
+        found: &mut Vec<Vec<usize>>,
+    ) {
         if so_far.len() == count {
             found.push(so_far.clone());
             return;
@@ -121,10 +126,10 @@ fn all_orders(count: usize, constraints: &Constraints) -> Vec<Vec<usize>> {
 }
 
 /// Orders that keep the constraints, drawn: conditions are taken in a random order, as long as one fits.
-fn drawn_orders(count: usize, constraints: &Constraints, seed: u64) -> Vec<Vec<usize>> {
+fn sample_orders(count: usize, constraints: &OrderConstraints, seed: u64) -> Vec<Vec<usize>> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x6f72_6465_7273);
     let mut found = Vec::new();
-    for _ in 0..MOST_DRAWS {
+    for _ in 0..MAX_DRAWS {
         let mut left: Vec<usize> = (0..count).collect();
         left.shuffle(&mut rng);
         let mut order = Vec::with_capacity(count);
@@ -134,7 +139,7 @@ fn drawn_orders(count: usize, constraints: &Constraints, seed: u64) -> Vec<Vec<u
         if order.len() == count {
             found.push(order);
         }
-        if found.len() == DRAWN_ORDERS {
+        if found.len() == SAMPLED_ORDERS {
             break;
         }
     }
@@ -143,8 +148,8 @@ fn drawn_orders(count: usize, constraints: &Constraints, seed: u64) -> Vec<Vec<u
 
 /// Groups of equal size that take turns, by Williams designs of each: each condition is once in each place among as many
 /// rows as there are conditions. Empty for other groups.
-fn interleaved(groups: &[usize], shift: usize) -> Vec<Vec<usize>> {
-    let count = groups.iter().max().map_or(0, |most| most + 1);
+fn interleave_groups(groups: &[usize], shift: usize) -> Vec<Vec<usize>> {
+    let count = groups.iter().max().map_or(0, |max_index| max_index + 1);
     let members: Vec<Vec<usize>> =
         (0..count).map(|group| (0..groups.len()).filter(|&k| groups[k] == group).collect()).collect();
     let size = members.first().map_or(0, Vec::len);
@@ -154,12 +159,12 @@ fn interleaved(groups: &[usize], shift: usize) -> Vec<Vec<usize>> {
     let square = if size.is_multiple_of(2) { williams(size) } else { latin_square(size) };
     let mut rows = Vec::new();
     for row in 0..size {
-        for lead in 0..count {
-            let place = |place: usize| {
-                let group = (lead + place) % count;
-                members[group][square[(row + group * shift) % size][place / count]]
+        for first_condition in 0..count {
+            let position = |position: usize| {
+                let group = (first_condition + position) % count;
+                members[group][square[(row + group * shift) % size][position / count]]
             };
-            rows.push((0..groups.len()).map(place).collect());
+            rows.push((0..groups.len()).map(position).collect());
         }
     }
     rows
@@ -167,16 +172,16 @@ fn interleaved(groups: &[usize], shift: usize) -> Vec<Vec<usize>> {
 
 /// How often each condition is in each place, and follows each other one.
 #[derive(Clone)]
-struct Counts {
+struct OrderCounts {
     conditions: usize,
-    place: Vec<i64>,
-    pair: Vec<i64>,
+    by_position: Vec<i64>,
+    by_predecessor: Vec<i64>,
 }
 
-impl Counts {
+impl OrderCounts {
     fn of(conditions: usize, rows: &[Vec<usize>]) -> Self {
         let empty = vec![0; conditions * conditions];
-        let mut counts = Self { conditions, place: empty.clone(), pair: empty };
+        let mut counts = Self { conditions, by_position: empty.clone(), by_predecessor: empty };
         for row in rows {
             counts.add(row, 1);
         }
@@ -184,10 +189,10 @@ impl Counts {
     }
 
     fn add(&mut self, row: &[usize], by: i64) {
-        for (place, &condition) in row.iter().enumerate() {
-            self.place[place * self.conditions + condition] += by;
-            if place > 0 {
-                self.pair[row[place - 1] * self.conditions + condition] += by;
+        for (position, &condition) in row.iter().enumerate() {
+            self.by_position[position * self.conditions + condition] += by;
+            if position > 0 {
+                self.by_predecessor[row[position - 1] * self.conditions + condition] += by;
             }
         }
     }
@@ -195,7 +200,7 @@ impl Counts {
     /// Sums of squares, by place and by succession; least when the counts are most alike.
     fn cost(&self) -> (i64, i64) {
         let squares = |counts: &[i64]| counts.iter().map(|count| count * count).sum();
-        (squares(&self.place), squares(&self.pair))
+        (squares(&self.by_position), squares(&self.by_predecessor))
     }
 
     /// What the costs would be with `row` as well.
@@ -215,8 +220,8 @@ fn search(
     start: Vec<Vec<usize>>,
 ) -> Vec<Vec<usize>> {
     let mut rows = start;
-    let mut counts = Counts::of(conditions, &rows);
-    let best = |counts: &mut Counts| -> Option<Vec<usize>> {
+    let mut counts = OrderCounts::of(conditions, &rows);
+    let best = |counts: &mut OrderCounts| -> Option<Vec<usize>> {
         candidates.iter().min_by_key(|row| counts.cost_with(row)).cloned()
     };
     while rows.len() < count {
@@ -224,7 +229,7 @@ fn search(
         counts.add(&row, 1);
         rows.push(row);
     }
-    for _ in 0..MOST_PASSES {
+    for _ in 0..MAX_PASSES {
         let before = counts.cost();
         for row in &mut rows {
             let with = counts.cost();
@@ -242,78 +247,85 @@ fn search(
 }
 
 /// The rows of a design in turn, `count` of them.
-fn in_turn(rows: &[Vec<usize>], count: usize) -> Vec<Vec<usize>> {
+fn cycle_rows(rows: &[Vec<usize>], count: usize) -> Vec<Vec<usize>> {
     (0..count).map(|k| rows[k % rows.len()].clone()).collect()
 }
 
-fn balanced(
+fn balanced_rows(
     conditions: usize,
     participants: usize,
     seed: u64,
-    constraints: &Constraints,
+    constraints: &OrderConstraints,
 ) -> Option<Vec<Vec<usize>>> {
-    let candidates = if conditions <= ALL_ORDERS {
+    let candidates = if conditions <= MAX_CONDITIONS_ENUMERATED {
         all_orders(conditions, constraints)
     } else {
-        drawn_orders(conditions, constraints, seed)
+        sample_orders(conditions, constraints, seed)
     };
     // Designs that are balanced by construction, where there is one, to begin with.
     let designs = [williams(conditions), latin_square(conditions)].into_iter();
-    let designs = designs.chain((0..conditions.max(1)).map(|shift| interleaved(&constraints.groups, shift)));
+    let designs =
+        designs.chain((0..conditions.max(1)).map(|shift| interleave_groups(&constraints.groups, shift)));
     let kept = designs.filter(|rows| !rows.is_empty() && rows.iter().all(|row| constraints.allow_all(row)));
-    let mut starts: Vec<Vec<Vec<usize>>> = kept.map(|rows| in_turn(&rows, participants)).collect();
+    let mut starts: Vec<Vec<Vec<usize>>> = kept.map(|rows| cycle_rows(&rows, participants)).collect();
     if !candidates.is_empty() {
         starts.push(Vec::new());
     }
     let found = starts.into_iter().map(|start| {
         let rows = search(conditions, &candidates, participants, start);
-        (Counts::of(conditions, &rows).cost(), rows)
+        (OrderCounts::of(conditions, &rows).cost(), rows)
     });
     found.min_by_key(|(cost, _)| *cost).map(|(_, rows)| rows)
 }
 
 impl ConditionOrder {
-    pub(crate) fn check(&self, plan: &Plan) -> Result<(), PlanError> {
+    pub(crate) fn check(&self, plan: &StudyPlan) -> Result<(), StudyPlanError> {
         match self {
             ConditionOrder::Table { rows } => {
                 let expected = format!("the {} conditions, each once", plan.conditions.len());
                 for (k, row) in rows.iter().enumerate() {
-                    let mut places = Vec::new();
+                    let mut positions = Vec::new();
                     for name in row {
-                        places.push(plan.condition(&format!("row {} of order", k + 1), name)?);
+                        positions.push(plan.condition_index(&format!("row {} of order", k + 1), name)?);
                     }
-                    places.sort_unstable();
-                    if places != (0..plan.conditions.len()).collect::<Vec<_>>() {
+                    positions.sort_unstable();
+                    if positions != (0..plan.conditions.len()).collect::<Vec<_>>() {
                         let got = row.join(", ");
-                        return Err(PlanError::Row { table: "order", row: k + 1, got, expected });
+                        return Err(StudyPlanError::Row { table: "order", row: k + 1, got, expected });
                     }
                 }
                 if rows.len() != plan.participants {
                     let expected = format!("a row for each of the {} participants", plan.participants);
-                    return Err(PlanError::value("the number of rows of order", rows.len(), expected));
+                    return Err(StudyPlanError::value("the number of rows of order", rows.len(), expected));
                 }
                 Ok(())
             }
-            ConditionOrder::All {} if plan.conditions.len() > MOST_OF_ALL => Err(PlanError::value(
-                "order.by",
-                format!("all, of {} conditions", plan.conditions.len()),
-                format!("at most {MOST_OF_ALL} conditions; balanced takes up to {MOST_CONDITIONS}"),
-            )),
+            ConditionOrder::All {} if plan.conditions.len() > MAX_CONDITIONS_OF_ALL => {
+                Err(StudyPlanError::value(
+                    "order.by",
+                    format!("all, of {} conditions", plan.conditions.len()),
+                    format!(
+                        "at most {MAX_CONDITIONS_OF_ALL} conditions; balanced takes up to {MAX_CONDITIONS}"
+                    ),
+                ))
+            }
             ConditionOrder::Balanced { .. } => self.constraints(plan).map(|_| ()),
             _ => Ok(()),
         }
     }
 
-    fn constraints(&self, plan: &Plan) -> Result<Constraints, PlanError> {
-        let ConditionOrder::Balanced { alternate, apart } = self else { return Ok(Constraints::default()) };
-        let mut constraints = Constraints::default();
+    fn constraints(&self, plan: &StudyPlan) -> Result<OrderConstraints, StudyPlanError> {
+        let ConditionOrder::Balanced { alternate, never_adjacent } = self else {
+            return Ok(OrderConstraints::default());
+        };
+        let mut constraints = OrderConstraints::default();
         if !alternate.is_empty() {
             let mut groups = vec![None; plan.conditions.len()];
             for (group, names) in alternate.iter().enumerate() {
                 for name in names {
-                    let condition = plan.condition("order.alternate", name)?;
+                    let condition = plan.condition_index("order.alternate", name)?;
                     if groups[condition].replace(group).is_some() {
-                        return Err(PlanError::Twice {
+                        return Err(StudyPlanError::Duplicate {
                             what: "member of order.alternate",
                             name: name.clone(),
                         });
@@ -323,37 +335,46 @@ impl ConditionOrder {
             let left = groups.iter().position(Option::is_none);
             if let Some(left) = left {
                 let got = format!("without {}", plan.conditions[left].name);
-                return Err(PlanError::value("order.alternate", got, "each condition in one group"));
+                return Err(StudyPlanError::value("order.alternate", got, "each condition in one group"));
             }
             constraints.groups = groups.into_iter().flatten().collect();
         }
-        for [a, b] in apart {
+        for [a, b] in never_adjacent {
             if a == b {
-                return Err(PlanError::value("order.apart", format!("{a} and {b}"), "two conditions"));
+                return Err(StudyPlanError::value(
+                    "order.never_adjacent",
+                    format!("{a} and {b}"),
+                    "two conditions",
+                ));
             }
-            constraints.apart.push([plan.condition("order.apart", a)?, plan.condition("order.apart", b)?]);
+            constraints.never_adjacent.push([
+                plan.condition_index("order.never_adjacent", a)?,
+                plan.condition_index("order.never_adjacent", b)?,
+            ]);
         }
         Ok(constraints)
     }
 
     /// For each participant the places of the conditions in the plan.
-    pub(crate) fn rows(&self, plan: &Plan) -> Result<Vec<Vec<usize>>, PlanError> {
+    pub(crate) fn rows(&self, plan: &StudyPlan) -> Result<Vec<Vec<usize>>, StudyPlanError> {
         let (count, participants) = (plan.conditions.len(), plan.participants);
         Ok(match self {
             ConditionOrder::Listed {} => vec![(0..count).collect(); participants],
             ConditionOrder::Table { rows } => rows
                 .iter()
-                .map(|row| row.iter().map(|name| plan.condition("order", name)).collect())
+                .map(|row| row.iter().map(|name| plan.condition_index("order", name)).collect())
                 .collect::<Result<_, _>>()?,
-            ConditionOrder::LatinSquare {} => in_turn(&latin_square(count), participants),
-            ConditionOrder::Williams {} => in_turn(&williams(count), participants),
-            ConditionOrder::All {} => in_turn(&all_orders(count, &Constraints::default()), participants),
-            ConditionOrder::Balanced { alternate, apart } => {
-                let mut rows = balanced(count, participants, plan.seed, &self.constraints(plan)?)
+            ConditionOrder::LatinSquare {} => cycle_rows(&latin_square(count), participants),
+            ConditionOrder::Williams {} => cycle_rows(&williams(count), participants),
+            ConditionOrder::All {} => {
+                cycle_rows(&all_orders(count, &OrderConstraints::default()), participants)
+            }
+            ConditionOrder::Balanced { alternate, never_adjacent } => {
+                let mut rows = balanced_rows(count, participants, plan.seed, &self.constraints(plan)?)
                     .ok_or_else(|| {
                         let groups = alternate.iter().map(|group| format!("alternate {}", group.join("+")));
-                        let pairs = apart.iter().map(|[a, b]| format!("{a} and {b} apart"));
-                        PlanError::Impossible {
+                        let pairs = never_adjacent.iter().map(|[a, b]| format!("{a} and {b} apart"));
+                        StudyPlanError::Impossible {
                             conditions: plan.condition_names(),
                             constraints: groups.chain(pairs).collect::<Vec<_>>().join(", "),
                         }

@@ -1,35 +1,38 @@
-use crate::{Arrangements, ConditionOrder, PlanError, PlannedTrial, Schedule};
-use proact_types::{Instruction, number_text};
+use crate::{Arrangements, ConditionOrder, PlannedTrial, Schedule, StudyPlanError};
+use proact_types::{
+    Instruction, format_number,
+    renamed_keys::{ConfigFile, RenamedKey, rename_keys_in_toml},
+};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// The plans that ship with the program, by name. A set-up that is like another system's is a file in `data/likes` and a line
-/// here: `proact study new --like` copies it, `proact demo --like` shows its first condition.
-pub const SHIPPED: &[(&str, &str)] = &[
+/// The plans that ship with the program, by name. A set-up that is like another system's is a file in `data/peers` and a line
+/// here: `proact study new --template` copies it, `proact demo --like` shows its first condition.
+pub const SHIPPED_PLANS: &[(&str, &str)] = &[
     ("study1", include_str!("../data/study1.toml")),
     ("study2", include_str!("../data/study2.toml")),
     ("empty", include_str!("../data/empty.toml")),
-    ("minivie", include_str!("../data/likes/minivie.toml")),
-    ("vie", include_str!("../data/likes/vie.toml")),
-    ("armsym", include_str!("../data/likes/armsym.toml")),
-    ("holopham", include_str!("../data/likes/holopham.toml")),
-    ("virtual-bbt", include_str!("../data/likes/virtual-bbt.toml")),
+    ("minivie", include_str!("../data/peers/minivie.toml")),
+    ("vie", include_str!("../data/peers/vie.toml")),
+    ("armsym", include_str!("../data/peers/armsym.toml")),
+    ("holopham", include_str!("../data/peers/holopham.toml")),
+    ("virtual-bbt", include_str!("../data/peers/virtual-bbt.toml")),
 ];
 
 /// Most people, conditions, and trials in a row that a plan may ask for: more is most likely a slip.
-const MOST_PARTICIPANTS: usize = 10_000;
-pub(crate) const MOST_CONDITIONS: usize = 12;
-const MOST_TRIALS: usize = 1000;
+const MAX_PARTICIPANTS: usize = 10_000;
+pub(crate) const MAX_CONDITIONS: usize = 12;
+const MAX_TRIALS: usize = 1000;
 /// Longest time that a step may take, minutes.
-const LONGEST_STEP: f64 = 480.0;
+const MAX_STEP_MINUTES: f64 = 480.0;
 
 /// The limit of a trial whose plan says nothing, seconds: that of the modified box-and-blocks test.
-pub const USUAL_LIMIT_SECS: f64 = 300.0;
+pub const DEFAULT_LIMIT_SECS: f64 = 300.0;
 
 /// A study, as a person writes it down.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Plan {
+pub struct StudyPlan {
     /// Short, of letters, digits, `-` and `_`: part of the names of files.
     pub name: String,
     /// For people.
@@ -42,7 +45,7 @@ pub struct Plan {
     pub seed: u64,
     /// What all trials have in common.
     #[serde(default)]
-    pub trial: TrialChoice,
+    pub trial: TrialOptions,
     /// What is compared.
     pub conditions: Vec<Condition>,
     /// In which order each participant meets the conditions.
@@ -64,7 +67,7 @@ fn one() -> u64 {
 /// What a trial is, by names; what is left out is as in the plan's `[trial]`, or as the program has it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct TrialChoice {
+pub struct TrialOptions {
     /// Control method: a name, or the file of an outside one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub method: Option<String>,
@@ -92,9 +95,9 @@ pub struct TrialChoice {
     pub set: Vec<String>,
 }
 
-impl TrialChoice {
+impl TrialOptions {
     /// These choices, and those of `common` where these say nothing; what both set, these set.
-    pub fn over(&self, common: &Self) -> Self {
+    pub fn with_defaults_from(&self, common: &Self) -> Self {
         let or = |own: &Option<String>, common: &Option<String>| own.clone().or_else(|| common.clone());
         Self {
             method: or(&self.method, &common.method),
@@ -117,7 +120,7 @@ pub struct Condition {
     pub name: String,
     /// What its trials are.
     #[serde(default)]
-    pub trial: TrialChoice,
+    pub trial: TrialOptions,
     /// What happens before its first trial.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub begin: Vec<ProtocolStep>,
@@ -137,7 +140,7 @@ pub struct PlannedSession {
     pub days_after: Option<[u32; 2]>,
     /// Which of a participant's conditions it has, by their place in the participant's order from 1; all if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub positions: Option<Vec<usize>>,
+    pub condition_positions: Option<Vec<usize>>,
     /// Trials of each of them.
     #[serde(default)]
     pub trials: usize,
@@ -155,10 +158,10 @@ pub struct PlannedSession {
     pub end: Vec<ProtocolStep>,
     /// Breaks between trials of a condition.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub rests: Vec<Rest>,
+    pub breaks: Vec<PlannedBreak>,
     /// What happens after some trials of each condition, before a break there.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub within: Vec<Within>,
+    pub inter_trial_steps: Vec<InterTrialSteps>,
     /// From the end of a trial to the next, minutes.
     #[serde(default = "one_minute")]
     pub between_trials_minutes: f64,
@@ -178,7 +181,7 @@ fn yes() -> bool {
 /// A break within the trials of a condition.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Rest {
+pub struct PlannedBreak {
     /// After this trial of the condition, from 1.
     pub after_trial: usize,
     /// How long.
@@ -188,7 +191,7 @@ pub struct Rest {
 /// What happens after some of a condition's trials, such as a questionnaire.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Within {
+pub struct InterTrialSteps {
     /// After these trials of the condition, from 1.
     pub after_trials: Vec<usize>,
     /// What happens.
@@ -222,7 +225,7 @@ pub enum ProtocolStep {
         /// How often in a row all gestures must be made in the prescribed sequence without a wrong one; without it the
         /// experimenter judges.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        pass_runs: Option<usize>,
+        consecutive_correct_runs: Option<usize>,
         /// How long all of it takes.
         minutes: f64,
     },
@@ -237,14 +240,16 @@ pub enum ProtocolStep {
         minutes: f64,
     },
     /// Objects are carried that do not count.
-    Practise {
+    #[serde(rename = "practise")]
+    Practice {
         /// How many.
         transfers: usize,
         /// How long that takes.
         minutes: f64,
     },
     /// A break.
-    Rest {
+    #[serde(rename = "rest")]
+    Break {
         /// How long.
         minutes: f64,
     },
@@ -259,19 +264,34 @@ impl ProtocolStep {
             | ProtocolStep::Train { minutes, .. }
             | ProtocolStep::CalibrateGaze { minutes }
             | ProtocolStep::Demonstrate { minutes }
-            | ProtocolStep::Practise { minutes, .. }
-            | ProtocolStep::Rest { minutes } => *minutes,
+            | ProtocolStep::Practice { minutes, .. }
+            | ProtocolStep::Break { minutes } => *minutes,
         }
     }
 }
 
-impl Plan {
-    /// Reads a plan and checks all of it that can be checked without knowing methods, tasks, arms and forms.
+impl StudyPlan {
+    /// Reads a plan and checks all of it that can be checked without knowing methods, tasks, arms and forms. Keys may have the names
+    /// that they had before.
     ///
     /// # Errors
-    /// [`PlanError`].
-    pub fn from_text(text: &str) -> Result<Self, PlanError> {
-        let plan: Self = toml::from_str(text).map_err(|error| PlanError::Text(error.to_string()))?;
+    /// [`StudyPlanError`].
+    pub fn from_text(text: &str) -> Result<Self, StudyPlanError> {
+        Self::from_text_noting(text, &mut Vec::new())
+    }
+
+    /// As [`StudyPlan::from_text`], for a text that people write: `renamed` gets the keys that have another name now.
+    ///
+    /// # Errors
+    /// [`StudyPlanError`].
+    pub fn from_text_noting(
+        text: &str,
+        renamed: &mut Vec<&'static RenamedKey>,
+    ) -> Result<Self, StudyPlanError> {
+        let (text, used) = rename_keys_in_toml(text, ConfigFile::StudyPlan, "")
+            .map_err(|error| StudyPlanError::Text(error.to_string()))?;
+        renamed.extend(used);
+        let plan: Self = toml::from_str(&text).map_err(|error| StudyPlanError::Text(error.to_string()))?;
         plan.check()?;
         Ok(plan)
     }
@@ -280,9 +300,9 @@ impl Plan {
     ///
     /// # Errors
     /// A number of people that no plan has.
-    pub fn for_people(mut self, participants: usize, seed: u64) -> Result<Self, PlanError> {
+    pub fn with_participants(mut self, participants: usize, seed: u64) -> Result<Self, StudyPlanError> {
         if participants != self.participants {
-            let count = participants.min(MOST_PARTICIPANTS);
+            let count = participants.min(MAX_PARTICIPANTS);
             let in_turn =
                 |rows: &mut Vec<Vec<String>>| *rows = rows.iter().cycle().take(count).cloned().collect();
             if let ConditionOrder::Table { rows } = &mut self.order {
@@ -302,35 +322,35 @@ impl Plan {
     ///
     /// # Errors
     /// Constraints that no order keeps, arrangements that the task does not have.
-    pub fn schedule(&self, arrangements: &[String]) -> Result<Schedule, PlanError> {
+    pub fn schedule(&self, arrangements: &[String]) -> Result<Schedule, StudyPlanError> {
         Schedule::of(self, arrangements)
     }
 
     /// Trials of each condition, over all sessions.
-    pub fn trials_of_a_condition(&self) -> usize {
+    pub fn trials_per_condition(&self) -> usize {
         self.sessions.iter().map(|session| session.trials).max().unwrap_or(0)
     }
 
     /// What the trials of a condition are.
-    pub fn choice(&self, condition: usize) -> TrialChoice {
-        self.conditions[condition].trial.over(&self.trial)
+    pub fn trial_options(&self, condition: usize) -> TrialOptions {
+        self.conditions[condition].trial.with_defaults_from(&self.trial)
     }
 
     /// When a trial ends at the latest, seconds.
     pub fn limit_secs(&self, trial: &PlannedTrial) -> f64 {
         let condition = self.conditions.iter().position(|own| own.name == trial.condition);
-        condition.and_then(|condition| self.choice(condition).limit_secs).unwrap_or(USUAL_LIMIT_SECS)
+        condition.and_then(|condition| self.trial_options(condition).limit_secs).unwrap_or(DEFAULT_LIMIT_SECS)
     }
 
     pub(crate) fn condition_names(&self) -> String {
         self.conditions.iter().map(|condition| condition.name.as_str()).collect::<Vec<_>>().join(", ")
     }
 
-    /// The place of the condition called `name`, of which `place` speaks.
-    pub(crate) fn condition(&self, place: &str, name: &str) -> Result<usize, PlanError> {
+    /// The place of the condition called `name`, of which `location` speaks.
+    pub(crate) fn condition_index(&self, location: &str, name: &str) -> Result<usize, StudyPlanError> {
         self.conditions.iter().position(|condition| condition.name == name).ok_or_else(|| {
-            PlanError::Unknown {
-                place: place.to_owned(),
+            StudyPlanError::Unknown {
+                location: location.to_owned(),
                 what: "condition",
                 got: name.to_owned(),
                 known: self.condition_names(),
@@ -338,36 +358,36 @@ impl Plan {
         })
     }
 
-    fn check(&self) -> Result<(), PlanError> {
+    fn check(&self) -> Result<(), StudyPlanError> {
         let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
         if self.name.is_empty() || self.name.len() > 64 || !self.name.chars().all(plain) {
             let expected = "1 to 64 letters, digits, - and _";
-            return Err(PlanError::value("name", format!("{:?}", self.name), expected));
+            return Err(StudyPlanError::value("name", format!("{:?}", self.name), expected));
         }
-        in_range("participants", self.participants, MOST_PARTICIPANTS)?;
-        in_range("the number of conditions", self.conditions.len(), MOST_CONDITIONS)?;
+        in_range("participants", self.participants, MAX_PARTICIPANTS)?;
+        in_range("the number of conditions", self.conditions.len(), MAX_CONDITIONS)?;
         distinct("condition", self.conditions.iter().map(|condition| &condition.name))?;
         distinct("session", self.sessions.iter().map(|session| &session.name))?;
-        self.check_choice("trial", &self.trial)?;
+        self.check_trial_options("trial", &self.trial)?;
         for condition in &self.conditions {
-            let place = format!("conditions.{}", condition.name);
-            self.check_choice(&place, &condition.trial)?;
+            let location = format!("conditions.{}", condition.name);
+            self.check_trial_options(&location, &condition.trial)?;
             if condition.trial.method.is_none() && self.trial.method.is_none() {
-                return Err(PlanError::value(format!("{place}.trial.method"), "nothing", "a method"));
+                return Err(StudyPlanError::value(format!("{location}.trial.method"), "nothing", "a method"));
             }
-            self.check_steps(&place, condition.begin.iter().chain(&condition.end))?;
+            self.check_steps(&location, condition.begin.iter().chain(&condition.end))?;
         }
         self.order.check(self)?;
         self.check_sessions()?;
         self.arrangements.as_ref().map_or(Ok(()), |arrangements| arrangements.check(self))
     }
 
-    fn check_choice(&self, place: &str, choice: &TrialChoice) -> Result<(), PlanError> {
+    fn check_trial_options(&self, location: &str, choice: &TrialOptions) -> Result<(), StudyPlanError> {
         match choice.limit_secs {
-            Some(limit) if !(0.001..=60.0 * LONGEST_STEP).contains(&limit) => Err(PlanError::value(
-                format!("{place}.limit_secs"),
-                number_text(limit),
-                format!("0.001 to {}", 60.0 * LONGEST_STEP),
+            Some(limit) if !(0.001..=60.0 * MAX_STEP_MINUTES).contains(&limit) => Err(StudyPlanError::value(
+                format!("{location}.limit_secs"),
+                format_number(limit),
+                format!("0.001 to {}", 60.0 * MAX_STEP_MINUTES),
             )),
             _ => Ok(()),
         }
@@ -375,30 +395,36 @@ impl Plan {
 
     fn check_steps<'a>(
         &self,
-        place: &str,
+        location: &str,
         steps: impl Iterator<Item = &'a ProtocolStep>,
-    ) -> Result<(), PlanError> {
+    ) -> Result<(), StudyPlanError> {
         for step in steps {
-            minutes(place, step.minutes())?;
+            minutes(location, step.minutes())?;
             match step {
                 ProtocolStep::Say { text, .. } if !self.texts.contains_key(text) => {
-                    return Err(PlanError::Unknown {
-                        place: place.to_owned(),
+                    return Err(StudyPlanError::Unknown {
+                        location: location.to_owned(),
                         what: "text",
                         got: text.clone(),
                         known: self.texts.keys().cloned().collect::<Vec<_>>().join(", "),
                     });
                 }
-                ProtocolStep::Train { repetitions, hold_secs, pass_runs, .. } => {
-                    in_range(&format!("repetitions of a training in {place}"), *repetitions, 100)?;
-                    in_range(&format!("pass_runs of a training in {place}"), pass_runs.unwrap_or(1), 100)?;
+                ProtocolStep::Train {
+                    repetitions, hold_secs, consecutive_correct_runs: pass_runs, ..
+                } => {
+                    in_range(&format!("repetitions of a training in {location}"), *repetitions, 100)?;
+                    in_range(
+                        &format!("consecutive_correct_runs of a training in {location}"),
+                        pass_runs.unwrap_or(1),
+                        100,
+                    )?;
                     if !(*hold_secs >= 0.5 && *hold_secs <= 60.0) {
-                        let key = format!("hold_secs of a training in {place}");
-                        return Err(PlanError::value(key, hold_secs, "0.5 to 60"));
+                        let key = format!("hold_secs of a training in {location}");
+                        return Err(StudyPlanError::value(key, hold_secs, "0.5 to 60"));
                     }
                 }
-                ProtocolStep::Practise { transfers, .. } => {
-                    in_range(&format!("transfers of a practice in {place}"), *transfers, 100)?;
+                ProtocolStep::Practice { transfers, .. } => {
+                    in_range(&format!("transfers of a practice in {location}"), *transfers, 100)?;
                 }
                 _ => {}
             }
@@ -406,94 +432,102 @@ impl Plan {
         Ok(())
     }
 
-    fn check_sessions(&self) -> Result<(), PlanError> {
+    fn check_sessions(&self) -> Result<(), StudyPlanError> {
         let mut used = BTreeSet::new();
         for (index, session) in self.sessions.iter().enumerate() {
-            let place = format!("sessions.{}", session.name);
+            let location = format!("sessions.{}", session.name);
             match session.days_after {
                 Some(_) if index == 0 => {
-                    let key = format!("{place}.days_after");
-                    return Err(PlanError::value(key, "given", "nothing: it is the first session"));
+                    let key = format!("{location}.days_after");
+                    return Err(StudyPlanError::value(key, "given", "nothing: it is the first session"));
                 }
-                Some([fewest, most]) if fewest > most => {
-                    let (key, got) = (format!("{place}.days_after"), format!("{fewest} to {most}"));
-                    return Err(PlanError::value(key, got, "the fewest first"));
+                Some([fewest, latest]) if fewest > latest => {
+                    let (key, got) = (format!("{location}.days_after"), format!("{fewest} to {latest}"));
+                    return Err(StudyPlanError::value(key, got, "the fewest first"));
                 }
                 _ => {}
             }
-            if session.trials > MOST_TRIALS {
-                let expected = format!("at most {MOST_TRIALS}");
-                return Err(PlanError::value(format!("{place}.trials"), session.trials, expected));
+            if session.trials > MAX_TRIALS {
+                let expected = format!("at most {MAX_TRIALS}");
+                return Err(StudyPlanError::value(format!("{location}.trials"), session.trials, expected));
             }
             for position in self.positions(session) {
                 if position < 1 || position > self.conditions.len() || !used.insert(position) {
                     let expected = format!("1 to {}, each in one session", self.conditions.len());
-                    return Err(PlanError::value(format!("{place}.positions"), position, expected));
+                    return Err(StudyPlanError::value(
+                        format!("{location}.condition_positions"),
+                        position,
+                        expected,
+                    ));
                 }
                 if session.trials == 0 {
-                    let expected = "at least 1; a session without trials has positions = []";
-                    return Err(PlanError::value(format!("{place}.trials"), 0, expected));
+                    let expected = "at least 1; a session without trials has condition_positions = []";
+                    return Err(StudyPlanError::value(format!("{location}.trials"), 0, expected));
                 }
             }
-            minutes(&format!("{place}.between_trials_minutes"), session.between_trials_minutes)?;
-            for rest in &session.rests {
-                minutes(&format!("{place}.rests"), rest.minutes)?;
+            minutes(&format!("{location}.between_trials_minutes"), session.between_trials_minutes)?;
+            for rest in &session.breaks {
+                minutes(&format!("{location}.breaks"), rest.minutes)?;
                 if rest.after_trial < 1 || rest.after_trial >= session.trials {
                     let expected = format!("1 to {}, so that a trial follows", session.trials.max(1) - 1);
-                    return Err(PlanError::value(
-                        format!("{place}.rests.after_trial"),
+                    return Err(StudyPlanError::value(
+                        format!("{location}.breaks.after_trial"),
                         rest.after_trial,
                         expected,
                     ));
                 }
             }
-            for within in &session.within {
+            for within in &session.inter_trial_steps {
                 let mut trials = within.after_trials.iter();
                 if let Some(trial) = trials.find(|trial| !(1..=session.trials).contains(*trial)) {
                     let expected = format!("1 to {}", session.trials);
-                    return Err(PlanError::value(format!("{place}.within.after_trials"), trial, expected));
+                    return Err(StudyPlanError::value(
+                        format!("{location}.inter_trial_steps.after_trials"),
+                        trial,
+                        expected,
+                    ));
                 }
             }
             let steps = [&session.begin, &session.before_condition, &session.after_condition, &session.end];
-            let steps = steps.into_iter().chain(session.within.iter().map(|within| &within.steps));
-            self.check_steps(&place, steps.flatten())?;
+            let steps = steps.into_iter().chain(session.inter_trial_steps.iter().map(|within| &within.steps));
+            self.check_steps(&location, steps.flatten())?;
         }
         if used.len() < self.conditions.len() {
             let left = (1..=self.conditions.len()).find(|position| !used.contains(position)).unwrap_or(0);
             let got = format!("without place {left} of the order");
-            return Err(PlanError::value("sessions", got, "each place of the order in one of them"));
+            return Err(StudyPlanError::value("sessions", got, "each place of the order in one of them"));
         }
         Ok(())
     }
 
     /// Places in a participant's order that a session has, from 1.
     pub(crate) fn positions(&self, session: &PlannedSession) -> Vec<usize> {
-        session.positions.clone().unwrap_or_else(|| (1..=self.conditions.len()).collect())
+        session.condition_positions.clone().unwrap_or_else(|| (1..=self.conditions.len()).collect())
     }
 }
 
-fn in_range(key: &str, got: usize, most: usize) -> Result<(), PlanError> {
-    if (1..=most).contains(&got) {
+fn in_range(key: &str, got: usize, max: usize) -> Result<(), StudyPlanError> {
+    if (1..=max).contains(&got) {
         return Ok(());
     }
-    Err(PlanError::value(key, got, format!("1 to {most}")))
+    Err(StudyPlanError::value(key, got, format!("1 to {max}")))
 }
 
-fn minutes(key: &str, got: f64) -> Result<(), PlanError> {
-    if (0.0..=LONGEST_STEP).contains(&got) {
+fn minutes(key: &str, got: f64) -> Result<(), StudyPlanError> {
+    if (0.0..=MAX_STEP_MINUTES).contains(&got) {
         return Ok(());
     }
-    Err(PlanError::value(format!("minutes in {key}"), got, format!("0 to {LONGEST_STEP}")))
+    Err(StudyPlanError::value(format!("minutes in {key}"), got, format!("0 to {MAX_STEP_MINUTES}")))
 }
 
-fn distinct<'a>(what: &'static str, names: impl Iterator<Item = &'a String>) -> Result<(), PlanError> {
+fn distinct<'a>(what: &'static str, names: impl Iterator<Item = &'a String>) -> Result<(), StudyPlanError> {
     let mut seen = BTreeSet::new();
     for name in names {
         if name.trim().is_empty() {
-            return Err(PlanError::value(format!("the name of a {what}"), "empty", "a name"));
+            return Err(StudyPlanError::value(format!("the name of a {what}"), "empty", "a name"));
         }
         if !seen.insert(name) {
-            return Err(PlanError::Twice { what, name: name.clone() });
+            return Err(StudyPlanError::Duplicate { what, name: name.clone() });
         }
     }
     Ok(())

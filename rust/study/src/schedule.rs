@@ -1,4 +1,4 @@
-use crate::{Plan, PlanError, ProtocolStep};
+use crate::{ProtocolStep, StudyPlan, StudyPlanError};
 use serde::Serialize;
 
 /// A trial that a plan asks for. All numbers count from 1.
@@ -34,18 +34,18 @@ pub struct PlannedStep {
 /// What happens in a session, one after the other.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
-pub enum Happening {
+pub enum SessionItem {
     /// Something beside the trials.
     Step(PlannedStep),
     /// A trial.
     Trial(PlannedTrial),
 }
 
-impl Happening {
+impl SessionItem {
     /// The questionnaire that is answered; none if it is something else.
     pub fn form(&self) -> Option<&str> {
         match self {
-            Happening::Step(PlannedStep { step: ProtocolStep::Form { form, .. }, .. }) => Some(form),
+            SessionItem::Step(PlannedStep { step: ProtocolStep::Form { form, .. }, .. }) => Some(form),
             _ => None,
         }
     }
@@ -53,23 +53,23 @@ impl Happening {
     /// The condition that it belongs to.
     pub fn condition(&self) -> Option<&str> {
         match self {
-            Happening::Step(planned) => planned.condition.as_deref(),
-            Happening::Trial(trial) => Some(&trial.condition),
+            SessionItem::Step(planned) => planned.condition.as_deref(),
+            SessionItem::Trial(trial) => Some(&trial.condition),
         }
     }
 
     /// In a few words.
     pub fn label(&self) -> String {
         match self {
-            Happening::Trial(trial) => format!("trial {} of {}", trial.trial, trial.condition),
-            Happening::Step(planned) => match &planned.step {
+            SessionItem::Trial(trial) => format!("trial {} of {}", trial.trial, trial.condition),
+            SessionItem::Step(planned) => match &planned.step {
                 ProtocolStep::Say { text, .. } => format!("spoken text {text:?}"),
                 ProtocolStep::Form { form, .. } => format!("questionnaire {form}"),
                 ProtocolStep::Train { .. } => "training of the gestures".to_owned(),
                 ProtocolStep::CalibrateGaze { .. } => "calibration of the gaze".to_owned(),
                 ProtocolStep::Demonstrate { .. } => "demonstration".to_owned(),
-                ProtocolStep::Practise { .. } => "practice".to_owned(),
-                ProtocolStep::Rest { .. } => "break".to_owned(),
+                ProtocolStep::Practice { .. } => "practice".to_owned(),
+                ProtocolStep::Break { .. } => "break".to_owned(),
             },
         }
     }
@@ -83,7 +83,8 @@ pub struct ScheduledSession {
     /// Its name in the plan.
     pub session: String,
     /// Its parts.
-    pub happenings: Vec<Happening>,
+    #[serde(rename = "happenings")]
+    pub items: Vec<SessionItem>,
 }
 
 /// Who does what: each participant's sessions, in their order.
@@ -93,8 +94,8 @@ pub struct Schedule {
     pub sessions: Vec<ScheduledSession>,
 }
 
-/// SplitMix64's finaliser: seeds that have nothing to do with each other from numbers that have.
-fn mixed(seed: u64, number: u64) -> u64 {
+/// Draws's finaliser: seeds that have nothing to do with each other from numbers that have.
+fn mix_seed(seed: u64, number: u64) -> u64 {
     let mut z = seed.wrapping_add(number.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -103,7 +104,7 @@ fn mixed(seed: u64, number: u64) -> u64 {
 }
 
 impl Schedule {
-    pub(crate) fn of(plan: &Plan, pool: &[String]) -> Result<Self, PlanError> {
+    pub(crate) fn of(plan: &StudyPlan, pool: &[String]) -> Result<Self, StudyPlanError> {
         if let Some(arrangements) = &plan.arrangements {
             arrangements.check_names(pool)?;
         }
@@ -111,39 +112,43 @@ impl Schedule {
         let mut sessions = Vec::new();
         for (participant, row) in rows.iter().enumerate() {
             for session in &plan.sessions {
-                let mut happenings: Vec<Happening> = steps(&session.begin, None).collect();
+                let mut items: Vec<SessionItem> = steps(&session.begin, None).collect();
                 for position in plan.positions(session) {
                     let condition = row[position - 1];
                     let own = &plan.conditions[condition];
                     let of = Some(&own.name);
-                    happenings.extend(steps(&session.before_condition, of).chain(steps(&own.begin, of)));
+                    items.extend(steps(&session.before_condition, of).chain(steps(&own.begin, of)));
                     for trial in 0..session.trials {
                         let arrangement = plan.arrangements.as_ref().map(|arrangements| {
                             arrangements.of(plan, pool, participant, position - 1, condition, trial)
                         });
                         let numbers = [participant, condition, trial];
-                        happenings.push(Happening::Trial(PlannedTrial {
+                        items.push(SessionItem::Trial(PlannedTrial {
                             participant: participant + 1,
                             session: session.name.clone(),
                             condition: own.name.clone(),
                             position,
                             trial: trial + 1,
                             arrangement,
-                            seed: numbers.iter().fold(plan.seed, |seed, &number| mixed(seed, number as u64)),
+                            seed: numbers
+                                .iter()
+                                .fold(plan.seed, |seed, &number| mix_seed(seed, number as u64)),
                         }));
-                        let now =
-                            session.within.iter().filter(|within| within.after_trials.contains(&(trial + 1)));
-                        happenings.extend(now.flat_map(|within| steps(&within.steps, of)));
-                        let rests = session.rests.iter().filter(|rest| rest.after_trial == trial + 1);
+                        let now = session
+                            .inter_trial_steps
+                            .iter()
+                            .filter(|within| within.after_trials.contains(&(trial + 1)));
+                        items.extend(now.flat_map(|within| steps(&within.steps, of)));
+                        let rests = session.breaks.iter().filter(|rest| rest.after_trial == trial + 1);
                         let rests: Vec<ProtocolStep> =
-                            rests.map(|rest| ProtocolStep::Rest { minutes: rest.minutes }).collect();
-                        happenings.extend(steps(&rests, of));
+                            rests.map(|rest| ProtocolStep::Break { minutes: rest.minutes }).collect();
+                        items.extend(steps(&rests, of));
                     }
-                    happenings.extend(steps(&own.end, of).chain(steps(&session.after_condition, of)));
+                    items.extend(steps(&own.end, of).chain(steps(&session.after_condition, of)));
                 }
-                happenings.extend(steps(&session.end, None));
+                items.extend(steps(&session.end, None));
                 let session = session.name.clone();
-                sessions.push(ScheduledSession { participant: participant + 1, session, happenings });
+                sessions.push(ScheduledSession { participant: participant + 1, session, items });
             }
         }
         Ok(Self { sessions })
@@ -151,15 +156,15 @@ impl Schedule {
 
     /// All trials, in the order in which each participant does them.
     pub fn trials(&self) -> impl Iterator<Item = &PlannedTrial> {
-        self.sessions.iter().flat_map(|session| &session.happenings).filter_map(|happening| match happening {
-            Happening::Trial(trial) => Some(trial),
-            Happening::Step(_) => None,
+        self.sessions.iter().flat_map(|session| &session.items).filter_map(|item| match item {
+            SessionItem::Trial(trial) => Some(trial),
+            SessionItem::Step(_) => None,
         })
     }
 }
 
-fn steps(steps: &[ProtocolStep], condition: Option<&String>) -> impl Iterator<Item = Happening> {
+fn steps(steps: &[ProtocolStep], condition: Option<&String>) -> impl Iterator<Item = SessionItem> {
     let planned =
         move |step: &ProtocolStep| PlannedStep { step: step.clone(), condition: condition.cloned() };
-    steps.iter().map(move |step| Happening::Step(planned(step)))
+    steps.iter().map(move |step| SessionItem::Step(planned(step)))
 }

@@ -3,25 +3,27 @@
 #![allow(missing_docs)]
 #![allow(clippy::unwrap_used)]
 
-use proact_study::{Balance, Happening, Plan, PlannedStep, PlannedTrial, ProtocolStep, SHIPPED};
+use proact_study::{
+    CounterbalanceReport, PlannedStep, PlannedTrial, ProtocolStep, SHIPPED_PLANS, SessionItem, StudyPlan,
+};
 use proptest::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// The four places of four blocks, in all orders.
 fn pool() -> Vec<String> {
-    let places = ["FL", "FM", "NL", "NM"];
+    let regions = ["FL", "FM", "NL", "NM"];
     let all = (0..256usize).map(|k| [k / 64, k / 16 % 4, k / 4 % 4, k % 4]);
     let different = all.filter(|four| four.iter().collect::<BTreeSet<_>>().len() == 4);
-    different.map(|four| four.map(|k| places[k]).join(",")).collect()
+    different.map(|four| four.map(|k| regions[k]).join(",")).collect()
 }
 
-fn shipped(name: &str) -> Plan {
-    let (_, text) = SHIPPED.iter().find(|(other, _)| *other == name).unwrap();
-    Plan::from_text(text).unwrap()
+fn shipped(name: &str) -> StudyPlan {
+    let (_, text) = SHIPPED_PLANS.iter().find(|(other, _)| *other == name).unwrap();
+    StudyPlan::from_text(text).unwrap()
 }
 
 /// A plan of `conditions` (c1, c2, ..) and `participants`, with one session of `trials` each.
-fn plan(conditions: usize, participants: usize, order: &str, trials: usize, arrangements: &str) -> Plan {
+fn plan(conditions: usize, participants: usize, order: &str, trials: usize, arrangements: &str) -> StudyPlan {
     let names: String = (1..=conditions)
         .map(|k| format!("[[conditions]]\nname = \"c{k}\"\ntrial = {{ method = \"A\" }}\n"))
         .collect();
@@ -29,16 +31,16 @@ fn plan(conditions: usize, participants: usize, order: &str, trials: usize, arra
         "name = \"p\"\nparticipants = {participants}\n{names}[order]\n{order}\n{arrangements}\n[[sessions]]\nname = \"1\"\n\
          trials = {trials}\n"
     );
-    Plan::from_text(&text).unwrap()
+    StudyPlan::from_text(&text).unwrap()
 }
 
 /// Conditions in each participant's order, from 0.
-fn rows(plan: &Plan) -> Vec<Vec<usize>> {
+fn rows(plan: &StudyPlan) -> Vec<Vec<usize>> {
     let schedule = plan.schedule(&pool()).unwrap();
     let mut rows: BTreeMap<usize, BTreeMap<usize, usize>> = BTreeMap::new();
     for PlannedTrial { participant, position, condition, .. } in schedule.trials() {
-        let place = plan.conditions.iter().position(|c| c.name == *condition).unwrap();
-        rows.entry(*participant).or_default().insert(*position, place);
+        let index = plan.conditions.iter().position(|c| c.name == *condition).unwrap();
+        rows.entry(*participant).or_default().insert(*position, index);
     }
     rows.into_values().map(|row| row.into_values().collect()).collect()
 }
@@ -48,8 +50,8 @@ fn uneven_places(rows: &[Vec<usize>]) -> usize {
     let count = rows[0].len();
     let mut counts = vec![0; count * count];
     for row in rows {
-        for (place, condition) in row.iter().enumerate() {
-            counts[place * count + condition] += 1;
+        for (position, condition) in row.iter().enumerate() {
+            counts[position * count + condition] += 1;
         }
     }
     counts.iter().max().unwrap() - counts.iter().min().unwrap()
@@ -108,14 +110,14 @@ proptest! {
 
     #[test]
     fn pairs_that_are_kept_apart_never_meet(conditions in 4_usize..=12, participants in 2_usize..=48, seed in 0_u64..1000) {
-        let mut plan = plan(conditions, participants, "by = \"balanced\"\napart = [[\"c1\", \"c2\"], [\"c1\", \"c3\"]]", 1, "");
+        let mut plan = plan(conditions, participants, "by = \"balanced\"\nnever_adjacent = [[\"c1\", \"c2\"], [\"c1\", \"c3\"]]", 1, "");
         plan.seed = seed;
         let rows = rows(&plan);
         each_condition_once(&rows);
         let apart = |a: usize, b: usize| (a, b) != (0, 1) && (a, b) != (1, 0) && (a, b) != (0, 2) && (a, b) != (2, 0);
         prop_assert!(rows.iter().flat_map(|row| row.windows(2)).all(|pair| apart(pair[0], pair[1])), "{:?}", rows);
         // What cannot be even is said.
-        let said = Balance::of(&plan, &plan.schedule(&pool()).unwrap(), &pool());
+        let said = CounterbalanceReport::of(&plan, &plan.schedule(&pool()).unwrap(), &pool());
         let size = said.imbalances.iter().chain(&said.balanced)
             .find(|i| (i.factor_a, i.factor_b) == ("condition", "position")).unwrap().size;
         prop_assert_eq!(size as usize, uneven_places(&rows));
@@ -127,7 +129,7 @@ proptest! {
     #[test]
     fn arrangements_are_used_evenly(conditions in 2_usize..=8, participants in 2_usize..=48, trials in 1_usize..=24) {
         for same in [true, false] {
-            let arrangements = format!("[arrangements]\nby = \"balanced\"\nsame = {same}");
+            let arrangements = format!("[arrangements]\nby = \"balanced\"\nsame_for_all_conditions = {same}");
             let plan = plan(conditions, participants, "by = \"latin_square\"", trials, &arrangements);
             let schedule = plan.schedule(&pool()).unwrap();
             let mut used: BTreeMap<String, usize> = BTreeMap::new();
@@ -156,7 +158,7 @@ proptest! {
 
 #[test]
 fn a_schedule_follows_from_the_plan_alone_and_another_seed_gives_another_one() {
-    let order = "by = \"balanced\"\napart = [[\"c1\", \"c2\"]]";
+    let order = "by = \"balanced\"\nnever_adjacent = [[\"c1\", \"c2\"]]";
     let mut plan = plan(5, 10, order, 2, "[arrangements]\nby = \"balanced\"");
     let first = plan.schedule(&pool()).unwrap();
     assert_eq!(first, plan.schedule(&pool()).unwrap());
@@ -166,7 +168,7 @@ fn a_schedule_follows_from_the_plan_alone_and_another_seed_gives_another_one() {
     assert_ne!(first, plan.schedule(&pool()).unwrap());
 }
 
-fn size(balance: &Balance, a: &str, b: &str) -> Option<u64> {
+fn size(balance: &CounterbalanceReport, a: &str, b: &str) -> Option<u64> {
     balance.imbalances.iter().find(|i| (i.factor_a, i.factor_b) == (a, b)).map(|i| i.size)
 }
 
@@ -175,7 +177,7 @@ fn the_papers_first_study_uses_half_of_the_arrangements_and_ties_them_to_people(
     let plan = shipped("study1");
     let schedule = plan.schedule(&pool()).unwrap();
     assert_eq!(schedule.trials().count(), 96);
-    let balance = Balance::of(&plan, &schedule, &pool());
+    let balance = CounterbalanceReport::of(&plan, &schedule, &pool());
     // All eight orders in which direct and assisted methods take turns: each method is twice in each place ..
     assert_eq!(size(&balance, "condition", "position"), None);
     // .. and A and B, C and D never follow each other, while each other pair does three times.
@@ -188,7 +190,7 @@ fn the_papers_first_study_uses_half_of_the_arrangements_and_ties_them_to_people(
     // The same three arrangements in each condition of a participant.
     assert_eq!(size(&balance, "condition", "arrangement"), None);
     assert_eq!(size(&balance, "arrangement", "position"), None);
-    assert!(balance.confounded.is_empty(), "{:?}", balance.confounded);
+    assert!(balance.confounds.is_empty(), "{:?}", balance.confounds);
     let [session] = &balance.minutes_per_session[..] else { panic!("one session") };
     assert!((60.0..=120.0).contains(&session.minutes), "{session:?}");
 }
@@ -198,10 +200,15 @@ fn the_papers_second_study_cannot_tell_method_from_day() {
     let plan = shipped("study2");
     let schedule = plan.schedule(&pool()).unwrap();
     assert_eq!(schedule.trials().count(), 144);
-    let balance = Balance::of(&plan, &schedule, &pool());
-    let tells = |a: &str, b: &str| balance.confounded.iter().any(|c| (c.factor, c.tells) == (a, b));
-    assert!(tells("condition", "session") && tells("session", "condition") && tells("position", "condition"));
-    assert!(tells("trial", "arrangement"), "each trial number has one arrangement");
+    let balance = CounterbalanceReport::of(&plan, &schedule, &pool());
+    let is_confounded =
+        |a: &str, b: &str| balance.confounds.iter().any(|c| (c.factor, c.determines) == (a, b));
+    assert!(
+        is_confounded("condition", "session")
+            && is_confounded("session", "condition")
+            && is_confounded("position", "condition")
+    );
+    assert!(is_confounded("trial", "arrangement"), "each trial number has one arrangement");
     assert_eq!(balance.minutes_per_session.len(), 2);
     assert!(balance.minutes_per_session.iter().all(|session| session.minutes <= 120.0), "{balance:?}");
 }
@@ -211,17 +218,17 @@ fn a_better_second_study_is_found_balanced() {
     let mut plan = shipped("study2");
     plan.order = toml::from_str("by = \"williams\"").unwrap();
     plan.arrangements = Some(toml::from_str("by = \"balanced\"").unwrap());
-    let balance = Balance::of(&plan, &plan.schedule(&pool()).unwrap(), &pool());
+    let balance = CounterbalanceReport::of(&plan, &plan.schedule(&pool()).unwrap(), &pool());
     assert_eq!(size(&balance, "condition", "position"), None);
     assert_eq!(size(&balance, "condition", "session"), None);
     assert_eq!(size(&balance, "arrangement", "use"), None);
     assert_eq!(size(&balance, "condition", "arrangement"), None);
-    assert!(balance.confounded.is_empty(), "{:?}", balance.confounded);
+    assert!(balance.confounds.is_empty(), "{:?}", balance.confounds);
 }
 
 #[test]
 fn what_is_wrong_with_a_plan_is_said_in_one_sentence() {
-    let text = SHIPPED[0].1;
+    let text = SHIPPED_PLANS[0].1;
     let cases = [
         ("participants = 8", "participants = 0", "participants is 0, expected 1 to 10000"),
         (
@@ -277,21 +284,24 @@ fn what_is_wrong_with_a_plan_is_said_in_one_sentence() {
     ];
     for (from, to, expected) in cases {
         assert!(text.contains(from), "{from}");
-        let error = Plan::from_text(&text.replacen(from, to, 1)).unwrap_err().to_string();
+        let error = StudyPlan::from_text(&text.replacen(from, to, 1)).unwrap_err().to_string();
         assert!(error.contains(expected), "{to}: {error}");
     }
-    let other = Plan::from_text(&text.replacen("\"FL,NM,NL,FM\"", "\"FL,FL,NL,FM\"", 1)).unwrap();
+    let other = StudyPlan::from_text(&text.replacen("\"FL,NM,NL,FM\"", "\"FL,FL,NL,FM\"", 1)).unwrap();
     let error = other.schedule(&pool()).unwrap_err().to_string();
     let expected =
         "row 1 of arrangements names \"FL,FL,NL,FM\", but there is no such arrangement; there is FL,FM,NL,NM";
     assert!(error.starts_with(expected), "{error}");
     let error = other.schedule(&[]).unwrap_err().to_string();
     assert_eq!(error, "arrangements is given, expected nothing: the task has no arrangements");
-    let itself = "by = \"balanced\"\napart = [[\"A\", \"A\"]]";
-    let error = Plan::from_text(&SHIPPED[2].1.replace("by = \"williams\"", itself)).unwrap_err().to_string();
-    assert_eq!(error, "order.apart is A and A, expected two conditions");
-    let apart = "by = \"balanced\"\napart = [[\"c1\", \"c2\"], [\"c2\", \"c3\"], [\"c1\", \"c3\"]]";
-    let error = plan(3, 4, apart, 1, "").schedule(&[]).unwrap_err().to_string();
+    let itself = "by = \"balanced\"\nnever_adjacent = [[\"A\", \"A\"]]";
+    let error = StudyPlan::from_text(&SHIPPED_PLANS[2].1.replace("by = \"williams\"", itself))
+        .unwrap_err()
+        .to_string();
+    assert_eq!(error, "order.never_adjacent is A and A, expected two conditions");
+    let never_adjacent =
+        "by = \"balanced\"\nnever_adjacent = [[\"c1\", \"c2\"], [\"c2\", \"c3\"], [\"c1\", \"c3\"]]";
+    let error = plan(3, 4, never_adjacent, 1, "").schedule(&[]).unwrap_err().to_string();
     assert_eq!(
         error,
         "no order of c1, c2, c3 keeps the constraints c1 and c2 apart, c2 and c3 apart, c1 and c3 apart"
@@ -300,7 +310,7 @@ fn what_is_wrong_with_a_plan_is_said_in_one_sentence() {
 
 #[test]
 fn the_plans_that_ship_are_plans() {
-    for (name, _) in SHIPPED {
+    for (name, _) in SHIPPED_PLANS {
         let plan = shipped(name);
         assert_eq!(plan.name, *name);
         plan.schedule(&pool()).unwrap();
@@ -312,26 +322,26 @@ fn what_comes_within_a_condition_comes_after_its_trials_and_before_a_break() {
     let text = |within: &str| {
         format!(
             "name = \"p\"\nparticipants = 1\n[[conditions]]\nname = \"c\"\ntrial = {{ method = \"A\" }}\n[order]\nby = \"listed\"\n\
-             [[sessions]]\nname = \"1\"\ntrials = 3\nrests = [{{ after_trial = 2, minutes = 1 }}]\nwithin = [{within}]\n"
+             [[sessions]]\nname = \"1\"\ntrials = 3\nbreaks = [{{ after_trial = 2, minutes = 1 }}]\ninter_trial_steps = [{within}]\n"
         )
     };
     let form = "steps = [{ do = \"form\", form = \"embodiment\", minutes = 1 }]";
-    let plan = Plan::from_text(&text(&format!("{{ after_trials = [2, 3], {form} }}"))).unwrap();
+    let plan = StudyPlan::from_text(&text(&format!("{{ after_trials = [2, 3], {form} }}"))).unwrap();
     let schedule = plan.schedule(&pool()).unwrap();
-    let told: Vec<String> = schedule.sessions[0]
-        .happenings
+    let labels: Vec<String> = schedule.sessions[0]
+        .items
         .iter()
-        .map(|happening| match happening {
-            Happening::Trial(trial) => trial.trial.to_string(),
-            Happening::Step(PlannedStep { step: ProtocolStep::Form { form, .. }, condition }) => {
+        .map(|item| match item {
+            SessionItem::Trial(trial) => trial.trial.to_string(),
+            SessionItem::Step(PlannedStep { step: ProtocolStep::Form { form, .. }, condition }) => {
                 format!("{form} of {}", condition.as_deref().unwrap_or("none"))
             }
-            Happening::Step(PlannedStep { step, .. }) => format!("{step:?}"),
+            SessionItem::Step(PlannedStep { step, .. }) => format!("{step:?}"),
         })
         .collect();
-    assert_eq!(told, ["1", "2", "embodiment of c", "Rest { minutes: 1.0 }", "3", "embodiment of c"]);
+    assert_eq!(labels, ["1", "2", "embodiment of c", "Break { minutes: 1.0 }", "3", "embodiment of c"]);
     for (within, key) in [("after_trials = [4]", "after_trials"), ("after_trials = [0]", "after_trials")] {
-        let error = Plan::from_text(&text(&format!("{{ {within}, {form} }}"))).unwrap_err().to_string();
+        let error = StudyPlan::from_text(&text(&format!("{{ {within}, {form} }}"))).unwrap_err().to_string();
         assert!(error.contains(key) && error.contains("1 to 3"), "{error}");
     }
 }

@@ -25,9 +25,9 @@ fn forms_are_called_as_they_are_found_and_say_where_they_are_from() {
     for (name, _) in SHIPPED_FORMS {
         let form = form(name);
         assert_eq!(form.name, *name);
-        assert!(!form.source.is_empty() && !form.licence.is_empty() && form.title.contains_key("en"));
+        assert!(!form.source.is_empty() && !form.license.is_empty() && form.title.contains_key("en"));
     }
-    assert!(!form("pros_tlx").confirmed, "its wording could not be looked up");
+    assert!(!form("pros_tlx").wording_verified, "its wording could not be looked up");
 }
 
 #[test]

@@ -58,7 +58,7 @@ impl Arrangement {
         let regions = Region::ALL;
         (0..256usize)
             .map(move |code| [code / 64, code / 16 % 4, code / 4 % 4, code % 4].map(|k| regions[k]))
-            .filter_map(|places| Arrangement::try_from(places).ok())
+            .filter_map(|permutation| Arrangement::try_from(permutation).ok())
     }
 
     /// Arrangement `number`, from 1.
@@ -88,12 +88,12 @@ impl Arrangement {
 impl TryFrom<[Region; 4]> for Arrangement {
     type Error = ArrangementError;
 
-    fn try_from(places: [Region; 4]) -> Result<Self, ArrangementError> {
-        match (0..4).find(|&k| places[..k].contains(&places[k])) {
+    fn try_from(regions: [Region; 4]) -> Result<Self, ArrangementError> {
+        match (0..4).find(|&k| regions[..k].contains(&regions[k])) {
             Some(k) => {
-                Err(ArrangementError::Occupied { region: places[k], got: Arrangement(places).to_string() })
+                Err(ArrangementError::Occupied { region: regions[k], got: Arrangement(regions).to_string() })
             }
-            None => Ok(Arrangement(places)),
+            None => Ok(Arrangement(regions)),
         }
     }
 }
@@ -117,9 +117,9 @@ impl FromStr for Arrangement {
     fn from_str(text: &str) -> Result<Self, ArrangementError> {
         let unreadable = || ArrangementError::Text { got: text.to_owned() };
         let region = |name: &str| Region::ALL.into_iter().find(|r| format!("{r:?}") == name.trim());
-        let places: Vec<Region> =
+        let regions: Vec<Region> =
             text.split(',').map(region).collect::<Option<_>>().ok_or_else(unreadable)?;
-        Arrangement::try_from(<[Region; 4]>::try_from(places).map_err(|_| unreadable())?)
+        Arrangement::try_from(<[Region; 4]>::try_from(regions).map_err(|_| unreadable())?)
     }
 }
 
@@ -133,8 +133,8 @@ mod tests {
         let all: HashSet<Arrangement> = Arrangement::all().collect();
         assert_eq!(all.len(), 24);
         for arrangement in all {
-            let places: HashSet<Region> = arrangement.regions().into_iter().collect();
-            assert_eq!(places.len(), 4, "{arrangement}");
+            let regions: HashSet<Region> = arrangement.regions().into_iter().collect();
+            assert_eq!(regions.len(), 4, "{arrangement}");
         }
     }
 

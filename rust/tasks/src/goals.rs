@@ -1,14 +1,14 @@
 use crate::{
     Task, TaskError, TaskInput, TaskResult, TaskState,
-    pursuit::{Pursued, Pursuit, apart},
-    throughput::{Aimed, difficulty, effective, nominal},
+    goal_attempt::{GoalAttempt, GoalAttemptResult, distance},
+    throughput::{PointingMovement, effective_throughput, index_of_difficulty, nominal_throughput},
 };
 use proact_types::{BodyState, Briefing, EventKind, JointGoal, Point, Scene, SimTime, TaskContext, TaskGoal};
 use serde_json::{Map, Value, json};
 
 /// What one after the other is asked for.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Goals {
+pub(crate) enum TaskGoals {
     /// The hand's grasp centre to balls: the condition of each, and the ball. The first of each condition is where the next
     /// movement begins, and does not count.
     Balls(Vec<(usize, Point, f64)>),
@@ -17,7 +17,7 @@ pub(crate) enum Goals {
     Postures(Vec<Vec<(u8, f64)>>, f64),
 }
 
-impl Goals {
+impl TaskGoals {
     fn count(&self) -> usize {
         match self {
             Self::Balls(balls) => balls.len(),
@@ -25,7 +25,7 @@ impl Goals {
         }
     }
 
-    fn counts(&self, number: usize) -> bool {
+    fn is_scored(&self, number: usize) -> bool {
         match self {
             Self::Balls(balls) => number > 0 && balls[number - 1].0 == balls[number].0,
             Self::Postures(..) => true,
@@ -41,14 +41,14 @@ impl Goals {
 pub struct GoalSequence {
     briefing: Briefing,
     scene: Scene,
-    goals: Goals,
+    goals: TaskGoals,
     dwell: SimTime,
     goal_limit: SimTime,
     limit: SimTime,
     /// Lowest and highest angle of each joint, rad; none before the arm is known.
     ranges: Vec<[f64; 2]>,
-    pursuit: Option<Pursuit>,
-    done: Vec<Pursued>,
+    current_attempt: Option<GoalAttempt>,
+    done: Vec<GoalAttemptResult>,
     state: TaskState,
 }
 
@@ -57,7 +57,7 @@ impl GoalSequence {
     pub(crate) fn new(
         briefing: Briefing,
         scene: Scene,
-        goals: Goals,
+        goals: TaskGoals,
         dwell_secs: f64,
         goal_secs: f64,
     ) -> Self {
@@ -66,24 +66,24 @@ impl GoalSequence {
             goal_limit: SimTime::from_secs(goal_secs),
             limit: SimTime::from_secs(briefing.limit_secs),
             ranges: Vec::new(),
-            pursuit: None,
+            current_attempt: None,
             done: Vec::new(),
             state: TaskState::default(),
             briefing,
             scene,
             goals,
         };
-        task.note_state();
+        task.update_state();
         task
     }
 
     fn goal(&self, number: usize) -> Option<TaskGoal> {
         match &self.goals {
-            Goals::Balls(balls) => {
-                let (_, centre, radius) = *balls.get(number)?;
-                Some(TaskGoal::Ball { centre, radius })
+            TaskGoals::Balls(balls) => {
+                let (_, center, radius) = *balls.get(number)?;
+                Some(TaskGoal::Ball { center, radius })
             }
-            Goals::Postures(postures, tolerance) => {
+            TaskGoals::Postures(postures, tolerance) => {
                 let angle = |(joint, share): &(u8, f64)| {
                     let [low, high] = *self.ranges.get(usize::from(*joint))?;
                     let angle = low + share * (high - low);
@@ -95,20 +95,21 @@ impl GoalSequence {
         }
     }
 
-    fn note_state(&mut self) {
+    fn update_state(&mut self) {
         self.state.goal = self.goal(self.done.len());
-        let reached = self.done.iter().enumerate().filter(|(k, one)| one.reached && self.goals.counts(*k));
+        let reached = self.done.iter().enumerate().filter(|(k, one)| one.reached && self.goals.is_scored(*k));
         self.state.score = reached.count() as u32;
-        self.state.context = TaskContext { number: self.done.len() as u32, ..TaskContext::default() };
+        self.state.context =
+            TaskContext { selection_number: self.done.len() as u32, ..TaskContext::default() };
         self.state.context_at_grasp = self.state.context;
     }
 
     /// The coordinates that count now, and whether they are where they should be.
-    fn now(&self, seen: &TaskInput<'_>) -> Option<(Vec<f64>, bool)> {
+    fn current_coordinates(&self, seen: &TaskInput<'_>) -> Option<(Vec<f64>, bool)> {
         match self.state.goal.as_ref()? {
-            TaskGoal::Ball { centre, radius } => {
+            TaskGoal::Ball { center, radius } => {
                 let hand = seen.hand.coords.as_slice().to_vec();
-                let inside = (seen.hand - centre).norm() <= *radius;
+                let inside = (seen.hand - center).norm() <= *radius;
                 Some((hand, inside))
             }
             TaskGoal::Posture { joints } => {
@@ -124,46 +125,46 @@ impl GoalSequence {
     }
 
     /// The movements that were asked for and reached, as pointing.
-    fn aimed(&self) -> Vec<Aimed> {
-        let Goals::Balls(balls) = &self.goals else { return Vec::new() };
-        let one = |(number, pursued): (usize, &Pursued)| {
-            if !pursued.reached || !self.goals.counts(number) {
+    fn pointing_movements(&self) -> Vec<PointingMovement> {
+        let TaskGoals::Balls(balls) = &self.goals else { return Vec::new() };
+        let one = |(number, pursued): (usize, &GoalAttemptResult)| {
+            if !pursued.reached || !self.goals.is_scored(number) {
                 return None;
             }
-            let ((_, before, _), (condition, centre, radius)) = (balls[number - 1], balls[number]);
-            let line = (centre - before).try_normalize(1e-9)?;
+            let ((_, before, _), (condition, center, radius)) = (balls[number - 1], balls[number]);
+            let line = (center - before).try_normalize(1e-9)?;
             let end = Point::from_slice(&pursued.to);
             let start = Point::from_slice(&pursued.from);
-            Some(Aimed {
+            Some(PointingMovement {
                 condition,
-                distance: (centre - before).norm(),
+                distance: (center - before).norm(),
                 width: 2.0 * radius,
                 seconds: pursued.seconds,
                 along: (end - start).dot(&line),
-                beyond: (end - centre).dot(&line),
+                overshoot_m: (end - center).dot(&line),
             })
         };
         self.done.iter().enumerate().filter_map(one).collect()
     }
 
-    fn line(&self, number: usize, pursued: &Pursued) -> Value {
+    fn result_line(&self, number: usize, pursued: &GoalAttemptResult) -> Value {
         let mut line = json!({
             "number": number + 1,
-            "counts": self.goals.counts(number),
+            "counts": self.goals.is_scored(number),
             "reached": pursued.reached,
             "seconds": pursued.seconds,
             "overshoots": pursued.overshoots,
             "path_efficiency": pursued.path_efficiency,
         });
-        if let Goals::Balls(balls) = &self.goals {
-            let (condition, centre, radius) = balls[number];
+        if let TaskGoals::Balls(balls) = &self.goals {
+            let (condition, center, radius) = balls[number];
             line["condition"] = json!(condition + 1);
             line["width_m"] = json!(2.0 * radius);
-            line["off_m"] = json!(apart(centre.coords.as_slice(), &pursued.to));
-            if self.goals.counts(number) {
-                let distance = (centre - balls[number - 1].1).norm();
+            line["off_m"] = json!(distance(center.coords.as_slice(), &pursued.to));
+            if self.goals.is_scored(number) {
+                let distance = (center - balls[number - 1].1).norm();
                 line["distance_m"] = json!(distance);
-                line["difficulty_bits"] = json!(difficulty(distance, 2.0 * radius));
+                line["difficulty_bits"] = json!(index_of_difficulty(distance, 2.0 * radius));
             }
         }
         line
@@ -188,8 +189,8 @@ impl Task for GoalSequence {
         if self.state.finished {
             return events;
         }
-        if let Some((at, inside)) = self.now(seen) {
-            let pursuit = self.pursuit.get_or_insert_with(|| Pursuit::new(now, &at));
+        if let Some((at, inside)) = self.current_coordinates(seen) {
+            let pursuit = self.current_attempt.get_or_insert_with(|| GoalAttempt::new(now, &at));
             if let Some(pursued) = pursuit.step(now, &at, inside, self.dwell, self.goal_limit) {
                 let number = self.done.len() as u32 + 1;
                 events.push(match pursued.reached {
@@ -197,8 +198,8 @@ impl Task for GoalSequence {
                     false => EventKind::GoalMissed { number },
                 });
                 self.done.push(pursued);
-                self.pursuit = None;
-                self.note_state();
+                self.current_attempt = None;
+                self.update_state();
             }
         }
         if self.done.len() == self.goals.count() || now >= self.limit {
@@ -209,16 +210,17 @@ impl Task for GoalSequence {
     }
 
     fn result(&self, _objects: &[BodyState]) -> TaskResult {
-        let asked = (0..self.goals.count()).filter(|k| self.goals.counts(*k)).count();
-        let done: Vec<(usize, &Pursued)> =
-            self.done.iter().enumerate().filter(|(k, _)| self.goals.counts(*k)).collect();
-        let reached: Vec<&Pursued> = done.iter().map(|(_, one)| *one).filter(|one| one.reached).collect();
+        let scored_count = (0..self.goals.count()).filter(|k| self.goals.is_scored(*k)).count();
+        let done: Vec<(usize, &GoalAttemptResult)> =
+            self.done.iter().enumerate().filter(|(k, _)| self.goals.is_scored(*k)).collect();
+        let reached: Vec<&GoalAttemptResult> =
+            done.iter().map(|(_, one)| *one).filter(|one| one.reached).collect();
         let mean =
             |values: Vec<f64>| (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64);
         let mut result = Map::new();
         let mut put = |name: &str, value: Value| result.insert(name.to_owned(), value);
         put("reached", json!(reached.len()));
-        put("asked", json!(asked));
+        put("asked", json!(scored_count));
         put("shown", json!(done.len()));
         let rate = reached.len() as f64 / done.len().max(1) as f64;
         put("completion_rate", json!((!done.is_empty()).then_some(rate)));
@@ -226,31 +228,31 @@ impl Task for GoalSequence {
         put("overshoots", json!(mean(done.iter().map(|(_, one)| f64::from(one.overshoots)).collect())));
         let efficiencies = reached.iter().filter_map(|one| one.path_efficiency).collect();
         put("goal_path_efficiency", json!(mean(efficiencies)));
-        if matches!(self.goals, Goals::Balls(_)) {
-            let aimed = self.aimed();
-            put("throughput_bits_per_s", json!(nominal(&aimed)));
-            put("effective_throughput_bits_per_s", json!(effective(&aimed)));
+        if matches!(self.goals, TaskGoals::Balls(_)) {
+            let aimed = self.pointing_movements();
+            put("throughput_bits_per_s", json!(nominal_throughput(&aimed)));
+            put("effective_throughput_bits_per_s", json!(effective_throughput(&aimed)));
         }
-        let lines = self.done.iter().enumerate().map(|(k, one)| self.line(k, one)).collect();
+        let lines = self.done.iter().enumerate().map(|(k, one)| self.result_line(k, one)).collect();
         put("goals", Value::Array(lines));
-        let told = |(number, one): &(usize, &Pursued)| {
+        let describe = |(number, one): &(usize, &GoalAttemptResult)| {
             let how = if one.reached { "reached in" } else { "missed after" };
             format!("goal {:<4}{how} {:.1} s", number + 1, one.seconds)
         };
         TaskResult {
             score: f64::from(self.state.score),
             result,
-            beside: Map::new(),
-            lines: done.iter().map(told).collect(),
+            legacy_fields: Map::new(),
+            lines: done.iter().map(describe).collect(),
         }
     }
 
-    fn minds_hand(&self) -> bool {
-        matches!(self.goals, Goals::Balls(_))
+    fn needs_hand(&self) -> bool {
+        matches!(self.goals, TaskGoals::Balls(_))
     }
 
-    fn meet_arm(&mut self, limits: &[[f64; 2]]) -> Result<(), TaskError> {
-        if let Goals::Postures(postures, tolerance) = &self.goals {
+    fn check_arm(&mut self, limits: &[[f64; 2]]) -> Result<(), TaskError> {
+        if let TaskGoals::Postures(postures, tolerance) = &self.goals {
             for (joint, share) in postures.iter().flatten() {
                 let wrong = |reason| Err(TaskError::Rule { key: "postures", reason });
                 let Some([low, high]) = limits.get(usize::from(*joint)) else {
@@ -268,7 +270,7 @@ impl Task for GoalSequence {
             }
         }
         self.ranges = limits.to_vec();
-        self.note_state();
+        self.update_state();
         Ok(())
     }
 }

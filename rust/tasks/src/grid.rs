@@ -4,7 +4,7 @@ use crate::{
     SceneFile, TaskError,
     scene::{KindFile, ObjectFile},
 };
-use proact_types::{Shape, number_text};
+use proact_types::{Shape, format_number};
 use serde::{Deserialize, Serialize};
 
 /// Objects in rows (along x, the nearest first) and columns (along y, the most lateral first), numbered row by row from 1.
@@ -15,20 +15,24 @@ pub struct GridFile {
     /// Rows along x, columns along y.
     pub count: [usize; 2],
     /// From one to the next along x and y.
-    pub pitch: [f64; 2],
+    #[serde(rename = "pitch")]
+    pub spacing_m: [f64; 2],
     /// The middle of all: x, y.
-    pub middle: [f64; 2],
+    #[serde(rename = "middle")]
+    pub center_m: [f64; 2],
     /// Each has its target at its mirror image across the partition.
     #[serde(default)]
     pub mirrored_targets: bool,
     /// From one target to the next along x and y; that of the objects where it is left out. Their middle is the mirror image of
     /// that of the objects.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub target_pitch: Option<[f64; 2]>,
+    #[serde(rename = "target_pitch")]
+    pub target_spacing_m: Option<[f64; 2]>,
     /// Every second one, as the fields of a chessboard, is of this kind, with numbers of its own; then the scene has the first of
     /// each kind, the second of each, and so on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub chequered: Option<Chequered>,
+    #[serde(rename = "chequered")]
+    pub checkered: Option<Checkered>,
     /// The rest.
     #[serde(flatten)]
     pub kind: KindFile,
@@ -37,11 +41,12 @@ pub struct GridFile {
 /// What the other half of a chequered grid has of its own.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Chequered {
+pub struct Checkered {
     /// As [`GridFile::name`].
     pub name: String,
     /// Red, green, blue, 0 to 1.
-    pub colour: [f64; 3],
+    #[serde(rename = "colour")]
+    pub color: [f64; 3],
 }
 
 impl GridFile {
@@ -49,29 +54,29 @@ impl GridFile {
     pub(crate) fn objects(&self) -> Vec<ObjectFile> {
         let [rows, columns] = self.count;
         let along = |k: usize, count: usize, pitch: f64| (k as f64 - (count as f64 - 1.0) / 2.0) * pitch;
-        let place = |cell: usize, pitch: [f64; 2]| {
-            let x = self.middle[0] + along(cell / columns, rows, pitch[0]);
-            [x, self.middle[1] + along(cell % columns, columns, pitch[1])]
+        let coordinate = |cell: usize, pitch: [f64; 2]| {
+            let x = self.center_m[0] + along(cell / columns, rows, pitch[0]);
+            [x, self.center_m[1] + along(cell % columns, columns, pitch[1])]
         };
         let object = |name: &str, number: usize, cell: usize, kind: &KindFile| {
-            let [x, y] = place(cell, self.target_pitch.unwrap_or(self.pitch));
+            let [x, y] = coordinate(cell, self.target_spacing_m.unwrap_or(self.spacing_m));
             ObjectFile {
                 name: format!("{name}{number}"),
                 label: number.to_string(),
                 ros_name: String::new(),
-                at: place(cell, self.pitch),
-                stands_at: None,
-                target: self.mirrored_targets.then_some([x, -y]),
+                position_m: coordinate(cell, self.spacing_m),
+                support_height_m: None,
+                target_position_m: self.mirrored_targets.then_some([x, -y]),
                 kind: kind.clone(),
             }
         };
         let cells = 0..rows * columns;
-        let Some(Chequered { name, colour }) = &self.chequered else {
+        let Some(Checkered { name, color }) = &self.checkered else {
             return cells.map(|cell| object(&self.name, cell + 1, cell, &self.kind)).collect();
         };
         let (firsts, seconds): (Vec<usize>, Vec<usize>) =
             cells.partition(|cell| (cell / columns + cell % columns).is_multiple_of(2));
-        let other = KindFile { colour: *colour, ..self.kind.clone() };
+        let other = KindFile { color: *color, ..self.kind.clone() };
         let mut objects = Vec::new();
         // The first field is of the first kind, which has as many as the second, or one more.
         for (k, first) in firsts.iter().enumerate() {
@@ -85,16 +90,16 @@ impl GridFile {
 /// How many objects a task's grid has, and how far they stand apart: instead of what its text says.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct GridChoice {
+pub struct GridSpec {
     /// As many objects, in the rows of the text; or rows and columns.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub count: Option<GridCount>,
     /// From one to the next, metres: along both axes, or along x and y.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub pitch: Option<GridPitch>,
+    pub spacing_m: Option<GridSpacing>,
     /// Width of boxes, metres: their other sides change in proportion, and the mass with the volume.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub width: Option<f64>,
+    pub width_m: Option<f64>,
 }
 
 /// How many objects a grid has.
@@ -110,14 +115,14 @@ pub enum GridCount {
 /// How far the objects of a grid stand apart, metres.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
-pub enum GridPitch {
+pub enum GridSpacing {
     /// Along both axes.
     Same(f64),
     /// Along x and y.
     Each([f64; 2]),
 }
 
-impl GridChoice {
+impl GridSpec {
     /// Changes the one grid of `scene`.
     ///
     /// # Errors
@@ -140,17 +145,17 @@ impl GridChoice {
                 )));
             }
         };
-        grid.pitch = match self.pitch {
-            None => grid.pitch,
-            Some(GridPitch::Same(pitch)) => [pitch; 2],
-            Some(GridPitch::Each(pitch)) => pitch,
+        grid.spacing_m = match self.spacing_m {
+            None => grid.spacing_m,
+            Some(GridSpacing::Same(pitch)) => [pitch; 2],
+            Some(GridSpacing::Each(pitch)) => pitch,
         };
-        if let Some(width) = self.width {
+        if let Some(width) = self.width_m {
             let Shape::Box { size } = &mut grid.kind.shape else {
                 return Err(TaskError::Scene(format!("width {width} m of {}, which is no box", grid.name)));
             };
             if !(0.001..=10.0).contains(&width) {
-                let width = number_text(width);
+                let width = format_number(width);
                 return Err(TaskError::Scene(format!(
                     "width {width} m of {}, expected 0.001 to 10",
                     grid.name
@@ -158,7 +163,7 @@ impl GridChoice {
             }
             let share = width / size[0];
             *size = size.map(|side| side * share);
-            grid.kind.mass *= share.powi(3);
+            grid.kind.mass_kg *= share.powi(3);
         }
         Ok(())
     }
@@ -166,25 +171,27 @@ impl GridChoice {
 
 #[cfg(test)]
 mod tests {
-    use crate::{TaskChoice, TaskError};
+    use crate::{TaskError, TaskSpec};
     use proact_types::{Scene, Shape};
 
     fn scene(options: &str) -> Result<Scene, TaskError> {
         let text = include_str!("../../../docs/tasks/cluttered.toml").to_owned();
-        let mut task = TaskChoice::from_text(text).expect("a good scene");
+        let mut task = TaskSpec::from_text(text).expect("a good scene");
         task.grid = Some(toml::from_str(options).expect("a good scene"));
         Ok(task.build(false)?.scene().clone())
     }
 
     fn places(scene: &Scene) -> Vec<[i64; 2]> {
-        let millimetres = |metres: f64| (metres * 1e3).round() as i64;
-        let place = |k: usize| scene.objects[k].pose.translation.vector;
-        (0..scene.objects.len()).map(|k| [millimetres(place(k).x), millimetres(place(k).y)]).collect()
+        let millimeters = |meters: f64| (meters * 1e3).round() as i64;
+        let block_position = |k: usize| scene.objects[k].pose.translation.vector;
+        (0..scene.objects.len())
+            .map(|k| [millimeters(block_position(k).x), millimeters(block_position(k).y)])
+            .collect()
     }
 
     #[test]
     fn a_chequered_grid_takes_number_and_pitch_and_alternates_its_kinds() {
-        let scene = scene("count = [2, 3]\npitch = [0.08, 0.06]").expect("a good scene");
+        let scene = scene("count = [2, 3]\nspacing_m = [0.08, 0.06]").expect("a good scene");
         let names: Vec<&str> = scene.objects.iter().map(|object| &*object.name).collect();
         assert_eq!(names, ["red1", "blue1", "red2", "blue2", "red3", "blue3"]);
         let y = places(&scene)[0][1];
@@ -193,18 +200,18 @@ mod tests {
         let targets: Vec<[i64; 2]> = scene
             .targets
             .iter()
-            .map(|target| [target.centre.x, target.centre.y].map(|metres| (metres * 1e3).round() as i64))
+            .map(|target| [target.center.x, target.center.y].map(|meters| (meters * 1e3).round() as i64))
             .collect();
         // Across the partition about the mirrored middle, with their own pitch.
         assert_eq!(targets[..2], [[-60, 205], [-60, 150]]);
         // Next to each other stand different colours.
-        assert!(scene.objects.iter().step_by(2).all(|object| object.colour == scene.objects[0].colour));
-        assert_ne!(scene.objects[0].colour, scene.objects[1].colour);
+        assert!(scene.objects.iter().step_by(2).all(|object| object.color == scene.objects[0].color));
+        assert_ne!(scene.objects[0].color, scene.objects[1].color);
     }
 
     #[test]
     fn one_number_fills_the_rows_that_there_are_and_one_pitch_is_that_of_both_axes() {
-        let scene = scene("count = 4\npitch = 0.05").expect("a good scene");
+        let scene = scene("count = 4\nspacing_m = 0.05").expect("a good scene");
         let at = places(&scene);
         assert_eq!(at.len(), 4);
         assert_eq!((at[1][0] - at[0][0], at[1][1] - at[0][1]), (0, 50));
@@ -213,16 +220,16 @@ mod tests {
 
     #[test]
     fn a_width_scales_the_boxes_and_their_mass() {
-        let [was, twice] = ["count = 4", "count = 4\npitch = 0.12\nwidth = 0.05"].map(|options| {
-            let mut task = TaskChoice::named("bbt", 1).expect("it ships");
+        let [was, twice] = ["count = 4", "count = 4\nspacing_m = 0.12\nwidth_m = 0.05"].map(|options| {
+            let mut task = TaskSpec::named("bbt", 1).expect("it ships");
             task.grid = Some(toml::from_str(options).expect("good options"));
             task.build(false).expect("a good scene").scene().objects[0].clone()
         });
         assert_eq!(twice.shape, Shape::Box { size: [0.05; 3] });
         assert!((twice.mass - 8.0 * was.mass).abs() < 1e-12);
         for (width, reason) in [("0.0", "0 m"), ("-0.05", "-0.05 m"), ("nan", "NaN"), ("0.1", "overlaps")] {
-            let mut task = TaskChoice::named("bbt", 1).expect("it ships");
-            task.grid = Some(toml::from_str(&format!("width = {width}")).expect("a number"));
+            let mut task = TaskSpec::named("bbt", 1).expect("it ships");
+            task.grid = Some(toml::from_str(&format!("width_m = {width}")).expect("a number"));
             let error = task.build(false).err().expect("it must be refused").to_string();
             assert!(error.contains(reason), "{width}: {error}");
         }
@@ -233,14 +240,14 @@ mod tests {
         for (options, reason) in [
             ("count = 7", "7 objects in 2 rows"),
             ("count = [0, 3]", "0 objects"),
-            ("pitch = 0.01", "overlaps"),
-            ("pitch = 0.2", "expected"),
-            ("width = 0.05", "no box"),
+            ("spacing_m = 0.01", "overlaps"),
+            ("spacing_m = 0.2", "expected"),
+            ("width_m = 0.05", "no box"),
         ] {
             let error = scene(options).expect_err("must be refused").to_string();
             assert!(error.contains(reason), "{options}: {error}");
         }
-        let mut task = TaskChoice::named("modified_bbt", 1).expect("a good scene");
+        let mut task = TaskSpec::named("modified_bbt", 1).expect("a good scene");
         task.grid = Some(toml::from_str("count = 4").expect("a good scene"));
         let error = task.build(false).err().expect("a good scene").to_string();
         assert!(error.contains("0 grids"), "{error}");

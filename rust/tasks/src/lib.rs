@@ -5,16 +5,14 @@
 //! another such file ([`TaskFile`]). The rules by which a task counts are types that implement [`Task`].
 //!
 //! ```
-//! use proact_tasks::{Task, TaskChoice};
-//! let task = TaskChoice::named("modified_bbt", 1)?.build(false)?;
+//! use proact_tasks::{Task, TaskSpec};
+//! let task = TaskSpec::named("modified_bbt", 1)?.build(false)?;
 //! assert_eq!(task.scene().objects.len(), 4);
 //! # Ok::<(), proact_tasks::TaskError>(())
 //! ```
 
-mod across;
 mod arrangement;
-mod choice;
-mod file;
+mod goal_attempt;
 mod goal_files;
 mod goals;
 mod grid;
@@ -23,27 +21,29 @@ mod modified_bbt;
 mod moves;
 mod norms;
 mod outcome;
-mod pursuit;
-mod result_keys;
-mod result_shapes;
+mod partition_crossing;
+mod result_check;
+mod result_schemas;
 mod scene;
-mod targets;
+mod target_placement;
 mod task;
+mod task_file;
+mod task_spec;
 mod throughput;
 
-pub use across::Across;
 pub use arrangement::{Arrangement, ArrangementError};
-pub use choice::{DEFAULT_TASK, SHIPPED, TaskChoice};
-pub use file::{Rules, TaskError, TaskFile};
 pub use goal_files::{MoveFile, PostureJoint, PosturesFile, ReachesFile};
 pub use goals::GoalSequence;
-pub use grid::{GridChoice, GridCount, GridPitch};
-pub use heap::{HeapChoice, HeapFile};
+pub use grid::{GridCount, GridSpacing, GridSpec};
+pub use heap::{HeapFile, HeapSpec};
 pub use modified_bbt::ModifiedBbt;
 pub use moves::ObjectMoves;
-pub use norms::{Norm, Sex, Wearer, norms};
+pub use norms::{NormativeScore, Sex, UserProfile, norms};
 pub use outcome::{ObjectResult, Outcome};
-pub use result_keys::{ResultError, check_beside, check_result, norms_of, object_results};
+pub use partition_crossing::PartitionCrossing;
+pub use result_check::{ResultError, check_legacy_fields, check_result, norms_in_result, object_results};
 pub use scene::SceneFile;
-pub use targets::Targets;
+pub use target_placement::TargetPlacement;
 pub use task::{Task, TaskInput, TaskResult, TaskState};
+pub use task_file::{TaskError, TaskFile, TaskRules};
+pub use task_spec::{BUILT_IN_TASKS, DEFAULT_TASK, TaskSpec};

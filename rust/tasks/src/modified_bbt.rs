@@ -1,7 +1,8 @@
 use crate::{
-    Arrangement, Targets, Task, TaskError, TaskFile, TaskInput, TaskResult, TaskState, arrangement::Region,
+    Arrangement, TargetPlacement, Task, TaskError, TaskFile, TaskInput, TaskResult, TaskState,
+    arrangement::Region,
 };
-use proact_types::{BodyState, Briefing, EventKind, Scene, SimTime};
+use proact_types::{BodyState, Briefing, EventKind, ObjectId, Pose, Scene, SimTime};
 use serde_json::json;
 
 /// The task apart from where its blocks start.
@@ -13,11 +14,11 @@ const Y_LATERAL: f64 = 0.2083;
 const Y_MEDIAL: f64 = 0.092;
 
 /// The modified box-and-blocks task (paper): four numbered blocks, in order, over the partition, in five minutes. The
-/// rules are those of [`Targets`]; an [`Arrangement`] says where the blocks start.
+/// rules are those of [`TargetPlacement`]; an [`Arrangement`] says where the blocks start.
 #[derive(Clone, Debug)]
 pub struct ModifiedBbt {
     arrangement: Arrangement,
-    task: Targets,
+    task: TargetPlacement,
 }
 
 /// Centre of a region on the start side (`y < 0`); its target is the mirror image in y.
@@ -44,15 +45,18 @@ impl ModifiedBbt {
     pub fn file(arrangement: Arrangement) -> Result<TaskFile, TaskError> {
         let mut file = TaskFile::read(FILE)?;
         for (object, region) in file.scene.objects.iter_mut().zip(arrangement.regions()) {
-            object.at = region_centre(region);
+            object.position_m = region_centre(region);
         }
         Ok(file)
     }
 
-    /// The task of `file`, which [`ModifiedBbt::file`] made for `arrangement`.
+    /// The task of `file`, which [`ModifiedBbt::task_file`] made for `arrangement`.
     pub(crate) fn new(file: &TaskFile, arrangement: Arrangement, left: bool) -> Result<Self, TaskError> {
-        let (scene, order) = file.checked(left)?;
-        Ok(Self { arrangement, task: Targets::new(file.briefing.clone(), scene, order, file.due) })
+        let (scene, order) = file.checked_scene(left)?;
+        Ok(Self {
+            arrangement,
+            task: TargetPlacement::new(file.briefing.clone(), scene, order, file.expected_object),
+        })
     }
 }
 
@@ -73,6 +77,10 @@ impl Task for ModifiedBbt {
         self.task.step(now, seen)
     }
 
+    fn set_start(&mut self, object: ObjectId, start: Pose) {
+        self.task.set_start(object, start);
+    }
+
     fn result(&self, objects: &[BodyState]) -> TaskResult {
         let mut result = self.task.result(objects);
         let outcomes = self.task.results(objects);
@@ -81,7 +89,7 @@ impl Task for ModifiedBbt {
             ("on_target", json!(self.state().score)),
             ("outcomes", json!(outcomes)),
         ] {
-            result.beside.insert(key.to_owned(), value);
+            result.legacy_fields.insert(key.to_owned(), value);
         }
         result.result.insert("arrangement".to_owned(), json!(self.arrangement));
         result

@@ -9,13 +9,13 @@ const REST_SPEED: f64 = 0.01;
 /// An object at rest for this long has come to rest, ms.
 const REST_MILLIS: u64 = 300;
 /// Its underside is then at most this far from the surface that it belongs on, metres: it may have tipped over.
-const AT_HEIGHT: f64 = 0.03;
+const HEIGHT_TOLERANCE_M: f64 = 0.03;
 /// With its middle this far below the lowest surface an object lies on the floor, metres.
-const FELL: f64 = 0.02;
+const FLOOR_DROP_M: f64 = 0.02;
 
 /// One object to one place.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Move {
+pub(crate) struct ObjectMove {
     pub(crate) object: ObjectId,
     /// On the surface, `world`.
     pub(crate) to: Point,
@@ -47,58 +47,58 @@ struct MoveProgress {
 pub struct ObjectMoves {
     briefing: Briefing,
     scene: Scene,
-    moves: Vec<Move>,
+    moves: Vec<ObjectMove>,
     limit: SimTime,
     /// Lowest surface on which something belongs.
-    lowest: f64,
+    lowest_surface_m: f64,
     progress: Vec<MoveProgress>,
     current: usize,
     held: Option<ObjectId>,
     slow_since: Option<SimTime>,
     /// It was said that the object rests elsewhere.
-    told_off: bool,
+    reported_off_target: bool,
     state: TaskState,
 }
 
 impl ObjectMoves {
     /// The task before its start.
-    pub(crate) fn new(briefing: Briefing, scene: Scene, moves: Vec<Move>) -> Self {
-        let places = moves.iter().map(|planned| planned.to.z);
+    pub(crate) fn new(briefing: Briefing, scene: Scene, moves: Vec<ObjectMove>) -> Self {
+        let target_heights = moves.iter().map(|planned| planned.to.z);
         let mut task = Self {
             limit: SimTime::from_secs(briefing.limit_secs),
-            lowest: places.fold(scene.table_height, f64::min),
+            lowest_surface_m: target_heights.fold(scene.table_height, f64::min),
             progress: vec![MoveProgress::default(); moves.len()],
             current: 0,
             held: None,
             slow_since: None,
-            told_off: false,
+            reported_off_target: false,
             state: TaskState::default(),
             briefing,
             scene,
             moves,
         };
-        task.note_state();
+        task.update_state();
         task
     }
 
-    fn note_state(&mut self) {
+    fn update_state(&mut self) {
         let open = self.moves.get(self.current..).unwrap_or_default();
-        let asked = open.first();
+        let next_move = open.first();
         self.state.candidates = open.iter().map(|planned| planned.object).collect();
-        self.state.next = asked.map(|planned| planned.object);
+        self.state.next_object = next_move.map(|planned| planned.object);
         self.state.goal =
-            asked.map(|Move { to, radius, .. }| TaskGoal::Disc { centre: *to, radius: *radius });
-        let due: ObjectSet = self.state.next.into_iter().collect();
-        self.state.context = TaskContext { due, number: self.current as u32 };
+            next_move.map(|ObjectMove { to, radius, .. }| TaskGoal::Disc { center: *to, radius: *radius });
+        let due: ObjectSet = self.state.next_object.into_iter().collect();
+        self.state.context = TaskContext { expected_objects: due, selection_number: self.current as u32 };
         self.state.context_at_grasp = self.state.context;
         self.state.score = self.progress.iter().filter(|p| p.done.is_some()).count() as u32;
     }
 
-    fn note_hand(&mut self, now: SimTime, held: Option<ObjectId>, events: &mut Vec<EventKind>) {
+    fn update_hand(&mut self, now: SimTime, held: Option<ObjectId>, events: &mut Vec<EventKind>) {
         if held == self.held {
             return;
         }
-        let asked = self.state.next;
+        let next_object = self.state.next_object;
         let progress = self.progress.get_mut(self.current);
         if let Some(object) = self.held {
             events.push(EventKind::ObjectReleased { object });
@@ -107,15 +107,15 @@ impl ObjectMoves {
             events.push(EventKind::ObjectAttached { object });
         }
         if let Some(progress) = progress {
-            if self.held == asked {
+            if self.held == next_object {
                 progress.released = Some(now);
             }
-            if held == asked {
+            if held == next_object {
                 progress.first_contact.get_or_insert(now);
                 progress.last_contact = Some(now);
                 progress.released = None;
                 progress.grasps += 1;
-                self.told_off = false;
+                self.reported_off_target = false;
             }
         }
         self.held = held;
@@ -126,17 +126,17 @@ impl ObjectMoves {
     fn next(&mut self, now: SimTime) {
         self.current += 1;
         self.slow_since = None;
-        self.told_off = false;
+        self.reported_off_target = false;
         if let Some(progress) = self.progress.get_mut(self.current) {
             progress.began = now;
         }
     }
 
-    fn judge(&mut self, now: SimTime, objects: &[BodyState], events: &mut Vec<EventKind>) {
-        let Some(Move { object, to, radius }) = self.moves.get(self.current).copied() else { return };
+    fn check_move(&mut self, now: SimTime, objects: &[BodyState], events: &mut Vec<EventKind>) {
+        let Some(ObjectMove { object, to, radius }) = self.moves.get(self.current).copied() else { return };
         let (body, progress) = (&objects[object.index()], &mut self.progress[self.current]);
         let at = body.pose.translation.vector;
-        if at.z < self.lowest - FELL {
+        if at.z < self.lowest_surface_m - FLOOR_DROP_M {
             progress.fell = true;
             events.push(EventKind::ObjectOffTarget { object });
             self.next(now);
@@ -144,7 +144,7 @@ impl ObjectMoves {
         }
         // One that nobody has taken rests where it was, even if that is the place: it is to be brought there.
         let carried = progress.last_contact.is_some();
-        if !carried || self.held == Some(object) || body.linear.norm() >= REST_SPEED {
+        if !carried || self.held == Some(object) || body.linear_velocity.norm() >= REST_SPEED {
             self.slow_since = None;
             return;
         }
@@ -154,13 +154,13 @@ impl ObjectMoves {
         let distance = (at - to.coords).xy().norm();
         // Half of the diagonal is the most that a body that lies another way is high.
         let half = self.scene.objects[object.index()].shape.half_height();
-        let there = distance <= radius && (at.z - half - to.z).abs() <= AT_HEIGHT.max(half);
+        let there = distance <= radius && (at.z - half - to.z).abs() <= HEIGHT_TOLERANCE_M.max(half);
         if there {
             (progress.done, progress.distance) = (Some(now), Some(distance));
             events.push(EventKind::ObjectOnTarget { object, distance });
             self.next(now);
-        } else if !self.told_off {
-            self.told_off = true;
+        } else if !self.reported_off_target {
+            self.reported_off_target = true;
             events.push(EventKind::ObjectOffTarget { object });
         }
     }
@@ -188,9 +188,9 @@ impl Task for ObjectMoves {
         if self.state.finished {
             return events;
         }
-        self.note_hand(now, seen.held, &mut events);
-        self.judge(now, seen.objects, &mut events);
-        self.note_state();
+        self.update_hand(now, seen.held, &mut events);
+        self.check_move(now, seen.objects, &mut events);
+        self.update_state();
         if self.current == self.moves.len() || now >= self.limit {
             self.state.finished = true;
             events.push(EventKind::TrialFinished);
@@ -199,7 +199,7 @@ impl Task for ObjectMoves {
     }
 
     fn result(&self, _objects: &[BodyState]) -> TaskResult {
-        let line = |(number, (planned, p)): (usize, (&Move, &MoveProgress))| {
+        let line = |(number, (planned, p)): (usize, (&ObjectMove, &MoveProgress))| {
             json!({
                 "number": number + 1,
                 "object": self.scene.name(planned.object),
@@ -223,7 +223,7 @@ impl Task for ObjectMoves {
         result.insert("seconds".to_owned(), json!(last.map(|at| seconds(SimTime(0), at))));
         result.insert("fell".to_owned(), json!(fell));
         result.insert("moves".to_owned(), Value::Array(lines));
-        let told = |(planned, p): (&Move, &MoveProgress)| {
+        let describe = |(planned, p): (&ObjectMove, &MoveProgress)| {
             let name = self.scene.name(planned.object);
             match (p.done, p.fell) {
                 (Some(at), _) => format!("{name:<16}moved in {:.1} s", seconds(p.began, at)),
@@ -231,7 +231,7 @@ impl Task for ObjectMoves {
                 (None, false) => format!("{name:<16}not moved"),
             }
         };
-        let lines = self.moves.iter().zip(&self.progress).map(told).collect();
-        TaskResult { score: f64::from(self.state.score), result, beside: Map::new(), lines }
+        let lines = self.moves.iter().zip(&self.progress).map(describe).collect();
+        TaskResult { score: f64::from(self.state.score), result, legacy_fields: Map::new(), lines }
     }
 }

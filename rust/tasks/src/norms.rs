@@ -1,7 +1,7 @@
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-const BBT: &str = include_str!("../data/bbt_norms.toml");
+const BBT_NORMS: &str = include_str!("../data/bbt_norms.toml");
 
 /// Sex, as tables of norms have it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -16,7 +16,7 @@ pub enum Sex {
 /// Who wears the arm, as far as norms and sizes go by it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Wearer {
+pub struct UserProfile {
     /// Age, years.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub age_years: Option<u32>,
@@ -28,7 +28,7 @@ pub struct Wearer {
 /// What people with two sound hands reach in a task.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Norm {
+pub struct NormativeScore {
     /// Whose numbers.
     pub source: String,
     /// They were seen in the source; others are recalled.
@@ -52,27 +52,28 @@ pub struct Norm {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct NormFile {
-    norm: Vec<Norm>,
+    norm: Vec<NormativeScore>,
 }
 
-/// The norms of the task called `task` that are of people like `wearer`, with the arm on the `left` or the right; none where
+/// The norms of the task called `task` that are of people like `user_profile`, with the arm on the `left` or the right; none where
 /// there are none. What is not known of the wearer excludes norms that go by it, except by sex, where both are given.
-pub fn norms(task: &str, wearer: &Wearer, left: bool) -> Vec<Norm> {
+pub fn norms(task: &str, user_profile: &UserProfile, left: bool) -> Vec<NormativeScore> {
     if task != "bbt" {
         return Vec::new();
     }
-    let file: NormFile = toml::from_str(BBT).expect("ships with the program and is tested");
+    let file: NormFile = toml::from_str(BBT_NORMS).expect("ships with the program and is tested");
     let hand = if left { "left" } else { "right" };
-    let fits = |norm: &Norm| {
-        let sex = norm.sex.is_none_or(|sex| wearer.sex.is_none_or(|own| own == sex));
-        let age =
-            norm.ages.is_none_or(|[from, to]| wearer.age_years.is_some_and(|age| (from..=to).contains(&age)));
+    let fits = |norm: &NormativeScore| {
+        let sex = norm.sex.is_none_or(|sex| user_profile.sex.is_none_or(|own| own == sex));
+        let age = norm
+            .ages
+            .is_none_or(|[from, to]| user_profile.age_years.is_some_and(|age| (from..=to).contains(&age)));
         sex && age && norm.hand.as_deref().is_none_or(|of| of == hand)
     };
     file.norm.into_iter().filter(fits).collect()
 }
 
-impl fmt::Display for Norm {
+impl fmt::Display for NormativeScore {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "norm {:.1}", self.mean)?;
         if let Some(sd) = self.sd {
@@ -100,13 +101,13 @@ impl fmt::Display for Norm {
 mod tests {
     use super::*;
 
-    fn told(wearer: Wearer) -> Vec<String> {
-        norms("bbt", &wearer, false).iter().map(Norm::to_string).collect()
+    fn told(user_profile: UserProfile) -> Vec<String> {
+        norms("bbt", &user_profile, false).iter().map(NormativeScore::to_string).collect()
     }
 
     #[test]
     fn norms_are_those_of_people_like_the_wearer_and_say_when_they_are_recalled() {
-        let woman = Wearer { age_years: Some(23), sex: Some(Sex::Female) };
+        let woman = UserProfile { age_years: Some(23), sex: Some(Sex::Female) };
         assert_eq!(
             told(woman),
             [
@@ -115,7 +116,11 @@ mod tests {
                 "norm 88.0 (SD 8.3), women, 20 to 24 years, right hand: Mathiowetz et al. 1985 (unconfirmed: recalled)",
             ]
         );
-        assert_eq!(told(Wearer::default()).len(), 2, "of nobody in particular: those of women and of men");
+        assert_eq!(
+            told(UserProfile::default()).len(),
+            2,
+            "of nobody in particular: those of women and of men"
+        );
         assert!(norms("targeted_bbt", &woman, false).is_empty());
         let left = norms("bbt", &woman, true);
         assert_eq!(left.last().map(|norm| norm.mean), Some(83.4));
@@ -127,7 +132,7 @@ mod tests {
             for (sex, left) in
                 [(Sex::Female, false), (Sex::Female, true), (Sex::Male, false), (Sex::Male, true)]
             {
-                let of = norms("bbt", &Wearer { age_years, sex: Some(sex) }, left);
+                let of = norms("bbt", &UserProfile { age_years, sex: Some(sex) }, left);
                 assert_eq!(
                     of.iter().filter(|norm| !norm.confirmed).count(),
                     1,

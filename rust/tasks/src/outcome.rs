@@ -1,4 +1,4 @@
-use crate::result_keys::present;
+use crate::result_check::required_nullable;
 use serde::{Deserialize, Serialize};
 
 /// What became of an object that has a target.
@@ -42,10 +42,10 @@ pub struct ObjectResult {
     /// What became of it.
     pub outcome: Outcome,
     /// Seconds from the release of the object before (or the start) to the first contact; none if never held.
-    #[serde(deserialize_with = "present")]
+    #[serde(deserialize_with = "required_nullable")]
     pub pick_s: Option<f64>,
     /// Seconds from the last contact to the release; none if never released.
-    #[serde(deserialize_with = "present")]
+    #[serde(deserialize_with = "required_nullable")]
     pub place_s: Option<f64>,
     /// Horizontal distance of its centre from its target at the end, metres.
     pub distance_m: f64,

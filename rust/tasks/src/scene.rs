@@ -5,9 +5,9 @@ use proact_types::{
 use serde::{Deserialize, Serialize};
 
 /// Objects that stand closer than this at the start overlap, metres.
-const TOUCH: f64 = 1e-4;
+const MIN_GAP_M: f64 = 1e-4;
 /// Nothing of a scene is further from its origin than this, metres.
-const FURTHEST: f64 = 20.0;
+const MAX_DISTANCE_M: f64 = 20.0;
 
 /// A scene as a file has it: lengths in metres, masses in kg, in `world` (x away from the person, y left, z up), for the
 /// right hand: objects start at y < 0.
@@ -15,9 +15,11 @@ const FURTHEST: f64 = 20.0;
 #[serde(deny_unknown_fields)]
 pub struct SceneFile {
     /// Height of the table top.
-    pub table_height: f64,
+    #[serde(rename = "table_height")]
+    pub table_height_m: f64,
     /// Where objects may be put down.
-    pub put_down: PlaceRegion,
+    #[serde(rename = "put_down")]
+    pub place_region: PlaceRegion,
     /// Table, walls, partition, floor.
     pub fixed: Vec<FixedFile>,
     /// Objects, each by itself.
@@ -40,7 +42,8 @@ pub struct FixedFile {
     /// Its shape.
     pub shape: Shape,
     /// Its middle.
-    pub at: [f64; 3],
+    #[serde(rename = "at")]
+    pub position_m: [f64; 3],
     /// Coulomb friction coefficient.
     pub friction: f64,
 }
@@ -49,21 +52,25 @@ pub struct FixedFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct KindFile {
     /// Red, green, blue, 0 to 1.
-    pub colour: [f64; 3],
+    #[serde(rename = "colour")]
+    pub color: [f64; 3],
     /// Standing upright.
     pub shape: Shape,
     /// kg.
-    pub mass: f64,
+    #[serde(rename = "mass")]
+    pub mass_kg: f64,
     /// Friction against table, walls and other objects.
     pub friction: f64,
     /// Friction against fingers.
-    pub friction_finger: f64,
+    #[serde(rename = "friction_finger")]
+    pub finger_friction: f64,
     /// Whether it may be pushed about and dropped.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub loose: bool,
     /// Radius of the target's disc.
     #[serde(default = "KindFile::default_radius")]
-    pub target_radius: f64,
+    #[serde(rename = "target_radius")]
+    pub target_radius_m: f64,
 }
 
 impl KindFile {
@@ -84,13 +91,16 @@ pub struct ObjectFile {
     #[serde(default)]
     pub ros_name: String,
     /// Where it stands: x, y.
-    pub at: [f64; 2],
+    #[serde(rename = "at")]
+    pub position_m: [f64; 2],
     /// Height of what it stands on; that of the table where it is left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub stands_at: Option<f64>,
+    #[serde(rename = "stands_at")]
+    pub support_height_m: Option<f64>,
     /// Where it belongs: x, y; none if it has no place of its own.
     #[serde(default)]
-    pub target: Option<[f64; 2]>,
+    #[serde(rename = "target")]
+    pub target_position_m: Option<[f64; 2]>,
     /// The rest.
     #[serde(flatten)]
     pub kind: KindFile,
@@ -100,7 +110,7 @@ impl SceneFile {
     /// All objects: the single ones, then those of the grids, then those of the heap.
     fn all(&self) -> Vec<ObjectFile> {
         let grids = self.grids.iter().flat_map(GridFile::objects);
-        let heap = self.heap.iter().flat_map(|heap| heap.objects(self.table_height));
+        let heap = self.heap.iter().flat_map(|heap| heap.objects(self.table_height_m));
         self.objects.iter().cloned().chain(grids).chain(heap).collect()
     }
 
@@ -125,31 +135,31 @@ impl SceneFile {
         let files = self.all();
         self.check_numbers(&files)?;
         let side = if left { -1.0 } else { 1.0 };
-        let [low, high] = [self.put_down.min, self.put_down.max];
+        let [low, high] = [self.place_region.min, self.place_region.max];
         let mut scene = Scene {
-            fixed: self.fixed.iter().map(|body| body.placed(side)).collect(),
-            objects: files.iter().map(|object| object.placed(self.table_height, side)).collect(),
+            fixed: self.fixed.iter().map(|body| body.to_scene_object(side)).collect(),
+            objects: files.iter().map(|object| object.to_object(self.table_height_m, side)).collect(),
             targets: files
                 .iter()
                 .enumerate()
                 .filter_map(|(k, object)| {
-                    let [x, y] = object.target?;
-                    let centre = Point::new(x, side * y, self.table_height);
-                    Some(Target { object: ObjectId::new(k), centre, radius: object.kind.target_radius })
+                    let [x, y] = object.target_position_m?;
+                    let center = Point::new(x, side * y, self.table_height_m);
+                    Some(Target { object: ObjectId::new(k), center, radius: object.kind.target_radius_m })
                 })
                 .collect(),
-            put_down: if left {
+            place_region: if left {
                 PlaceRegion { min: [low[0], -high[1]], max: [high[0], -low[1]] }
             } else {
-                self.put_down
+                self.place_region
             },
-            table_height: self.table_height,
+            table_height: self.table_height_m,
         };
         let standing = scene.objects.len() - self.heap.as_ref().map_or(0, |heap| heap.count);
         if let Some(heap) = &self.heap {
-            heap.lay(&mut scene.objects[standing..], self.table_height, left)?;
+            heap.place_objects(&mut scene.objects[standing..], self.table_height_m, left)?;
         }
-        check_places(&scene, standing)?;
+        check_placement(&scene, standing)?;
         Ok(scene)
     }
 
@@ -160,31 +170,35 @@ impl SceneFile {
             }
             Err(TaskError::Scene(format!("{what} is {got}, expected {low} to {high}")))
         };
-        within("table_height".to_owned(), self.table_height, 0.0, 3.0)?;
-        let PlaceRegion { min, max } = self.put_down;
+        within("table_height".to_owned(), self.table_height_m, 0.0, 3.0)?;
+        let PlaceRegion { min, max } = self.place_region;
         for k in 0..2 {
             let what = |end| format!("put_down.{end}[{k}]");
-            within(what("min"), min[k], -FURTHEST, FURTHEST)?;
-            within(what("max"), max[k], min[k], FURTHEST)?;
+            within(what("min"), min[k], -MAX_DISTANCE_M, MAX_DISTANCE_M)?;
+            within(what("max"), max[k], min[k], MAX_DISTANCE_M)?;
         }
         for body in &self.fixed {
             let what = |what: &str| format!("{what} of {:?}", body.name);
-            body.at.iter().try_for_each(|at| within(what("at"), *at, -FURTHEST, FURTHEST))?;
+            body.position_m
+                .iter()
+                .try_for_each(|at| within(what("at"), *at, -MAX_DISTANCE_M, MAX_DISTANCE_M))?;
             within(what("friction"), body.friction, 0.0, 10.0)?;
             shape_lengths(&body.shape)
                 .iter()
-                .try_for_each(|length| within(what("a length"), *length, 1e-4, FURTHEST))?;
+                .try_for_each(|length| within(what("a length"), *length, 1e-4, MAX_DISTANCE_M))?;
         }
         for object in objects {
             let (what, kind) = (|what: &str| format!("{what} of {:?}", object.name), &object.kind);
-            let places = object.at.iter().chain(object.target.iter().flatten());
-            places.into_iter().try_for_each(|at| within(what("at"), *at, -FURTHEST, FURTHEST))?;
-            object.stands_at.iter().try_for_each(|at| within(what("stands_at"), *at, 0.0, 3.0))?;
-            kind.colour.iter().try_for_each(|part| within(what("colour"), *part, 0.0, 1.0))?;
-            within(what("mass"), kind.mass, 1e-3, 20.0)?;
+            let coordinates = object.position_m.iter().chain(object.target_position_m.iter().flatten());
+            coordinates
+                .into_iter()
+                .try_for_each(|at| within(what("at"), *at, -MAX_DISTANCE_M, MAX_DISTANCE_M))?;
+            object.support_height_m.iter().try_for_each(|at| within(what("stands_at"), *at, 0.0, 3.0))?;
+            kind.color.iter().try_for_each(|part| within(what("colour"), *part, 0.0, 1.0))?;
+            within(what("mass"), kind.mass_kg, 1e-3, 20.0)?;
             within(what("friction"), kind.friction, 0.0, 10.0)?;
-            within(what("friction_finger"), kind.friction_finger, 0.0, 10.0)?;
-            within(what("target_radius"), kind.target_radius, 1e-3, 1.0)?;
+            within(what("friction_finger"), kind.finger_friction, 0.0, 10.0)?;
+            within(what("target_radius"), kind.target_radius_m, 1e-3, 1.0)?;
             shape_lengths(&kind.shape)
                 .iter()
                 .try_for_each(|length| within(what("a length"), *length, 5e-3, 0.5))?;
@@ -208,8 +222,8 @@ impl SceneFile {
 }
 
 impl FixedFile {
-    fn placed(&self, side: f64) -> SceneObject {
-        let [x, y, z] = self.at;
+    fn to_scene_object(&self, side: f64) -> SceneObject {
+        let [x, y, z] = self.position_m;
         SceneObject {
             name: self.name.clone(),
             shape: self.shape,
@@ -220,19 +234,23 @@ impl FixedFile {
 }
 
 impl ObjectFile {
-    fn placed(&self, table: f64, side: f64) -> Object {
-        let ([x, y], kind) = (self.at, &self.kind);
+    fn to_object(&self, table: f64, side: f64) -> Object {
+        let ([x, y], kind) = (self.position_m, &self.kind);
         Object {
             name: self.name.clone(),
             label: self.label.clone(),
-            colour: kind.colour,
+            color: kind.color,
             ros_name: if self.ros_name.is_empty() { self.name.clone() } else { self.ros_name.clone() },
             shape: kind.shape,
-            mass: kind.mass,
+            mass: kind.mass_kg,
             friction: kind.friction,
-            friction_finger: kind.friction_finger,
+            finger_friction: kind.finger_friction,
             loose: kind.loose,
-            pose: Pose::translation(x, side * y, self.stands_at.unwrap_or(table) + kind.shape.half_height()),
+            pose: Pose::translation(
+                x,
+                side * y,
+                self.support_height_m.unwrap_or(table) + kind.shape.half_height(),
+            ),
         }
     }
 }
@@ -257,10 +275,10 @@ fn half_size(shape: &Shape) -> [f64; 3] {
 /// True if the boxes around two upright bodies share room.
 fn overlap(a: (&Shape, &Pose), b: (&Shape, &Pose)) -> bool {
     let round = |shape: &Shape| !matches!(shape, Shape::Box { .. });
-    let (sizes, apart) = ([half_size(a.0), half_size(b.0)], a.1.translation.vector - b.1.translation.vector);
-    let near = |k: usize| apart[k].abs() < sizes[0][k] + sizes[1][k] - TOUCH;
+    let (sizes, offset) = ([half_size(a.0), half_size(b.0)], a.1.translation.vector - b.1.translation.vector);
+    let near = |k: usize| offset[k].abs() < sizes[0][k] + sizes[1][k] - MIN_GAP_M;
     let aside = if round(a.0) && round(b.0) {
-        apart.xy().norm() < sizes[0][0] + sizes[1][0] - TOUCH
+        offset.xy().norm() < sizes[0][0] + sizes[1][0] - MIN_GAP_M
     } else {
         near(0) && near(1)
     };
@@ -268,16 +286,16 @@ fn overlap(a: (&Shape, &Pose), b: (&Shape, &Pose)) -> bool {
 }
 
 /// True if a fixed body is under `point`, with its top at that height.
-pub(crate) fn is_on_top(scene: &Scene, point: &Point) -> bool {
+pub(crate) fn is_supported(scene: &Scene, point: &Point) -> bool {
     scene.fixed.iter().any(|body| {
         let (size, below) = (half_size(&body.shape), body.pose.translation.vector);
         let inside = |k: usize| (point[k] - below[k]).abs() <= size[k];
-        inside(0) && inside(1) && (below.z + size[2] - point.z).abs() < TOUCH
+        inside(0) && inside(1) && (below.z + size[2] - point.z).abs() < MIN_GAP_M
     })
 }
 
 /// The first `standing` objects stand on something and have room; those of a heap lie as physics left them. Targets are in the box.
-fn check_places(scene: &Scene, standing: usize) -> Result<(), TaskError> {
+fn check_placement(scene: &Scene, standing: usize) -> Result<(), TaskError> {
     for (k, object) in scene.objects[..standing].iter().enumerate() {
         let here = (&object.shape, &object.pose);
         let others = scene.objects[..k].iter().map(|other| (&other.name, &other.shape, &other.pose));
@@ -290,21 +308,21 @@ fn check_places(scene: &Scene, standing: usize) -> Result<(), TaskError> {
         }
         let at = object.pose.translation.vector;
         let foot = Point::new(at.x, at.y, at.z - object.shape.half_height());
-        if !is_on_top(scene, &foot) {
-            let (name, place) = (&object.name, [at.x, at.y]);
+        if !is_supported(scene, &foot) {
+            let (name, position) = (&object.name, [at.x, at.y]);
             let height =
-                if (foot.z - scene.table_height).abs() < TOUCH { "table_height" } else { "stands_at" };
+                if (foot.z - scene.table_height).abs() < MIN_GAP_M { "table_height" } else { "stands_at" };
             return Err(TaskError::Scene(format!(
-                "{name:?} at {place:?} stands on nothing; expected a fixed body whose top is at {height}"
+                "{name:?} at {position:?} stands on nothing; expected a fixed body whose top is at {height}"
             )));
         }
     }
     for target in &scene.targets {
-        let PlaceRegion { min, max } = scene.put_down;
-        if (0..2).any(|k| target.centre[k] < min[k] || target.centre[k] > max[k]) {
-            let (name, place) = (scene.name(target.object), [target.centre.x, target.centre.y]);
+        let PlaceRegion { min, max } = scene.place_region;
+        if (0..2).any(|k| target.center[k] < min[k] || target.center[k] > max[k]) {
+            let (name, position) = (scene.name(target.object), [target.center.x, target.center.y]);
             return Err(TaskError::Scene(format!(
-                "the target of {name:?} at {place:?} is out of the box: expected it within put_down, {min:?} to {max:?}"
+                "the target of {name:?} at {position:?} is out of the box: expected it within put_down, {min:?} to {max:?}"
             )));
         }
     }

@@ -1,6 +1,6 @@
 use crate::TaskError;
 use proact_types::{
-    BodyState, Briefing, EventKind, ObjectId, ObjectSet, Point, Scene, SimTime, TaskContext, TaskGoal,
+    BodyState, Briefing, EventKind, ObjectId, ObjectSet, Point, Pose, Scene, SimTime, TaskContext, TaskGoal,
 };
 use serde_json::{Map, Value};
 
@@ -23,6 +23,10 @@ pub trait Task: Send {
     /// The result for objects as they are now.
     fn result(&self, objects: &[BodyState]) -> TaskResult;
 
+    /// Sets where an object really stood at the start, `world_from_object`. A bag without the record of its trial says it in
+    /// its first messages. Tasks whose result does not depend on it ignore it.
+    fn set_start(&mut self, _object: ObjectId, _start: Pose) {}
+
     /// Objects that the rules put somewhere after the newest step, and how they are there. Where there is no room an object stays where
     /// it was.
     fn placements(&self) -> &[(ObjectId, BodyState)] {
@@ -30,12 +34,12 @@ pub trait Task: Send {
     }
 
     /// True if [`TaskInput::fingertips`] is asked for.
-    fn minds_fingertips(&self) -> bool {
+    fn needs_fingertips(&self) -> bool {
         false
     }
 
     /// True if [`TaskInput::hand`] is asked for.
-    fn minds_hand(&self) -> bool {
+    fn needs_hand(&self) -> bool {
         false
     }
 
@@ -43,7 +47,7 @@ pub trait Task: Send {
     ///
     /// # Errors
     /// [`TaskError`]: the arm cannot do what the task asks for.
-    fn meet_arm(&mut self, _limits: &[[f64; 2]]) -> Result<(), TaskError> {
+    fn check_arm(&mut self, _limits: &[[f64; 2]]) -> Result<(), TaskError> {
         Ok(())
     }
 }
@@ -73,7 +77,7 @@ pub struct TaskState {
     /// The same where it changes when an object is taken already.
     pub context_at_grasp: TaskContext,
     /// The object that a prescribed order asks for next.
-    pub next: Option<ObjectId>,
+    pub next_object: Option<ObjectId>,
     /// Where that goes, or what hand or joints are asked for, in tasks where it changes.
     pub goal: Option<TaskGoal>,
     /// What counts, so far.
@@ -90,7 +94,7 @@ pub struct TaskResult {
     /// What the task counts, by name.
     pub result: Map<String, Value>,
     /// Keys that stand beside `result`, for tasks that had them before.
-    pub beside: Map<String, Value>,
+    pub legacy_fields: Map<String, Value>,
     /// The same for a reader: a heading and a line for each object, if there are few.
     pub lines: Vec<String>,
 }

@@ -1,6 +1,6 @@
 //! Moves from place to place, reaches, and postures: what counts, and when a task is over.
 
-use proact_tasks::{Task, TaskChoice, TaskFile, TaskInput};
+use proact_tasks::{Task, TaskFile, TaskInput, TaskSpec};
 use proact_types::{BodyState, EventKind, ObjectId, Point, Pose, SimTime, TaskGoal, Vector};
 use serde_json::{Value, json};
 
@@ -17,9 +17,10 @@ struct Trial {
 
 impl Trial {
     fn named(name: &str) -> Self {
-        let mut task = TaskChoice::named(name, 1).expect("it ships").build(false).expect("a good task");
-        task.meet_arm(&LIMITS).expect("an arm that can");
-        let resting = |pose| BodyState { pose, linear: Vector::zeros(), angular: Vector::zeros() };
+        let mut task = TaskSpec::named(name, 1).expect("it ships").build(false).expect("a good task");
+        task.check_arm(&LIMITS).expect("an arm that can");
+        let resting =
+            |pose| BodyState { pose, linear_velocity: Vector::zeros(), angular_velocity: Vector::zeros() };
         let objects = task.scene().objects.iter().map(|object| resting(object.pose)).collect();
         Self { task, objects, joints: [0.0; 7], hand: Point::origin(), now: 0 }
     }
@@ -43,15 +44,15 @@ impl Trial {
 
     /// Where the next object is asked for.
     fn disc(&self) -> Point {
-        let Some(TaskGoal::Disc { centre, .. }) = self.task.state().goal else {
+        let Some(TaskGoal::Disc { center, .. }) = self.task.state().goal else {
             panic!("no place is asked for")
         };
-        centre
+        center
     }
 
     fn ball(&self) -> (Point, f64) {
-        let Some(TaskGoal::Ball { centre, radius }) = self.task.state().goal else { panic!("no ball") };
-        (centre, radius)
+        let Some(TaskGoal::Ball { center, radius }) = self.task.state().goal else { panic!("no ball") };
+        (center, radius)
     }
 
     fn lay(&mut self, object: ObjectId, at: Point) {
@@ -70,17 +71,17 @@ fn a_box_goes_from_shelf_to_shelf_and_back_and_each_transfer_has_its_times() {
     let pasta = ObjectId(0);
     let heights: Vec<f64> = (0..3)
         .map(|_| {
-            let place = trial.disc();
+            let disc = trial.disc();
             assert_eq!(trial.run(1000, None), [], "what nobody took is not moved, wherever it rests");
             assert_eq!(trial.run(1000, Some(pasta)), [EventKind::ObjectAttached { object: pasta }]);
-            trial.lay(pasta, place + Vector::new(0.02, 0.0, 0.0));
+            trial.lay(pasta, disc + Vector::new(0.02, 0.0, 0.0));
             let events = trial.run(301, None);
             assert_eq!(events[0], EventKind::ObjectReleased { object: pasta });
             let EventKind::ObjectOnTarget { object: ObjectId(0), distance } = events[1] else {
                 panic!("{events:?}")
             };
             assert!((distance - 0.02).abs() < 1e-9);
-            place.z
+            disc.z
         })
         .collect();
     assert!(heights[0] < heights[1] && heights[2] < heights[0], "{heights:?}");
@@ -98,13 +99,13 @@ fn a_box_goes_from_shelf_to_shelf_and_back_and_each_transfer_has_its_times() {
 fn what_is_put_down_elsewhere_or_lower_stays_in_play_and_what_falls_is_lost() {
     let mut trial = Trial::named("pasta_box");
     let pasta = ObjectId(0);
-    let place = trial.disc();
+    let disc = trial.disc();
     trial.run(10, Some(pasta));
     // Under the shelf, on the table.
-    trial.lay(pasta, place - Vector::new(0.0, 0.0, 0.08));
+    trial.lay(pasta, disc - Vector::new(0.0, 0.0, 0.08));
     let events = trial.run(1000, None);
     assert_eq!(events[1..], [EventKind::ObjectOffTarget { object: pasta }], "said once");
-    assert_eq!((trial.task.state().next, trial.task.state().score), (Some(pasta), 0));
+    assert_eq!((trial.task.state().next_object, trial.task.state().score), (Some(pasta), 0));
     trial.lay(pasta, Point::new(0.5, 0.0, 0.0));
     trial.run(10, None);
     assert!(trial.task.state().finished, "every move is of this box");
@@ -119,15 +120,15 @@ fn cups_are_asked_for_in_their_order_and_a_wrong_one_changes_nothing() {
     trial.run(100, Some(two));
     trial.lay(two, trial.disc());
     trial.run(400, None);
-    assert_eq!((trial.task.state().next, trial.task.state().score), (Some(one), 0));
-    let mut asked = Vec::new();
-    while let Some(next) = trial.task.state().next {
-        asked.push(next);
+    assert_eq!((trial.task.state().next_object, trial.task.state().score), (Some(one), 0));
+    let mut next_objects = Vec::new();
+    while let Some(next) = trial.task.state().next_object {
+        next_objects.push(next);
         trial.run(100, Some(next));
         trial.lay(next, trial.disc());
         trial.run(400, None);
     }
-    assert_eq!(asked, [one, two, two, one]);
+    assert_eq!(next_objects, [one, two, two, one]);
     assert_eq!(trial.result()["moved"], json!(4));
 }
 
@@ -162,8 +163,8 @@ fn a_posture_counts_once_it_is_kept_and_leaving_it_is_an_overshoot() {
     );
     let efficiency = goal["path_efficiency"].as_f64().expect("a number");
     // Out to 1.1 tolerances beyond it, and back.
-    let (way, straight) = (first[0].angle + 2.2 * first[0].tolerance, first[0].angle);
-    assert!((efficiency - straight / way).abs() < 1e-6, "{efficiency}");
+    let (path_length, straight) = (first[0].angle + 2.2 * first[0].tolerance, first[0].angle);
+    assert!((efficiency - straight / path_length).abs() < 1e-6, "{efficiency}");
     assert_eq!((&result["completion_rate"], &result["completion_s"]), (&json!(0.5), &json!(3.0)));
     assert_eq!(trial.task.state().score, 1);
 }
@@ -173,11 +174,11 @@ fn reaches_have_both_throughputs_and_the_first_of_each_ring_does_not_count() {
     let mut trial = Trial::named("reaching");
     let mut step = 0_u32;
     while !trial.task.state().finished {
-        let (centre, radius) = trial.ball();
+        let (center, radius) = trial.ball();
         // A second on the way, then near the middle, a little further each time.
         trial.run(1000, None);
         step += 1;
-        trial.hand = centre + Vector::new(0.0, 0.1 * radius * f64::from(step % 3), 0.0);
+        trial.hand = center + Vector::new(0.0, 0.1 * radius * f64::from(step % 3), 0.0);
         trial.run(1001, None);
     }
     let result = trial.result();
@@ -213,7 +214,7 @@ fn reaches_have_both_throughputs_and_the_first_of_each_ring_does_not_count() {
 #[test]
 fn files_that_cannot_be_are_refused_with_what_was_expected() {
     let text = |name: &str| {
-        toml::to_string(&TaskChoice::named(name, 1).and_then(|choice| choice.content()).expect("it ships"))
+        toml::to_string(&TaskSpec::named(name, 1).and_then(|choice| choice.task_file()).expect("it ships"))
             .expect("writes")
     };
     let refused = |name: &str, old: &str, new: &str| {
@@ -233,7 +234,7 @@ fn files_that_cannot_be_are_refused_with_what_was_expected() {
             "\"soup\" is no object; expected pasta_box",
         ),
         ("pasta_box", "0.02, 1.095]", "0.02, 1.3]", "is on nothing; expected the top of a fixed body"),
-        ("pasta_box", "destination = \"shown\"", "destination = \"across\"", "expected Shown"),
+        ("pasta_box", "destination = \"shown\"", "destination = \"across\"", "expected \"shown\""),
         ("pasta_box", "order = \"prescribed\"", "order = \"any\"", "order of their own"),
         ("pasta_box", "rules = \"moves\"", "rules = \"postures\"", "the rules are not \"moves\""),
         ("reaching", "targets = 7", "targets = 8", "an odd number from 3 to 99"),
@@ -249,10 +250,10 @@ fn files_that_cannot_be_are_refused_with_what_was_expected() {
 #[test]
 fn an_arm_that_lacks_a_joint_or_its_range_is_told() {
     let task =
-        || TaskChoice::named("target_achievement", 1).expect("it ships").build(false).expect("a good task");
-    let error = task().meet_arm(&LIMITS[..5]).expect_err("five joints").to_string();
+        || TaskSpec::named("target_achievement", 1).expect("it ships").build(false).expect("a good task");
+    let error = task().check_arm(&LIMITS[..5]).expect_err("five joints").to_string();
     assert!(error.contains("joint 7, the arm has joints 1 to 5"), "{error}");
     let narrow = [[0.0, 0.1]; 7];
-    let error = task().meet_arm(&narrow).expect_err("narrow").to_string();
+    let error = task().check_arm(&narrow).expect_err("narrow").to_string();
     assert!(error.contains("nearer to its limit than the tolerance, 5.0"), "{error}");
 }

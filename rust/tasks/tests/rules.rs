@@ -1,6 +1,6 @@
 //! What counts, and when a task is over.
 
-use proact_tasks::{Arrangement, Task, TaskChoice, TaskInput};
+use proact_tasks::{Arrangement, Task, TaskInput, TaskSpec};
 use proact_types::{BodyState, EventKind, ObjectId, ObjectSet, Point, Pose, SimTime, TaskContext, Vector};
 use serde_json::{Value, json};
 
@@ -17,7 +17,7 @@ struct Trial {
 }
 
 fn resting(pose: Pose) -> BodyState {
-    BodyState { pose, linear: Vector::zeros(), angular: Vector::zeros() }
+    BodyState { pose, linear_velocity: Vector::zeros(), angular_velocity: Vector::zeros() }
 }
 
 impl Trial {
@@ -27,19 +27,19 @@ impl Trial {
     }
 
     fn named(name: &str) -> Self {
-        Self::new(TaskChoice::named(name, 1).expect("it ships").build(false).expect("a good task"))
+        Self::new(TaskSpec::named(name, 1).expect("it ships").build(false).expect("a good task"))
     }
 
     fn modified(limit_secs: Option<f64>) -> Self {
         let arrangement = Some(Arrangement::numbered(1).expect("1 to 24"));
-        let choice = TaskChoice { arrangement, ..TaskChoice::named("modified_bbt", 1).expect("it ships") };
-        Self::new(choice.build_within(false, limit_secs).expect("a good task"))
+        let choice = TaskSpec { arrangement, ..TaskSpec::named("modified_bbt", 1).expect("it ships") };
+        Self::new(choice.build_with_limit(false, limit_secs).expect("a good task"))
     }
 
-    /// Lays `object` to rest with its bottom at `place`.
-    fn lay(&mut self, object: ObjectId, place: Point) {
+    /// Lays `object` to rest with its bottom at `position`.
+    fn lay(&mut self, object: ObjectId, position: Point) {
         let half = self.task.scene().objects[object.index()].shape.half_height();
-        self.objects[object.index()] = resting(Pose::translation(place.x, place.y, place.z + half));
+        self.objects[object.index()] = resting(Pose::translation(position.x, position.y, position.z + half));
     }
 
     /// Ticks until `end`, that tick included.
@@ -76,7 +76,7 @@ impl Trial {
     }
 
     fn due(&self) -> Vec<usize> {
-        self.task.state().context.due.iter().map(ObjectId::index).collect()
+        self.task.state().context.expected_objects.iter().map(ObjectId::index).collect()
     }
 }
 
@@ -89,22 +89,26 @@ fn blocks_that_stand_still_at_the_start_are_not_attempted_and_nothing_happens() 
         ["red1", "blue1", "red2", "blue2"].map(|name| (name.to_owned(), "not_attempted".to_owned()));
     assert_eq!(names, expected);
     let state = trial.task.state();
-    assert_eq!((state.next, state.score, state.finished), (Some(RED_1), 0, false));
+    assert_eq!((state.next_object, state.score, state.finished), (Some(RED_1), 0, false));
     assert_eq!(state.candidates, ObjectSet::first(4));
 }
 
 #[test]
 fn a_block_carried_to_its_target_counts_after_it_rests_and_the_next_colour_is_asked_for() {
     let mut trial = Trial::modified(None);
-    assert_eq!((trial.due(), trial.task.state().context.number), (vec![0, 1], 0), "red comes first");
+    assert_eq!(
+        (trial.due(), trial.task.state().context.selection_number),
+        (vec![0, 1], 0),
+        "red comes first"
+    );
     trial.until(999, None);
     assert_eq!(trial.until(3999, Some(RED_1)), [EventKind::ObjectAttached { object: RED_1 }]);
     // The original changes the colour that is due when a block is taken, the paper when it is released.
     assert_eq!(trial.due(), [0, 1]);
-    let at_grasp: Vec<_> = trial.task.state().context_at_grasp.due.iter().collect();
+    let at_grasp: Vec<_> = trial.task.state().context_at_grasp.expected_objects.iter().collect();
     assert_eq!(at_grasp, [BLUE_1, BLUE_2]);
 
-    let target = trial.task.scene().targets[0].centre;
+    let target = trial.task.scene().targets[0].center;
     trial.lay(RED_1, target + Vector::new(0.03, 0.0, 0.0));
     assert_eq!(
         trial.until(4299, None),
@@ -115,7 +119,7 @@ fn a_block_carried_to_its_target_counts_after_it_rests_and_the_next_colour_is_as
     let [EventKind::ObjectOnTarget { object: RED_1, distance }] = events[..] else { panic!("{events:?}") };
     assert!((distance - 0.03).abs() < 1e-12, "{distance}");
     let state = trial.task.state();
-    assert_eq!((state.next, state.score, state.context.number), (Some(BLUE_1), 1, 1));
+    assert_eq!((state.next_object, state.score, state.context.selection_number), (Some(BLUE_1), 1, 1));
     assert_eq!(state.candidates.iter().collect::<Vec<_>>(), [RED_2, BLUE_1, BLUE_2]);
     assert_eq!(trial.due(), [2, 3]);
 
@@ -127,23 +131,23 @@ fn a_block_carried_to_its_target_counts_after_it_rests_and_the_next_colour_is_as
     );
     assert_eq!(result.score, 1.0);
     // Keys of records from before there were other tasks.
-    assert_eq!(result.beside["arrangement"], json!(["FL", "FM", "NL", "NM"]));
-    assert_eq!(result.beside["on_target"], json!(1));
-    assert_eq!(result.beside["outcomes"], result.result["outcomes"]);
+    assert_eq!(result.legacy_fields["arrangement"], json!(["FL", "FM", "NL", "NM"]));
+    assert_eq!(result.legacy_fields["on_target"], json!(1));
+    assert_eq!(result.legacy_fields["outcomes"], result.result["outcomes"]);
     assert_eq!(result.result["seconds"], Value::Null, "not all are on their targets");
 }
 
 #[test]
 fn the_colour_that_is_due_changes_at_the_release_and_where_the_original_is_kept_at_the_grasp_already() {
     let mut trial = Trial::modified(None);
-    let due = |context: TaskContext| context.due.iter().map(ObjectId::index).collect::<Vec<_>>();
+    let due = |context: TaskContext| context.expected_objects.iter().map(ObjectId::index).collect::<Vec<_>>();
     trial.until(100, Some(ObjectId(0)));
     let held = trial.task.state().clone();
     assert_eq!((due(held.context), due(held.context_at_grasp)), (vec![0, 1], vec![2, 3]));
     trial.until(200, None);
     let released = trial.task.state().clone();
     assert_eq!((due(released.context), due(released.context_at_grasp)), (vec![2, 3], vec![2, 3]));
-    assert_ne!(held.context.number, released.context.number, "another selection begins");
+    assert_ne!(held.context.selection_number, released.context.selection_number, "another selection begins");
 }
 
 #[test]
@@ -164,23 +168,23 @@ fn each_outcome_is_told_apart() {
 #[test]
 fn a_block_taken_again_from_its_target_counts_no_longer() {
     let mut trial = Trial::modified(None);
-    trial.lay(RED_1, trial.task.scene().targets[0].centre);
+    trial.lay(RED_1, trial.task.scene().targets[0].center);
     trial.until(1000, None);
     assert_eq!(trial.task.state().score, 1);
     trial.until(1001, Some(RED_1));
-    assert_eq!((trial.task.state().score, trial.task.state().next), (0, Some(RED_1)));
+    assert_eq!((trial.task.state().score, trial.task.state().next_object), (0, Some(RED_1)));
 }
 
 #[test]
 fn the_trial_ends_when_all_blocks_are_settled_or_at_the_limit() {
     let mut trial = Trial::modified(None);
     for target in trial.task.scene().targets.clone() {
-        trial.lay(target.object, target.centre);
+        trial.lay(target.object, target.center);
     }
     let events = trial.until(1000, None);
     assert_eq!(events.last(), Some(&EventKind::TrialFinished));
     let state = trial.task.state();
-    assert_eq!((state.score, state.finished, state.next), (4, true, None));
+    assert_eq!((state.score, state.finished, state.next_object), (4, true, None));
     assert_eq!(trial.result()["seconds"], json!(0.301), "the last one had rested for 300 ms");
     assert!(trial.until(1100, Some(RED_1)).is_empty(), "nothing happens after the end");
 
@@ -198,12 +202,12 @@ fn the_modified_task_lasts_five_minutes_and_asks_in_the_order_of_the_paper() {
 
     let mut trial = Trial::modified(None);
     for expected in [RED_1, BLUE_1, RED_2, BLUE_2] {
-        assert_eq!(trial.task.state().next, Some(expected));
+        assert_eq!(trial.task.state().next_object, Some(expected));
         let target = *trial.task.scene().target(expected).expect("each has one");
-        trial.lay(expected, target.centre);
+        trial.lay(expected, target.center);
         trial.until(trial.now + 400, None);
     }
-    assert_eq!(trial.task.state().next, None);
+    assert_eq!(trial.task.state().next_object, None);
 }
 
 #[test]
@@ -213,11 +217,11 @@ fn the_targeted_task_asks_for_its_cubes_by_number_and_only_the_next_is_due() {
     for k in 0..16 {
         let id = ObjectId::new(k);
         let state = trial.task.state();
-        assert_eq!((state.next, state.score, state.finished), (Some(id), k as u32, false));
+        assert_eq!((state.next_object, state.score, state.finished), (Some(id), k as u32, false));
         assert_eq!(trial.due(), [k]);
         assert_eq!(state.candidates.len(), 16 - k);
-        numbers.push(state.context.number);
-        let target = trial.task.scene().target(id).expect("each has one").centre;
+        numbers.push(state.context.selection_number);
+        let target = trial.task.scene().target(id).expect("each has one").center;
         trial.until(trial.now + 600, Some(id));
         assert_eq!(trial.due(), [k], "it is due until it lies there");
         trial.lay(id, target + Vector::new(0.027, 0.0, 0.0));
@@ -226,7 +230,10 @@ fn the_targeted_task_asks_for_its_cubes_by_number_and_only_the_next_is_due() {
     numbers.dedup();
     assert_eq!(numbers.len(), 16, "each cube is a selection of its own: {numbers:?}");
     let state = trial.task.state();
-    assert_eq!((state.score, state.finished, state.next, state.context.due.len()), (16, true, None, 0));
+    assert_eq!(
+        (state.score, state.finished, state.next_object, state.context.expected_objects.len()),
+        (16, true, None, 0)
+    );
     let result = trial.result();
     assert_eq!((&result["on_target"], &result["objects"]), (&json!(16), &json!(16)));
     // Each takes a second; the last one counts after it has rested for 300 ms.
@@ -238,7 +245,7 @@ fn a_cube_outside_the_radius_of_its_target_is_off_target_and_there_is_no_time() 
     let mut trial = Trial::named("targeted_bbt");
     for target in trial.task.scene().targets.clone() {
         let aside = if target.object == ObjectId(3) { 0.028 } else { 0.0 };
-        trial.lay(target.object, target.centre + Vector::new(aside, 0.0, 0.0));
+        trial.lay(target.object, target.center + Vector::new(aside, 0.0, 0.0));
     }
     trial.until(1000, None);
     assert_eq!((trial.task.state().score, trial.task.state().finished), (15, true));
@@ -265,7 +272,7 @@ fn a_cube_counts_when_all_fingertips_are_across_with_it() {
     assert_eq!(trial.task.state().score, 0);
     assert_eq!(trial.tips_until(17_000, Some(CUBE), &ACROSS), [EventKind::ObjectCrossed { object: CUBE }]);
     let state = trial.task.state();
-    assert_eq!((state.score, state.candidates.contains(CUBE), state.next), (1, false, None));
+    assert_eq!((state.score, state.candidates.contains(CUBE), state.next_object), (1, false, None));
     let result = trial.result();
     assert_eq!(
         (&result["crossed"], &result["objects"], &result["grasps"]),
@@ -360,7 +367,7 @@ fn the_test_ends_early_only_when_no_cube_is_left_and_the_hand_is_empty() {
 
 #[test]
 fn for_the_left_hand_across_is_the_other_way() {
-    let task = TaskChoice::named("bbt", 1).expect("it ships").build(true).expect("a good task");
+    let task = TaskSpec::named("bbt", 1).expect("it ships").build(true).expect("a good task");
     let mut trial = Trial::new(task);
     trial.until(15_000, None);
     assert_eq!(trial.task.state().candidates.len(), 20);
@@ -369,9 +376,9 @@ fn for_the_left_hand_across_is_the_other_way() {
     trial.tips_until(17_000, Some(CUBE), &ACROSS.map(|[x, y, z]| [x, -y, z]));
     assert_eq!(trial.task.state().score, 1);
 
-    let task = TaskChoice::named("targeted_bbt", 1).expect("it ships").build(true).expect("a good task");
+    let task = TaskSpec::named("targeted_bbt", 1).expect("it ships").build(true).expect("a good task");
     let mut trial = Trial::new(task);
-    let target = trial.task.scene().targets[0].centre;
+    let target = trial.task.scene().targets[0].center;
     assert!(target.y < 0.0);
     trial.lay(ObjectId(0), target);
     trial.until(1000, None);
@@ -380,8 +387,8 @@ fn for_the_left_hand_across_is_the_other_way() {
 
 #[test]
 fn only_tasks_whose_rule_needs_them_ask_for_fingertips() {
-    for (name, asks) in [("modified_bbt", false), ("targeted_bbt", false), ("bbt", true)] {
-        assert_eq!(Trial::named(name).task.minds_fingertips(), asks, "{name}");
+    for (name, checks_arm) in [("modified_bbt", false), ("targeted_bbt", false), ("bbt", true)] {
+        assert_eq!(Trial::named(name).task.needs_fingertips(), checks_arm, "{name}");
     }
 }
 
@@ -391,7 +398,7 @@ fn refilled() -> Trial {
         .replace("name = \"bbt_heap\"\n", "name = \"six\"\nrefill_below = 4\n")
         .replace("practice_secs = 15.0", "practice_secs = 0.0")
         .replace("count = 150", "count = 6");
-    Trial::new(TaskChoice::from_text(text).and_then(|task| task.build(false)).expect("a good task"))
+    Trial::new(TaskSpec::from_text(text).and_then(|task| task.build(false)).expect("a good task"))
 }
 
 #[test]
@@ -434,15 +441,15 @@ fn when_few_are_left_those_that_are_across_fall_back_and_count_again() {
 
 #[test]
 fn how_a_heap_lies_is_the_trials_and_what_cannot_be_is_refused() {
-    let mut choice = TaskChoice::named("bbt_heap", 1).expect("it ships");
-    let falling = choice.falling_heap().expect("a good task").expect("nobody has let it fall");
+    let mut choice = TaskSpec::named("bbt_heap", 1).expect("it ships");
+    let falling = choice.unsettled_heap().expect("a good task").expect("nobody has let it fall");
     assert_eq!(falling.count, 150);
     let turned = [0.02, -0.1, 1.05, 0.5, 0.5, -0.5, 0.5];
-    let set = |choice: &mut TaskChoice, lies: Vec<[f64; 7]>| {
-        choice.heap = Some(proact_tasks::HeapChoice { count: Some(2), lies });
+    let set = |choice: &mut TaskSpec, lies: Vec<[f64; 7]>| {
+        choice.heap = Some(proact_tasks::HeapSpec { count: Some(2), resting_poses: lies });
     };
     set(&mut choice, vec![[0.0, -0.05, 1.0275, 0.0, 0.0, 0.0, 1.0], turned]);
-    assert_eq!(choice.falling_heap().expect("a good task"), None);
+    assert_eq!(choice.unsettled_heap().expect("a good task"), None);
     let pose = |left: bool| choice.build(left).expect("a good task").scene().objects[1].pose;
     assert_eq!(pose(false).translation.vector, Vector::new(0.02, -0.1, 1.05));
     // The mirror image turns the other way about the axes in the mirror's plane.
@@ -462,7 +469,7 @@ fn how_a_heap_lies_is_the_trials_and_what_cannot_be_is_refused() {
         let error = choice.build(false).err().expect("it must be refused").to_string();
         assert!(error.contains(reason), "{error}");
     }
-    let mut other = TaskChoice::named("bbt", 1).expect("it ships");
+    let mut other = TaskSpec::named("bbt", 1).expect("it ships");
     other.heap = choice.heap.clone();
     assert!(other.build(false).err().expect("it has none").to_string().contains("no heap"));
 }

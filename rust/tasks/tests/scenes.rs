@@ -1,6 +1,6 @@
 //! What stands where: the scenes of the tasks that ship, their mirror images, and files that are refused.
 
-use proact_tasks::{Arrangement, ModifiedBbt, SHIPPED, Task, TaskChoice, TaskError, TaskFile};
+use proact_tasks::{Arrangement, BUILT_IN_TASKS, ModifiedBbt, Task, TaskError, TaskFile, TaskSpec};
 use proact_types::{Briefing, Destination, ObjectId, Order, PlaceRegion, Point, Pose, Scene, Shape};
 
 /// A task of two cubes, for one change at a time.
@@ -51,15 +51,13 @@ friction_finger = 0.8
 "#;
 
 fn shipped(name: &str, left: bool) -> Box<dyn Task> {
-    TaskChoice::named(name, 1).expect("it ships").build(left).expect("a good task")
+    TaskSpec::named(name, 1).expect("it ships").build(left).expect("a good task")
 }
 
 fn modified(number: usize) -> Scene {
     let arrangement = Arrangement::numbered(number).expect("1 to 24");
-    let choice = TaskChoice {
-        arrangement: Some(arrangement),
-        ..TaskChoice::named("modified_bbt", 1).expect("it ships")
-    };
+    let choice =
+        TaskSpec { arrangement: Some(arrangement), ..TaskSpec::named("modified_bbt", 1).expect("it ships") };
     choice.build(false).expect("a good task").scene().clone()
 }
 
@@ -71,7 +69,7 @@ fn changed(old: &str, new: &str) -> String {
 
 /// Why `text` is refused: one sentence on one line.
 fn refusal(text: String) -> String {
-    let error = TaskChoice::from_text(text).expect_err("it cannot be").to_string();
+    let error = TaskSpec::from_text(text).expect_err("it cannot be").to_string();
     assert!(!error.contains('\n') && error.len() < 300, "one sentence: {error}");
     error
 }
@@ -106,7 +104,7 @@ fn the_modified_scene_is_bit_for_bit_that_of_the_release_before_tasks_were_files
     let blocks: Vec<_> = scene
         .objects
         .iter()
-        .map(|o| (&*o.name, o.shape, o.mass, o.friction, o.friction_finger, o.pose))
+        .map(|o| (&*o.name, o.shape, o.mass, o.friction, o.finger_friction, o.pose))
         .collect();
     let block = |name, x, y| {
         let shape = Shape::Cylinder { radius: 0.025, length: 0.05 };
@@ -121,7 +119,7 @@ fn the_modified_scene_is_bit_for_bit_that_of_the_release_before_tasks_were_files
             block("blue2", -0.058, -0.092),
         ]
     );
-    let targets: Vec<_> = scene.targets.iter().map(|t| (t.object, t.centre, t.radius)).collect();
+    let targets: Vec<_> = scene.targets.iter().map(|t| (t.object, t.center, t.radius)).collect();
     let target = |object, x, y| (ObjectId(object), Point::new(x, y, 1.015), 0.05);
     assert_eq!(
         targets,
@@ -133,7 +131,7 @@ fn the_modified_scene_is_bit_for_bit_that_of_the_release_before_tasks_were_files
         ]
     );
     assert_eq!(scene.table_height, 1.015);
-    assert_eq!(scene.put_down, PlaceRegion { min: [-0.125, 0.0275], max: [0.125, 0.275] });
+    assert_eq!(scene.place_region, PlaceRegion { min: [-0.125, 0.0275], max: [0.125, 0.275] });
 }
 
 /// Where the objects stand, in `world`, from above.
@@ -145,9 +143,9 @@ fn places(scene: &Scene) -> Vec<[f64; 2]> {
 fn an_arrangement_moves_the_blocks_and_nothing_else() {
     let first = modified(1);
     let sorted = |scene: &Scene| {
-        let mut places = places(scene);
-        places.sort_by(|a, b| a.partial_cmp(b).expect("finite"));
-        places
+        let mut positions = places(scene);
+        positions.sort_by(|a, b| a.partial_cmp(b).expect("finite"));
+        positions
     };
     for number in 2..=24 {
         let scene = modified(number);
@@ -164,10 +162,10 @@ fn an_arrangement_moves_the_blocks_and_nothing_else() {
 #[test]
 fn what_objects_of_the_modified_task_are_called_painted_and_coloured() {
     let scene = modified(1);
-    let looks: Vec<_> = scene.objects.iter().map(|o| (&*o.ros_name, &*o.label, o.colour)).collect();
+    let appearances: Vec<_> = scene.objects.iter().map(|o| (&*o.ros_name, &*o.label, o.color)).collect();
     let (red, blue) = ([0.784, 0.267, 0.173], [0.133, 0.392, 0.722]);
     assert_eq!(
-        looks,
+        appearances,
         [
             ("redcylinder1", "1", red),
             ("redcylinder2", "2", red),
@@ -186,7 +184,7 @@ fn the_targeted_task_has_sixteen_numbered_cubes_each_with_its_target_across_the_
         assert_eq!((&*object.name, &*object.label), (&*format!("cube{}", k + 1), &*(k + 1).to_string()));
         assert_eq!(object.shape, Shape::Box { size: [0.025; 3] });
         let (at, target) = (object.pose.translation, scene.target(ObjectId::new(k)).expect("each has one"));
-        assert_eq!([target.centre.x, target.centre.y, target.centre.z], [at.x, -at.y, scene.table_height]);
+        assert_eq!([target.center.x, target.center.y, target.center.z], [at.x, -at.y, scene.table_height]);
         assert_eq!(at.z, scene.table_height + 0.0125, "it rests on the table");
         // 4 x 4, 55 mm apart: row by row, the nearest row first, the most lateral of a row first.
         let expected = [(k / 4) as f64 * 0.055 - 0.0825, (k % 4) as f64 * 0.055 - 0.0825 - 0.13175];
@@ -224,7 +222,7 @@ fn the_box_of_the_tests_with_cubes_has_the_dimensions_of_their_source() {
 
 #[test]
 fn the_scene_for_the_left_hand_is_the_mirror_image() {
-    for (name, _) in SHIPPED {
+    for (name, _) in BUILT_IN_TASKS {
         let (right, left) = (shipped(name, false), shipped(name, true));
         let (right, left) = (right.scene(), left.scene());
         let mirrored = |pose: &Pose| {
@@ -234,9 +232,9 @@ fn the_scene_for_the_left_hand_is_the_mirror_image() {
         let mut expected = right.clone();
         expected.fixed.iter_mut().for_each(|body| body.pose = mirrored(&body.pose));
         expected.objects.iter_mut().for_each(|object| object.pose = mirrored(&object.pose));
-        expected.targets.iter_mut().for_each(|target| target.centre.y = -target.centre.y);
-        let PlaceRegion { min, max } = right.put_down;
-        expected.put_down = PlaceRegion { min: [min[0], -max[1]], max: [max[0], -min[1]] };
+        expected.targets.iter_mut().for_each(|target| target.center.y = -target.center.y);
+        let PlaceRegion { min, max } = right.place_region;
+        expected.place_region = PlaceRegion { min: [min[0], -max[1]], max: [max[0], -min[1]] };
         assert_eq!(*left, expected, "{name}");
         // What goes over the partition begins at the right; what goes from place to place may stand anywhere.
         let crosses = name.contains("bbt");
@@ -247,9 +245,9 @@ fn the_scene_for_the_left_hand_is_the_mirror_image() {
 
 #[test]
 fn the_text_of_a_task_survives_being_written_and_read() {
-    let mut files: Vec<TaskFile> = SHIPPED
+    let mut files: Vec<TaskFile> = BUILT_IN_TASKS
         .iter()
-        .map(|(name, _)| TaskChoice::named(name, 1).and_then(|choice| choice.content()).expect("it ships"))
+        .map(|(name, _)| TaskSpec::named(name, 1).and_then(|choice| choice.task_file()).expect("it ships"))
         .collect();
     files.push(TaskFile::read(SMALL).expect("a task"));
     for file in files {
@@ -263,9 +261,9 @@ fn the_text_of_a_task_survives_being_written_and_read() {
 
 #[test]
 fn a_labs_own_task_is_its_text_and_keeps_it_in_the_configuration() {
-    let choice = TaskChoice::from_text(SMALL.to_owned()).expect("a task");
+    let choice = TaskSpec::from_text(SMALL.to_owned()).expect("a task");
     let written = serde_json::to_string(&choice).expect("writes");
-    let read: TaskChoice = serde_json::from_str(&written).expect("reads");
+    let read: TaskSpec = serde_json::from_str(&written).expect("reads");
     assert_eq!(read, choice);
     let task = read.build(false).expect("a task");
     assert_eq!(places(task.scene()), [[0.05, -0.1], [-0.05, -0.1]]);
@@ -274,9 +272,9 @@ fn a_labs_own_task_is_its_text_and_keeps_it_in_the_configuration() {
         (&**title, *order, *destination, *limit_secs),
         ("Small", Order::Prescribed, Destination::OwnTarget, 60.0)
     );
-    assert_eq!(task.state().next, Some(ObjectId(1)), "b comes first");
+    assert_eq!(task.state().next_object, Some(ObjectId(1)), "b comes first");
     assert_eq!(read.limit_secs(), Ok(60.0));
-    let shorter = read.build_within(false, Some(5.0)).expect("a task");
+    let shorter = read.build_with_limit(false, Some(5.0)).expect("a task");
     assert_eq!(shorter.briefing().limit_secs, 5.0);
 }
 
@@ -286,7 +284,7 @@ fn objects_that_overlap_or_stand_on_nothing_are_refused_by_name() {
     assert_eq!(error, "the task's scene: \"b\" overlaps \"a\" at the start; expected room between them");
     // Cubes that touch side by side do not overlap; a tenth of a millimetre less than that does.
     let beside = |x: f64| changed("at = [-0.05, -0.1]", &format!("at = [{x}, -0.1]"));
-    TaskChoice::from_text(beside(0.05 - 0.025)).expect("they touch");
+    TaskSpec::from_text(beside(0.05 - 0.025)).expect("they touch");
     assert!(refusal(beside(0.05 - 0.0248)).contains("overlaps"));
     let wall = "[[scene.fixed]]\nname = \"wall\"\nshape = { type = \"box\", size = [0.1, 0.01, 0.1] }\n\
                 at = [0.05, -0.1, 1.05]\nfriction = 0.4\n\n[[scene.objects]]\nname = \"a\"";
@@ -307,7 +305,7 @@ fn round_objects_overlap_by_their_radii_and_not_by_the_boxes_around_them() {
         let near = changed("at = [-0.05, -0.1]", "at = [0.026, -0.124]");
         near.replace("shape = { type = \"box\", size = [0.025, 0.025, 0.025] }", &cylinder)
     };
-    TaskChoice::from_text(text(0.0165)).expect("0.0339 m apart, and 0.033 m are enough");
+    TaskSpec::from_text(text(0.0165)).expect("0.0339 m apart, and 0.033 m are enough");
     assert!(refusal(text(0.0175)).contains("overlaps"));
 }
 
@@ -363,9 +361,8 @@ fn a_wrong_order_is_refused() {
     assert_eq!(order("[\"b\", \"c\"]"), "the task's order: \"c\" is no object; expected a, b");
     assert_eq!(order("[\"b\", \"b\"]"), "the task's order: \"b\" stands there twice");
     assert_eq!(order("[\"b\"]"), "the task's order: 1 names, expected all 2 objects, or none");
-    let none =
-        TaskChoice::from_text(changed("order = [\"b\", \"a\"]", "order = []")).expect("as in the scene");
-    assert_eq!(none.build(false).expect("a task").state().next, Some(ObjectId(0)));
+    let none = TaskSpec::from_text(changed("order = [\"b\", \"a\"]", "order = []")).expect("as in the scene");
+    assert_eq!(none.build(false).expect("a task").state().next_object, Some(ObjectId(0)));
 }
 
 #[test]
@@ -409,8 +406,8 @@ fn a_scene_without_objects_or_with_too_many_is_refused_before_it_is_made() {
     let error = refusal(format!("{SMALL}\n{}", grid("[100, 100]")));
     assert_eq!(error, "the task's scene: 10002 objects, expected 1 to 512");
     // Numbers whose products and sums do not fit.
-    let most = grid("[9223372036854775807, 9223372036854775807]");
-    let error = refusal(format!("{SMALL}\n{most}\n{most}"));
+    let grid_file = grid("[9223372036854775807, 9223372036854775807]");
+    let error = refusal(format!("{SMALL}\n{grid_file}\n{grid_file}"));
     assert!(error.ends_with("objects, expected 1 to 512"), "{error}");
     let end = SMALL.find("[[scene.objects]]").expect("it has objects");
     let none = SMALL[..end].replace("order = [\"b\", \"a\"]\n", "");
@@ -435,7 +432,7 @@ fn rules_that_do_not_fit_are_refused() {
         (
             "destination = \"own_target\"",
             "destination = \"across\"",
-            "briefing.destination: Across, expected OwnTarget: that is what these rules count",
+            "briefing.destination: \"across\", expected \"own_target\": that is what these rules count",
         ),
         ("target = [-0.05, 0.1]\n", "", "scene: \"b\" has no target, and the rules count targets"),
     ] {
@@ -447,20 +444,20 @@ fn rules_that_do_not_fit_are_refused() {
 
 #[test]
 fn a_task_that_is_unknown_and_an_option_that_it_does_not_have_are_refused_with_what_there_is() {
-    let error = TaskChoice::named("juggling", 1).expect_err("there is none").to_string();
-    let known = SHIPPED.map(|(name, _)| name).join(", ");
+    let error = TaskSpec::named("juggling", 1).expect_err("there is none").to_string();
+    let known = BUILT_IN_TASKS.map(|(name, _)| name).join(", ");
     assert_eq!(
         error,
         format!("task \"juggling\" is unknown; expected {known}, or a TOML file that describes one")
     );
     let arrangement = Some(Arrangement::numbered(1).expect("1 to 24"));
-    let choice = TaskChoice { arrangement, ..TaskChoice::named("bbt", 1).expect("it ships") };
+    let choice = TaskSpec { arrangement, ..TaskSpec::named("bbt", 1).expect("it ships") };
     let error = choice.build(false).err().expect("it has no arrangement");
     assert!(matches!(&error, TaskError::Option { task, .. } if task == "bbt"), "{error}");
     assert!(error.to_string().contains("arrangement = FL,FM,NL,NM"), "{error}");
     // The text of a configuration names another task than the configuration.
     let choice =
-        TaskChoice { name: "other".to_owned(), ..TaskChoice::from_text(SMALL.to_owned()).expect("a task") };
+        TaskSpec { name: "other".to_owned(), ..TaskSpec::from_text(SMALL.to_owned()).expect("a task") };
     let error = choice.build(false).err().expect("two names").to_string();
     assert_eq!(error, "the task's name: \"small\" in the text, \"other\" in the configuration");
 }

@@ -1,25 +1,29 @@
 use crate::{
-    ConfigError, FeedbackMapping, LinkImpairment, MotionConfig, PhysicsConfig, Pinned, PlannerOptions,
+    ConfigError, FeedbackMapping, LinkImpairment, MotionConfig, PhysicsConfig, PinnedContent, PlannerOptions,
 };
 use proact_arm::{ArmModel, Side};
-use proact_control::{MethodEntry, MethodProgram, MethodRegistry, OUTSIDE, Profile};
+use proact_control::{EXTERNAL_METHOD_NAME, MethodEntry, MethodProgram, MethodRegistry, Profile};
 use proact_emg::{Classifier, EmgConfig};
 use proact_intent::{IntentModelName, IntentOptions, IntentProgram};
 use proact_participants::{Body, ParticipantOptions};
-use proact_tasks::{DEFAULT_TASK, Task, TaskChoice, Wearer};
-use proact_types::{GestureCommands, GestureName, GestureTableError, number_text};
+use proact_tasks::{DEFAULT_TASK, Task, TaskSpec, UserProfile};
+use proact_types::{
+    CommandMap, CommandMapError, Gesture, format_number,
+    renamed_keys::{ConfigFile, DuplicateKey, RenamedKey, rename_assignment, rename_keys_in_toml},
+    shorten_numbers,
+};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 
 /// Gestures are given directly, until a source of them is named.
-const KEYS: &str = "keys";
+const GESTURE_SOURCE_KEYS: &str = "keys";
 
 /// Most words of a key of the configuration; there are four in `profile.end_effector_jog.inverse.kind`.
-const DEEPEST_KEY: usize = 8;
+const MAX_KEY_DEPTH: usize = 8;
 
 /// Where the blocks start: the key of the modified box-and-blocks test, and that of older configurations.
-const ARRANGEMENT: &str = "arrangement";
-const ARRANGEMENT_IN_TASK: &str = "task.arrangement";
+const ARRANGEMENT_KEY: &str = "arrangement";
+const TASK_ARRANGEMENT_KEY: &str = "task.arrangement";
 
 /// Where person and box are.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -58,26 +62,26 @@ impl Setup {
         if self.side != model.side {
             (self.side, self.body) = (model.side, self.body.mirrored());
         }
-        if let Some(stand) = &model.settings.stand {
-            self.body = self.body.beside(stand.xyz);
+        if let Some(stand) = &model.settings.fixed_base {
+            self.body = self.body.for_fixed_base(stand.xyz);
         }
         self
     }
 }
 
-fn yes() -> bool {
+fn default_true() -> bool {
     true
 }
 
-fn ten() -> u32 {
+fn default_failed_plans_limit() -> u32 {
     10
 }
 
-fn is_ten(limit: &u32) -> bool {
-    *limit == ten()
+fn is_default_failed_plans_limit(limit: &u32) -> bool {
+    *limit == default_failed_plans_limit()
 }
 
-fn is_standard(feedback: &[FeedbackMapping]) -> bool {
+fn is_standard_feedback(feedback: &[FeedbackMapping]) -> bool {
     feedback == FeedbackMapping::standard()
 }
 
@@ -100,11 +104,11 @@ pub struct TrialConfig {
     /// Where the gestures come from, as shown: `recording`, `synthetic`, `keys`.
     pub gesture_source: String,
     /// Whether there is gaze in this trial. Without it no gaze enters, and a method that needs it is refused.
-    #[serde(default = "yes", skip_serializing_if = "Clone::clone")]
+    #[serde(default = "default_true", skip_serializing_if = "Clone::clone")]
     pub gaze: bool,
     /// Zero level of each EMG channel, subtracted before anything else; empty for a stream that is centred.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub emg_centring: Vec<f64>,
+    pub emg_dc_offset: Vec<f64>,
     /// Faults of the EMG recordings, of the trial or of its model, that were accepted, one sentence each.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub emg_accepted_faults: Vec<String>,
@@ -113,10 +117,10 @@ pub struct TrialConfig {
     pub intent_model: IntentModelName,
     /// The arm.
     #[serde(default = "TrialConfig::default_arm")]
-    pub arm: Pinned,
+    pub arm: PinnedContent,
     /// The task.
     #[serde(default = "TrialConfig::default_task")]
-    pub task: TaskChoice,
+    pub task: TaskSpec,
     /// The arm's weight, its control, and the grasp rule.
     #[serde(default)]
     pub physics: PhysicsConfig,
@@ -139,7 +143,7 @@ pub struct TrialConfig {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub impairments: Vec<LinkImpairment>,
     /// From what happens to what the person is to hear and feel.
-    #[serde(default = "FeedbackMapping::standard", skip_serializing_if = "is_standard")]
+    #[serde(default = "FeedbackMapping::standard", skip_serializing_if = "is_standard_feedback")]
     pub feedback: Vec<FeedbackMapping>,
     /// How the methods behave.
     pub profile: Profile,
@@ -153,12 +157,16 @@ pub struct TrialConfig {
     /// or the intent model. Default: 3 where each answer is waited for, which takes at most 10 s each; 200 in a live trial.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub missed_answers_limit: Option<u32>,
+    /// A part in another process that misses this many answers in the whole trial, in a row or not, ends the trial. Default: 20
+    /// where each answer is waited for, 200 s of waiting; no limit in a live trial, in which no step waits.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub missed_answers_in_trial_limit: Option<u32>,
     /// This many failed plans in a row are a fault of the trial, told at its end.
-    #[serde(default = "ten", skip_serializing_if = "is_ten")]
+    #[serde(default = "default_failed_plans_limit", skip_serializing_if = "is_default_failed_plans_limit")]
     pub failed_plans_limit: u32,
     /// Age and sex of whoever wears the arm, by which norms are shown beside the score; none where nobody told them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub wearer: Option<Wearer>,
+    pub user_profile: Option<UserProfile>,
 }
 
 impl TrialConfig {
@@ -173,13 +181,13 @@ impl TrialConfig {
             plan_latency_ms: 50,
             wait_for_plans: true,
             place_filter_ms: 150,
-            gesture_source: KEYS.to_owned(),
+            gesture_source: GESTURE_SOURCE_KEYS.to_owned(),
             gaze: true,
-            emg_centring: Vec::new(),
+            emg_dc_offset: Vec::new(),
             emg_accepted_faults: Vec::new(),
             intent_model: IntentModelName::default(),
             arm: Self::default_arm(),
-            task: TaskChoice::named(DEFAULT_TASK, seed).expect("ships with the program and is tested there"),
+            task: TaskSpec::named(DEFAULT_TASK, seed).expect("ships with the program and is tested there"),
             physics: PhysicsConfig::default(),
             motion: MotionConfig::default(),
             planner: PlannerOptions::default(),
@@ -192,13 +200,14 @@ impl TrialConfig {
             emg: None,
             participant: None,
             missed_answers_limit: None,
-            failed_plans_limit: ten(),
-            wearer: None,
+            missed_answers_in_trial_limit: None,
+            failed_plans_limit: default_failed_plans_limit(),
+            user_profile: None,
         }
     }
 
     /// The same with the arm `model`, which is called `arm`, and the set-up for it.
-    pub fn with_arm(mut self, arm: Pinned, model: &ArmModel) -> Self {
+    pub fn with_arm(mut self, arm: PinnedContent, model: &ArmModel) -> Self {
         self.setup = self.setup.with_arm(model);
         Self { arm, ..self }
     }
@@ -213,20 +222,19 @@ impl TrialConfig {
         }
         let word = |side| if side == Side::Right { "right" } else { "left" };
         let (arm, side, got) = (self.arm.name.clone(), word(model.side), word(self.setup.side));
-        Err(ConfigError::Side { arm, side, got })
+        Err(ConfigError::SideMismatch { arm, side, got })
     }
 
     /// The name of the arm unless another one is asked for.
     pub const DEFAULT_ARM: &str = "mpl_right";
 
-    fn default_arm() -> Pinned {
-        Pinned::named(Self::DEFAULT_ARM)
+    fn default_arm() -> PinnedContent {
+        PinnedContent::named(Self::DEFAULT_ARM)
     }
 
     /// A configuration that says nothing of its task: the modified test, in its first arrangement.
-    fn default_task() -> TaskChoice {
-        let mut task =
-            TaskChoice::named(DEFAULT_TASK, 0).expect("ships with the program and is tested there");
+    fn default_task() -> TaskSpec {
+        let mut task = TaskSpec::named(DEFAULT_TASK, 0).expect("ships with the program and is tested there");
         task.arrangement = None;
         task
     }
@@ -235,7 +243,7 @@ impl TrialConfig {
     ///
     /// # Errors
     /// [`ConfigError::Task`].
-    pub fn with_task(mut self, task: TaskChoice) -> Result<Self, ConfigError> {
+    pub fn with_task(mut self, task: TaskSpec) -> Result<Self, ConfigError> {
         self.limit_secs = task.limit_secs()?;
         self.task = task;
         Ok(self)
@@ -246,27 +254,27 @@ impl TrialConfig {
     /// # Errors
     /// [`ConfigError::Task`].
     pub fn build_task(&self, model: &ArmModel) -> Result<Box<dyn Task>, ConfigError> {
-        let mut task = self.task.build_within(model.side == Side::Left, Some(self.limit_secs))?;
+        let mut task = self.task.build_with_limit(model.side == Side::Left, Some(self.limit_secs))?;
         let limits = |joint: &usize| [model.joints[*joint].limits.lower, model.joints[*joint].limits.upper];
-        task.meet_arm(&model.arm.iter().map(limits).collect::<Vec<_>>())?;
+        task.check_arm(&model.arm.iter().map(limits).collect::<Vec<_>>())?;
         Ok(task)
     }
 
     /// Takes `arm` for the arm, and the task as it is here.
     ///
     /// # Errors
-    /// [`ConfigError::OtherName`], [`ConfigError::OtherContent`].
-    pub(crate) fn pin(&mut self, arm: &Pinned) -> Result<(), ConfigError> {
-        self.arm.take("arm", arm)?;
-        let mut task = Pinned { name: self.task.name.clone(), hash: self.task.hash.take() };
-        task.pin("task", &self.task.name, &self.task.content()?)?;
+    /// [`ConfigError::NameMismatch`], [`ConfigError::ContentMismatch`].
+    pub(crate) fn pin_contents(&mut self, arm: &PinnedContent) -> Result<(), ConfigError> {
+        self.arm.check_and_adopt("arm", arm)?;
+        let mut task = PinnedContent { name: self.task.name.clone(), hash: self.task.hash.take() };
+        task.pin_content("task", &self.task.name, &self.task.task_file()?)?;
         self.task.hash = task.hash;
         Ok(())
     }
 
     /// The same for a trial that goes by the clock: a late plan acts when it comes, and none may be later than
     /// [`TrialConfig::LIVE_DEADLINE_SECS`] unless the planner has another deadline.
-    pub fn live(mut self) -> Self {
+    pub fn for_live_trial(mut self) -> Self {
         self.wait_for_plans = false;
         self.planner.deadline_secs.get_or_insert(Self::LIVE_DEADLINE_SECS);
         self
@@ -279,15 +287,15 @@ impl TrialConfig {
     ///
     /// # Errors
     /// [`ConfigError::Value`] if the configuration has others.
-    pub fn centred_by(&mut self, levels: Vec<f64>) -> Result<(), ConfigError> {
-        if !self.emg_centring.is_empty() && self.emg_centring != levels {
+    pub fn set_emg_dc_offset(&mut self, levels: Vec<f64>) -> Result<(), ConfigError> {
+        if !self.emg_dc_offset.is_empty() && self.emg_dc_offset != levels {
             return Err(ConfigError::Value {
-                key: "emg_centring",
-                got: format!("{:?}", self.emg_centring),
+                key: "emg_dc_offset",
+                got: format!("{:?}", self.emg_dc_offset),
                 expected: "none: they come with the stream, or with the model that was trained on it",
             });
         }
-        self.emg_centring = levels;
+        self.emg_dc_offset = levels;
         Ok(())
     }
 
@@ -311,20 +319,16 @@ impl TrialConfig {
     ///
     /// # Errors
     /// A table of the profile that does not fit them.
-    pub fn gesture_commands(
-        &self,
-        rest: GestureName,
-        classifier: &Classifier,
-    ) -> Result<GestureCommands, GestureTableError> {
-        GestureCommands::new(classifier.gestures(), rest, &self.profile.gestures)
+    pub fn command_map(&self, rest: Gesture, classifier: &Classifier) -> Result<CommandMap, CommandMapError> {
+        CommandMap::new(classifier.gestures(), rest, &self.profile.gestures)
     }
 
     /// Where the gestures of the trial come from, as shown.
     ///
     /// # Errors
     /// [`ConfigError::Value`] if the configuration names another source.
-    pub fn gestures_from(&mut self, source: &str) -> Result<(), ConfigError> {
-        if self.gesture_source != source && self.gesture_source != KEYS {
+    pub fn set_gesture_source(&mut self, source: &str) -> Result<(), ConfigError> {
+        if self.gesture_source != source && self.gesture_source != GESTURE_SOURCE_KEYS {
             return Err(ConfigError::Value {
                 key: "gesture_source",
                 got: format!("{:?}", self.gesture_source),
@@ -343,28 +347,39 @@ impl TrialConfig {
     pub fn with_profile(mut self, name: &str) -> Result<Self, ConfigError> {
         self.profile = Profile::named(name)?;
         if name == "original" {
-            self.intent.sigma = 0.1;
-            self.intent.changes_at_grasp = true;
+            self.intent.gaze_sigma = 0.1;
+            self.intent.context_changes_at_grasp = true;
             self.physics = PhysicsConfig::ORIGINAL;
         }
         Ok(self)
     }
 
-    /// Reads and checks a configuration.
+    /// Reads and checks a configuration. Keys may have the names that they had before.
     ///
     /// # Errors
-    /// Unreadable text, unknown keys, values out of range.
+    /// Unreadable text, unknown keys, a key by its old and its new name, values out of range.
     pub fn from_toml(text: &str) -> Result<Self, ConfigError> {
-        let read = with_arrangement_in_task(text);
+        Self::from_toml_noting(text, &mut Vec::new())
+    }
+
+    /// As [`TrialConfig::from_toml`], for a text that people write: `renamed` gets the keys that have another name now.
+    ///
+    /// # Errors
+    /// As [`TrialConfig::from_toml`].
+    pub fn from_toml_noting(text: &str, renamed: &mut Vec<&'static RenamedKey>) -> Result<Self, ConfigError> {
+        let (named, used) = rename_keys_in_toml(text, ConfigFile::Trial, "")?;
+        renamed.extend(used);
+        let read = move_arrangement_into_task(&named);
+        let is_as_written = matches!((&named, &read), (Cow::Borrowed(_), Cow::Borrowed(_)));
         let config: Self = toml::from_str(&read).map_err(|error| {
             let start = error.span().map_or(0, |span| span.start);
             let number = read[..start].matches('\n').count();
             // Lines of a text that was put in order are numbered otherwise than those of the file.
-            let place = match &read {
-                Cow::Borrowed(_) => format!("line {}", number + 1),
-                Cow::Owned(read) => read.lines().nth(number).unwrap_or_default().trim().to_owned(),
+            let location = match is_as_written {
+                true => format!("line {}", number + 1),
+                false => read.lines().nth(number).unwrap_or_default().trim().to_owned(),
             };
-            ConfigError::Text(format!("{place}: {}", error.message().replace('`', "")))
+            ConfigError::Text(format!("{location}: {}", shorten_numbers(error.message()).replace('`', "")))
         })?;
         config.check()?;
         Ok(config)
@@ -374,26 +389,40 @@ impl TrialConfig {
     /// each table, the value as there; a word needs no quotes, and no value leaves the key out.
     ///
     /// # Errors
-    /// [`ConfigError::Assignment`] for what is no assignment, otherwise as [`TrialConfig::from_toml`].
-    pub fn with_values<S: AsRef<str>>(&self, assignments: &[S]) -> Result<Self, ConfigError> {
+    /// [`ConfigError::InvalidAssignment`] for what is no assignment, otherwise as [`TrialConfig::from_toml`].
+    pub fn with_overrides<S: AsRef<str>>(&self, assignments: &[S]) -> Result<Self, ConfigError> {
+        self.with_overrides_noting(assignments, &mut Vec::new())
+    }
+
+    /// As [`TrialConfig::with_overrides`], for assignments that people write: `renamed` gets the keys that have another name now.
+    ///
+    /// # Errors
+    /// As [`TrialConfig::with_overrides`].
+    pub fn with_overrides_noting<S: AsRef<str>>(
+        &self,
+        assignments: &[S],
+        renamed: &mut Vec<&'static RenamedKey>,
+    ) -> Result<Self, ConfigError> {
+        let mut present_names = PresentNames::default();
         let mut whole: toml::Table =
             toml::from_str(&self.to_toml()?).map_err(|e| ConfigError::Text(e.to_string()))?;
         // A text that gave way to a table, as `mass_set` to `mass_set.scaled`: whether it may, the reading below decides.
         let mut gave_way = None;
         for assignment in assignments.iter().map(AsRef::as_ref) {
-            let wrong = || ConfigError::Assignment { got: assignment.to_owned() };
+            let wrong = || ConfigError::InvalidAssignment { got: assignment.to_owned() };
             let (key, value) = assignment.split_once('=').ok_or_else(wrong)?;
             let (key, value_text) = (key.trim(), value.trim());
-            let key = if key == ARRANGEMENT { ARRANGEMENT_IN_TASK } else { key };
-            if key.split('.').count() > DEEPEST_KEY {
+            let key = if key == ARRANGEMENT_KEY { TASK_ARRANGEMENT_KEY } else { key };
+            if key.split('.').count() > MAX_KEY_DEPTH {
                 return Err(wrong());
             }
             // A bare word is text; anything else is what TOML says.
             let read = |text: &str| toml::from_str::<toml::Table>(&format!("value = {text}")).ok();
             let value = read(value_text).and_then(|mut table| table.remove("value"));
             let value = value.unwrap_or_else(|| toml::Value::String(value_text.to_owned()));
+            let (key, value) = present_names.of(key, value, renamed)?;
             let (tables, name) =
-                key.rsplit_once('.').map_or((None, key), |(tables, name)| (Some(tables), name));
+                key.rsplit_once('.').map_or((None, &*key), |(tables, name)| (Some(tables), name));
             let mut table = &mut whole;
             for step in tables.into_iter().flat_map(|tables| tables.split('.')) {
                 let inner = table.entry(step).or_insert_with(|| toml::Value::Table(toml::Table::new()));
@@ -412,12 +441,19 @@ impl TrialConfig {
         let text = whole.to_string();
         let config: Self = toml::from_str(&text).map_err(|error| {
             if let Some(assignment) = gave_way {
-                return ConfigError::Assignment { got: assignment.to_owned() };
+                return ConfigError::InvalidAssignment { got: assignment.to_owned() };
             }
             // Where it stands in a text that nobody has seen tells nothing; which assignment it is does.
-            let reason = error.message().replace('`', "");
-            let given = assignments.iter().map(AsRef::as_ref);
-            ConfigError::Assigned { got: given.collect::<Vec<&str>>().join(", "), reason }
+            let reason = shorten_numbers(error.message()).replace('`', "");
+            // With the first assignments up to the one to blame, the same is wrong.
+            let is_wrong_already = |count: &usize| {
+                let before = self.with_overrides(&assignments[..*count]);
+                matches!(before, Err(ConfigError::RefusedAssignment { reason: other, .. }) if other == reason)
+            };
+            let count = (1..assignments.len()).find(is_wrong_already);
+            let blamed = count.map_or(assignments.last(), |count| assignments.get(count - 1));
+            let got = blamed.map_or_else(String::new, |assignment| assignment.as_ref().to_owned());
+            ConfigError::RefusedAssignment { got, reason }
         })?;
         config.check()?;
         Ok(config)
@@ -425,7 +461,7 @@ impl TrialConfig {
 
     /// Takes the method that `entry` is.
     #[must_use]
-    pub fn by(self, entry: &MethodEntry) -> Self {
+    pub fn with_method(self, entry: &MethodEntry) -> Self {
         Self { method: entry.info().name.clone(), method_process: entry.program().cloned(), ..self }
     }
 
@@ -434,7 +470,7 @@ impl TrialConfig {
     /// # Errors
     /// No such method; one that needs what the trial has not.
     pub fn method_entry(&self, methods: &MethodRegistry) -> Result<MethodEntry, ConfigError> {
-        let entry = methods.of(&self.method, self.method_process.as_ref())?;
+        let entry = methods.resolve(&self.method, self.method_process.as_ref())?;
         if entry.needs().gaze && !self.gaze {
             return Err(ConfigError::NoGaze { method: self.method.clone() });
         }
@@ -444,7 +480,7 @@ impl TrialConfig {
     /// What the method is called in results and records.
     pub fn method_label(&self) -> String {
         match &self.method_process {
-            Some(MethodProgram { info: None, .. }) => OUTSIDE.to_owned(),
+            Some(MethodProgram { info: None, .. }) => EXTERNAL_METHOD_NAME.to_owned(),
             _ => self.method.clone(),
         }
     }
@@ -464,7 +500,7 @@ impl TrialConfig {
     pub fn check(&self) -> Result<(), ConfigError> {
         let bad = |key, got: String, expected| Err(ConfigError::Value { key, got, expected });
         if !(0.001..=3600.0).contains(&self.limit_secs) {
-            return bad("limit_secs", number_text(self.limit_secs), "0.001 to 3600");
+            return bad("limit_secs", format_number(self.limit_secs), "0.001 to 3600");
         }
         if !(1..=10_000).contains(&self.plan_latency_ms) {
             return bad("plan_latency_ms", self.plan_latency_ms.to_string(), "1 to 10000");
@@ -474,13 +510,14 @@ impl TrialConfig {
         }
         for (key, limit) in [
             ("missed_answers_limit", self.missed_answers_limit.unwrap_or(1)),
+            ("missed_answers_in_trial_limit", self.missed_answers_in_trial_limit.unwrap_or(1)),
             ("failed_plans_limit", self.failed_plans_limit),
         ] {
             if !(1..=100_000).contains(&limit) {
                 return bad(key, limit.to_string(), "1 to 100000");
             }
         }
-        self.task.build_within(false, Some(self.limit_secs))?;
+        self.task.build_with_limit(false, Some(self.limit_secs))?;
         self.physics.check()?;
         self.motion.check()?;
         self.planner.check()?;
@@ -491,8 +528,8 @@ impl TrialConfig {
         self.profile.check()?;
         self.intent.check()?;
         self.setup.body.check()?;
-        if let Some(level) = self.emg_centring.iter().find(|level| !level.is_finite()) {
-            return bad("emg_centring", level.to_string(), "finite numbers");
+        if let Some(level) = self.emg_dc_offset.iter().find(|level| !level.is_finite()) {
+            return bad("emg_dc_offset", level.to_string(), "finite numbers");
         }
         if let Some(emg) = &self.emg {
             emg.check()?;
@@ -504,14 +541,52 @@ impl TrialConfig {
     }
 }
 
+/// The keys of assignments by their present names.
+#[derive(Default)]
+struct PresentNames {
+    /// Keys that were assigned to by an old name.
+    renamed: Vec<(String, DuplicateKey)>,
+    /// The others.
+    as_written: Vec<String>,
+}
+
+impl PresentNames {
+    /// The key and the value of an assignment by present names; `renamed` gets those that had others.
+    ///
+    /// # Errors
+    /// A key by its old and its new name, in this assignment or in one before.
+    fn of(
+        &mut self,
+        key: &str,
+        value: toml::Value,
+        renamed: &mut Vec<&'static RenamedKey>,
+    ) -> Result<(String, toml::Value), ConfigError> {
+        let (name, value, used) = rename_assignment(key, value, ConfigFile::Trial)?;
+        renamed.extend(&used);
+        if name == key {
+            if let Some((_, twice)) = self.renamed.iter().find(|(other, _)| *other == name) {
+                return Err(twice.clone().into());
+            }
+            self.as_written.push(name.clone());
+        } else {
+            let twice = DuplicateKey { old: key.to_owned(), new: name.clone() };
+            if self.as_written.contains(&name) {
+                return Err(twice.into());
+            }
+            self.renamed.push((name.clone(), twice));
+        }
+        Ok((name, value))
+    }
+}
+
 /// `text` with a key `arrangement` at its top, as older configurations have it, as that of the task.
-fn with_arrangement_in_task(text: &str) -> Cow<'_, str> {
+fn move_arrangement_into_task(text: &str) -> Cow<'_, str> {
     let Ok(mut table) = toml::from_str::<toml::Table>(text) else { return Cow::Borrowed(text) };
-    let Some(arrangement) = table.remove(ARRANGEMENT) else { return Cow::Borrowed(text) };
+    let Some(arrangement) = table.remove(ARRANGEMENT_KEY) else { return Cow::Borrowed(text) };
     let task = table.entry("task").or_insert_with(|| toml::Value::Table(toml::Table::new()));
     let Some(task) = task.as_table_mut() else { return Cow::Borrowed(text) };
     task.entry("name").or_insert_with(|| toml::Value::String(DEFAULT_TASK.to_owned()));
-    task.insert(ARRANGEMENT.to_owned(), arrangement);
+    task.insert(ARRANGEMENT_KEY.to_owned(), arrangement);
     Cow::Owned(table.to_string())
 }
 

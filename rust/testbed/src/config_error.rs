@@ -1,5 +1,6 @@
 use proact_control::ControlError;
 use proact_participants::OutOfRange;
+use proact_types::{renamed_keys::DuplicateKey, shorten_numbers};
 
 /// Why a configuration is refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -16,7 +17,7 @@ pub enum ConfigError {
     },
     /// A part of another name than the trial's.
     #[error("{kind} is {got:?}, the trial's is {expected:?}")]
-    OtherName {
+    NameMismatch {
         /// `arm` or `task`.
         kind: &'static str,
         /// What the trial names.
@@ -29,7 +30,7 @@ pub enum ConfigError {
         "{kind} {name:?} is another one here (hash {got}...) than the one that the trial was made with \
          ({expected}...): take the {kind}, or the program, of that time"
     )]
-    OtherContent {
+    ContentMismatch {
         /// `arm` or `task`.
         kind: &'static str,
         /// Its name.
@@ -44,7 +45,7 @@ pub enum ConfigError {
         "arm {arm:?} is a {side} arm and the set-up is for a {got} one; expected setup.side = \"{side}\" with the body \
          mirrored, as `proact demo --arm` makes it"
     )]
-    Side {
+    SideMismatch {
         /// The arm.
         arm: String,
         /// Its side.
@@ -68,20 +69,20 @@ pub enum ConfigError {
     },
     /// What should be a key and its value is not.
     #[error("{got:?} sets nothing; expected KEY=VALUE such as profile.level=below_elbow")]
-    Assignment {
+    InvalidAssignment {
         /// What was given.
         got: String,
     },
     /// A key that does not exist, or a value that it cannot have.
-    #[error("cannot set {got}: {reason}")]
-    Assigned {
+    #[error("cannot set {}: {reason}", shorten_numbers(got))]
+    RefusedAssignment {
         /// What was given.
         got: String,
         /// Why not, and what there is.
         reason: String,
     },
     /// A value is outside its range.
-    #[error("{key} = {got}, expected {expected}")]
+    #[error("{key} = {}, expected {expected}", shorten_numbers(got))]
     Value {
         /// Such as `limit_secs`.
         key: &'static str,
@@ -104,7 +105,7 @@ pub enum ConfigError {
     Emg(#[from] proact_emg::EmgError),
     /// Settings of who or what has no part in the trial.
     #[error("{key} is set, but {why}: leave it out")]
-    NoPart {
+    UnusedSettings {
         /// Such as `participant`.
         key: &'static str,
         /// Why it has no part.
@@ -113,6 +114,9 @@ pub enum ConfigError {
     /// A number of the participant is out of range.
     #[error(transparent)]
     Participant(#[from] OutOfRange),
+    /// A key by its old and its new name.
+    #[error(transparent)]
+    DuplicateKey(#[from] DuplicateKey),
     /// The text is not a configuration.
     #[error("the trial configuration is unreadable: {0}")]
     Text(String),

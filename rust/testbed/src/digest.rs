@@ -17,7 +17,7 @@ pub const SPAN_TICKS: u64 = 100;
 
 /// What is hashed, in the order of the tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Field {
+pub enum DigestField {
     /// EMG samples that came in.
     InputEmg,
     /// Gestures given directly, and signs of life of live sources.
@@ -48,23 +48,23 @@ pub enum Field {
     Task,
 }
 
-impl Field {
+impl DigestField {
     /// All fields in order.
-    pub const ALL: [Field; 14] = [
-        Field::InputEmg,
-        Field::InputGesture,
-        Field::InputGaze,
-        Field::InputShoulder,
-        Field::InputLimb,
-        Field::InputPlan,
-        Field::InputMethod,
-        Field::Emg,
-        Field::Intent,
-        Field::Control,
-        Field::Motion,
-        Field::Joints,
-        Field::Blocks,
-        Field::Task,
+    pub const ALL: [DigestField; 14] = [
+        DigestField::InputEmg,
+        DigestField::InputGesture,
+        DigestField::InputGaze,
+        DigestField::InputShoulder,
+        DigestField::InputLimb,
+        DigestField::InputPlan,
+        DigestField::InputMethod,
+        DigestField::Emg,
+        DigestField::Intent,
+        DigestField::Control,
+        DigestField::Motion,
+        DigestField::Joints,
+        DigestField::Blocks,
+        DigestField::Task,
     ];
 
     /// Stage and field as reported, such as `dynamics.joints`.
@@ -93,10 +93,11 @@ impl Field {
 pub struct SpanDigest {
     /// Last tick of the span.
     pub tick: SimTime,
-    /// One hash per field in [`Field::ALL`] order, 16 hexadecimal digits each.
+    /// One hash per field in [`DigestField::ALL`] order, 16 hexadecimal digits each.
     pub fields: Vec<String>,
     /// Hash of this span and all before it, 64 hexadecimal digits.
-    pub chain: String,
+    #[serde(rename = "chain")]
+    pub chain_hash: String,
 }
 
 /// Collects a trial's digest.
@@ -113,59 +114,59 @@ impl Digest {
     /// A digest that begins with the configuration.
     pub fn new(configuration: &str) -> Self {
         Self {
-            fields: vec![Vec::new(); Field::ALL.len()],
+            fields: vec![Vec::new(); DigestField::ALL.len()],
             chain: blake3::hash(configuration.as_bytes()),
             ticks_in_span: 0,
         }
     }
 
     /// Where the numbers of `field` go.
-    pub fn field(&mut self, field: Field) -> FieldDigest<'_> {
+    pub fn field(&mut self, field: DigestField) -> FieldDigest<'_> {
         FieldDigest(&mut self.fields[field as usize])
     }
 
     /// What entered the tick.
     pub fn input(&mut self, input: &TickInput) {
         for sample in &input.emg {
-            self.field(Field::InputEmg).word(sample.counter).numbers(&sample.channels);
+            self.field(DigestField::InputEmg).word(sample.counter).numbers(&sample.channels);
         }
-        if let Some(gesture) = input.gesture {
-            self.field(Field::InputGesture).word(gesture.index() as u64);
+        if let Some(command) = input.command {
+            self.field(DigestField::InputGesture).word(command.index() as u64);
         }
-        for sign in &input.signs {
-            let mut field = self.field(Field::InputGesture);
-            field.word(sign.source.index() as u64).word(sign.kind as u64);
+        for heartbeat in &input.heartbeats {
+            let mut field = self.field(DigestField::InputGesture);
+            field.word(heartbeat.source.index() as u64).word(heartbeat.kind as u64);
         }
         if let Some(gaze) = &input.gaze {
-            let mut field = self.field(Field::InputGaze);
+            let mut field = self.field(DigestField::InputGaze);
             field.vector(&gaze.origin.coords).vector(&gaze.direction).word(u64::from(gaze.valid));
         }
         if let Some(pose) = &input.shoulder {
-            self.field(Field::InputShoulder).pose(pose);
+            self.field(DigestField::InputShoulder).pose(pose);
         }
         if let Some(limb) = &input.limb {
-            self.field(Field::InputLimb).numbers(limb);
+            self.field(DigestField::InputLimb).numbers(limb);
         }
     }
 
     /// What the EMG stage said.
-    pub fn gesture(&mut self, output: &EmgStageOutput) {
+    pub fn emg(&mut self, output: &EmgStageOutput) {
         // Without a process that decodes there are none, and nothing enters.
         for answer in &output.answers {
-            let mut field = self.field(Field::InputEmg);
+            let mut field = self.field(DigestField::InputEmg);
             match answer {
                 WindowAnswer::Line(text) => field.word(0).text(text),
-                WindowAnswer::Late { deadline_ms } => field.word(1).word(*deadline_ms),
+                WindowAnswer::TimedOut { deadline_ms } => field.word(1).word(*deadline_ms),
                 WindowAnswer::Failed(reason) => field.word(2).text(reason),
             };
         }
         if let Some(decision) = &output.decision {
-            let mut field = self.field(Field::Emg);
-            field.word(decision.place as u64).numbers(&decision.posterior);
+            let mut field = self.field(DigestField::Emg);
+            field.word(decision.class_index as u64).numbers(&decision.posterior);
         }
         // Without a regressor there are none, and nothing enters.
         if !output.drives.is_empty() {
-            self.field(Field::Emg).numbers(&output.drives);
+            self.field(DigestField::Emg).numbers(&output.drives);
         }
     }
 
@@ -173,32 +174,32 @@ impl Digest {
     pub fn intent(&mut self, output: &IntentOutput) {
         // Without a model in another process there is none, and nothing enters.
         if let Some(answer) = &output.answer {
-            self.field(Field::InputGaze).answer(answer);
+            self.field(DigestField::InputGaze).answer(answer);
         }
-        if output.heard.is_some() {
-            let mut field = self.field(Field::Intent);
-            field.numbers(&output.posterior).vector(&output.place.coords);
+        if output.gaze_freshness.is_some() {
+            let mut field = self.field(DigestField::Intent);
+            field.numbers(&output.posterior).vector(&output.place_point.coords);
         }
     }
 
     /// What the method asked for, and what stopped it.
     pub fn method(&mut self, output: &MethodOutput, stop: Option<&Stop>) {
         if let Some(reply) = &output.plan {
-            let mut field = self.field(Field::InputPlan);
+            let mut field = self.field(DigestField::InputPlan);
             field.word(reply.id).word(reply.status as u64).text(&reply.reason);
             for point in &reply.trajectory.points {
                 field.number(point.time_secs).numbers(&point.q).numbers(&point.qd);
             }
         }
         if let Some(answer) = &output.answer {
-            self.field(Field::InputMethod).answer(answer);
+            self.field(DigestField::InputMethod).answer(answer);
         }
-        if output.stepped {
-            let mut field = self.field(Field::Control);
+        if output.has_stepped {
+            let mut field = self.field(DigestField::Control);
             field
                 .word(u64::from(output.motion.is_some()))
                 .word(output.hand.map_or(0, |hand| hand as u64 + 1))
-                .word(output.said as u64);
+                .word(output.method_event_count as u64);
             if let Some(stop) = stop {
                 field.word(stop.source.index() as u64).word(stop.cause as u64);
             }
@@ -208,33 +209,34 @@ impl Digest {
     /// What was asked of the joints.
     pub fn actuation(&mut self, output: &ActuationOutput) {
         let command = &output.command;
-        self.field(Field::Motion).numbers(&command.position).pose(&command.world_from_base);
+        self.field(DigestField::Motion).numbers(&command.position).pose(&command.world_from_base);
     }
 
     /// The world after its step, and the object that was attached while the physics moved.
     pub fn world(&mut self, state: &PlantState, carried: Option<usize>) {
-        self.field(Field::Joints).numbers(&state.position).numbers(&state.velocity);
-        let mut field = self.field(Field::Blocks);
+        self.field(DigestField::Joints).numbers(&state.position).numbers(&state.velocity);
+        let mut field = self.field(DigestField::Blocks);
         for body in &state.objects {
-            field.pose(&body.pose).vector(&body.linear).vector(&body.angular);
+            field.pose(&body.pose).vector(&body.linear_velocity).vector(&body.angular_velocity);
         }
         field.word(carried.map_or(u64::MAX, |block| block as u64));
     }
 
     /// The task, with the object in the hand.
     pub fn task(&mut self, state: &TaskState, held: Option<ObjectId>) {
-        let mut field = self.field(Field::Task);
+        let mut field = self.field(DigestField::Task);
         // None is 9, so that what comes after 8 moves up by one.
-        let place = |object: Option<ObjectId>| object.map_or(9, |id| u64::from(id.0) + u64::from(id.0 >= 9));
-        field.word(u64::from(state.score)).word(place(state.next));
-        field.word(place(held)).word(u64::from(state.finished));
+        let object_code =
+            |object: Option<ObjectId>| object.map_or(9, |id| u64::from(id.0) + u64::from(id.0 >= 9));
+        field.word(u64::from(state.score)).word(object_code(state.next_object));
+        field.word(object_code(held)).word(u64::from(state.finished));
         match &state.goal {
             None => {}
-            Some(TaskGoal::Disc { centre, radius }) => {
-                field.word(1).vector(&centre.coords).number(*radius);
+            Some(TaskGoal::Disc { center, radius }) => {
+                field.word(1).vector(&center.coords).number(*radius);
             }
-            Some(TaskGoal::Ball { centre, radius }) => {
-                field.word(2).vector(&centre.coords).number(*radius);
+            Some(TaskGoal::Ball { center, radius }) => {
+                field.word(2).vector(&center.coords).number(*radius);
             }
             Some(TaskGoal::Posture { joints }) => {
                 field.word(3);
@@ -254,15 +256,15 @@ impl Digest {
         self.ticks_in_span = 0;
         let mut chain = Hasher::new();
         chain.update(self.chain.as_bytes());
-        let mut fields = Vec::with_capacity(Field::ALL.len());
-        for said in &mut self.fields {
-            let hash = blake3::hash(said);
+        let mut fields = Vec::with_capacity(DigestField::ALL.len());
+        for field in &mut self.fields {
+            let hash = blake3::hash(field);
             chain.update(hash.as_bytes());
             fields.push(hash.to_hex()[..16].to_owned());
-            said.clear();
+            field.clear();
         }
         self.chain = chain.finalize();
-        Some(SpanDigest { tick: now, fields, chain: self.chain.to_hex().to_string() })
+        Some(SpanDigest { tick: now, fields, chain_hash: self.chain.to_hex().to_string() })
     }
 
     /// The trial's digest so far: the chain up to the last closed span.
@@ -311,7 +313,7 @@ impl FieldDigest<'_> {
         let number = match answer {
             ExternalAnswer::Failed(_) => 0,
             ExternalAnswer::Line(_) => 1,
-            ExternalAnswer::Missed(_) => 2,
+            ExternalAnswer::TimedOut(_) => 2,
         };
         self.word(number).text(answer.text())
     }
@@ -345,10 +347,11 @@ pub fn first_divergence(recorded: &[SpanDigest], recomputed: &[SpanDigest]) -> O
     let from = SimTime(k as u64 * SPAN_TICKS + 1);
     match (recorded.get(k), recomputed.get(k)) {
         (Some(a), Some(b)) => {
-            let differing =
-                |(field, (x, y)): (&Field, (&String, &String))| (x != y).then(|| field.name().to_owned());
+            let differing = |(field, (x, y)): (&DigestField, (&String, &String))| {
+                (x != y).then(|| field.name().to_owned())
+            };
             let mut fields: Vec<String> =
-                Field::ALL.iter().zip(a.fields.iter().zip(&b.fields)).filter_map(differing).collect();
+                DigestField::ALL.iter().zip(a.fields.iter().zip(&b.fields)).filter_map(differing).collect();
             if a.tick != b.tick {
                 fields.push("length".to_owned());
             } else if fields.is_empty() {
@@ -372,8 +375,8 @@ mod tests {
         (1..=350)
             .filter_map(|tick| {
                 let joint = change.filter(|c| c.0 == tick).map_or(1.0, |c| c.1);
-                digest.field(Field::Joints).number(joint);
-                digest.field(Field::InputEmg).word(tick);
+                digest.field(DigestField::Joints).number(joint);
+                digest.field(DigestField::InputEmg).word(tick);
                 digest.end_tick(SimTime(tick), tick == 350)
             })
             .collect()

@@ -1,11 +1,11 @@
 use crate::ConfigError;
-use proact_types::{Cue, Tone, Vibration, number_text};
+use proact_types::{Cue, Tone, Vibration, format_number};
 use serde::{Deserialize, Serialize};
 
 /// Most mappings of a trial.
-const MOST_MAPPINGS: usize = 32;
+const MAX_MAPPINGS: usize = 32;
 /// Values that go on are said at most this often, Hz: what a vibrating motor follows, and as the display.
-const MOST_RATE_HZ: f64 = 60.0;
+const MAX_RATE_HZ: f64 = 60.0;
 
 /// A way from what happens to what a person is to hear and feel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -30,7 +30,7 @@ pub enum FeedbackMapping {
         #[serde(default)]
         threshold_n: f64,
         /// So often while the force lasts, Hz.
-        #[serde(default = "FeedbackMapping::rate")]
+        #[serde(default = "FeedbackMapping::default_rate_hz")]
         rate_hz: f64,
     },
     /// The force of all digits together, as the height of a tone.
@@ -43,7 +43,7 @@ pub enum FeedbackMapping {
         #[serde(default)]
         threshold_n: f64,
         /// So often while the force lasts, Hz.
-        #[serde(default = "FeedbackMapping::rate")]
+        #[serde(default = "FeedbackMapping::default_rate_hz")]
         rate_hz: f64,
     },
 }
@@ -74,7 +74,7 @@ impl From<CueEvent> for Cue {
 }
 
 impl FeedbackMapping {
-    fn rate() -> f64 {
+    fn default_rate_hz() -> f64 {
         30.0
     }
 
@@ -99,15 +99,15 @@ impl FeedbackMapping {
     /// [`ConfigError::Value`] naming the first number that is out of range.
     pub fn check(mappings: &[Self]) -> Result<(), ConfigError> {
         let bad = |key, got: String, expected| Err(ConfigError::Value { key, got, expected });
-        if mappings.len() > MOST_MAPPINGS {
+        if mappings.len() > MAX_MAPPINGS {
             return bad("feedback", format!("{} mappings", mappings.len()), "at most 32");
         }
-        let heard = |hz: &[f64; 2]| hz.iter().all(|hz| (20.0..=20_000.0).contains(hz));
+        let is_audible = |hz: &[f64; 2]| hz.iter().all(|hz| (20.0..=20_000.0).contains(hz));
         for mapping in mappings {
             let force = match mapping {
                 Self::Event { sound, vibration, .. } => {
                     let lasts = |ms: u32| (1..=10_000).contains(&ms);
-                    if let Some(tone) = sound.filter(|tone| !heard(&tone.hz) || !lasts(tone.ms)) {
+                    if let Some(tone) = sound.filter(|tone| !is_audible(&tone.hz) || !lasts(tone.ms)) {
                         return bad(
                             "feedback.sound",
                             format!("{tone:?}"),
@@ -124,7 +124,7 @@ impl FeedbackMapping {
                     }
                     continue;
                 }
-                Self::Grip { hz, .. } if !heard(hz) => {
+                Self::Grip { hz, .. } if !is_audible(hz) => {
                     return bad("feedback.hz", format!("{hz:?}"), "20 to 20000");
                 }
                 Self::Grip { full_n, threshold_n, rate_hz, .. }
@@ -132,17 +132,17 @@ impl FeedbackMapping {
             };
             let (full, threshold, rate) = force;
             if !(0.001..=1000.0).contains(&full) {
-                return bad("feedback.full_n", number_text(full), "0.001 to 1000");
+                return bad("feedback.full_n", format_number(full), "0.001 to 1000");
             }
             if !(0.0..full).contains(&threshold) {
                 return bad(
                     "feedback.threshold_n",
-                    number_text(threshold),
+                    format_number(threshold),
                     "0 or more, and less than full_n",
                 );
             }
-            if !(1.0..=MOST_RATE_HZ).contains(&rate) {
-                return bad("feedback.rate_hz", number_text(rate), "1 to 60");
+            if !(1.0..=MAX_RATE_HZ).contains(&rate) {
+                return bad("feedback.rate_hz", format_number(rate), "1 to 60");
             }
         }
         Ok(())

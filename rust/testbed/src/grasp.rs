@@ -15,11 +15,11 @@ pub enum GraspAction {
 /// When the hand takes a block and lets it go, by the rule that a trial asks for.
 #[derive(Clone, Debug)]
 pub struct GraspDetector {
-    opposing: GraspRule,
+    opposing_rule: GraspRule,
     /// Instead of `opposing`, if the trial asks for it.
-    original: Option<OriginalGraspRule>,
+    original_rule: Option<OriginalGraspRule>,
     /// Finger joints when the block was taken, rad.
-    taken_at: Option<JointVector>,
+    finger_joints_at_grasp: Option<JointVector>,
 }
 
 impl GraspDetector {
@@ -27,9 +27,9 @@ impl GraspDetector {
     pub fn new(physics: &PhysicsConfig, model: &ArmModel) -> Self {
         let original = physics.grasp_rule == GraspRuleName::Original;
         Self {
-            opposing: GraspRule::new(physics.opposing_grasp, model),
-            original: original.then(|| OriginalGraspRule::new(physics.original_grasp, model)),
-            taken_at: None,
+            opposing_rule: GraspRule::new(physics.opposing_grasp, model),
+            original_rule: original.then(|| OriginalGraspRule::new(physics.original_grasp, model)),
+            finger_joints_at_grasp: None,
         }
     }
 
@@ -43,16 +43,16 @@ impl GraspDetector {
     ) -> Option<GraspAction> {
         let fingers = &state.position[model.arm_count()..];
         let attached = state.attached.map(|(block, _)| block);
-        let opened = self.opposing.options.opened_rad;
+        let opened = self.opposing_rule.options.release_opening_rad;
         let away = |at: &JointVector| at.iter().zip(fingers).any(|(at, now)| (at - now).abs() > opened);
-        let opened = command == HandCommand::Open && self.taken_at.as_ref().is_some_and(away);
-        let action = match &mut self.original {
+        let opened = command == HandCommand::Open && self.finger_joints_at_grasp.as_ref().is_some_and(away);
+        let action = match &mut self.original_rule {
             Some(rule) => rule.step(model, state),
-            None => self.opposing.step(&state.contacts, hand, attached, opened),
+            None => self.opposing_rule.step(&state.contacts, hand, attached, opened),
         };
         match action {
-            Some(GraspAction::Attach(_)) => self.taken_at = Some(joints(fingers)),
-            Some(GraspAction::Release) => self.taken_at = None,
+            Some(GraspAction::Attach(_)) => self.finger_joints_at_grasp = Some(joints(fingers)),
+            Some(GraspAction::Release) => self.finger_joints_at_grasp = None,
             None => {}
         }
         action
@@ -60,7 +60,7 @@ impl GraspDetector {
 
     /// Names of the digits' links that touch a block.
     pub(crate) fn fingers_on(&self, model: &ArmModel, contacts: &[Contact], block: usize) -> Vec<String> {
-        self.opposing.fingers_on(model, contacts, block)
+        self.opposing_rule.fingers_on(model, contacts, block)
     }
 }
 
@@ -99,7 +99,7 @@ impl GraspRule {
                 .then_some(GraspAction::Release);
         }
         let closing = matches!(hand, HandState::Closing | HandState::Closed);
-        let gripped = if closing { self.gripped(contacts) } else { None };
+        let gripped = if closing { self.opposed_object(contacts) } else { None };
         if gripped.is_some() && (gripped == self.candidate || self.candidate.is_none()) {
             self.candidate = gripped;
             self.held_millis += 1;
@@ -126,9 +126,9 @@ impl GraspRule {
     }
 
     /// The block that two digits press from opposite sides.
-    fn gripped(&self, contacts: &[Contact]) -> Option<usize> {
-        let OpposingGrasp { least_angle_deg, least_force_n, balance, .. } = self.options;
-        let least_angle = least_angle_deg * std::f64::consts::PI / 180.0;
+    fn opposed_object(&self, contacts: &[Contact]) -> Option<usize> {
+        let OpposingGrasp { min_angle_deg, min_force_n, min_force_ratio: balance, .. } = self.options;
+        let min_angle = min_angle_deg * std::f64::consts::PI / 180.0;
         let opposing = |a: &Contact, b: &Contact| {
             let digits = (self.digit[a.link], self.digit[b.link]);
             let (weak, strong) = (a.force.min(b.force), a.force.max(b.force));
@@ -136,9 +136,9 @@ impl GraspRule {
                 && digits.0.is_some()
                 && digits.1.is_some()
                 && digits.0 != digits.1
-                && weak >= least_force_n
+                && weak >= min_force_n
                 && weak >= balance * strong
-                && a.normal.angle(&b.normal) > least_angle
+                && a.normal.angle(&b.normal) > min_angle
         };
         let pair =
             |(k, a): (usize, &Contact)| contacts[k + 1..].iter().any(|b| opposing(a, b)).then_some(a.object);
@@ -154,7 +154,7 @@ pub(crate) mod tests {
     use proact_types::{Point, Vector};
 
     /// A hand of the given links, and joints about z from a parent (second) to a child.
-    pub(crate) fn link_names_and_joints(links: &[&str], joints: &[(usize, usize)]) -> ArmModel {
+    pub(crate) fn hand_model(links: &[&str], joints: &[(usize, usize)]) -> ArmModel {
         let link =
             |name: &str| Link { name: name.into(), inertial: None, collisions: vec![], visuals: vec![] };
         let joint = |&(child, parent): &(usize, usize)| Joint {
@@ -183,7 +183,7 @@ pub(crate) mod tests {
 
     /// A palm (link 0) with a thumb (1, 2) and a finger (3).
     fn hand() -> ArmModel {
-        link_names_and_joints(&["palm", "thumb0", "thumb1", "index0"], &[(1, 0), (2, 1), (3, 0)])
+        hand_model(&["palm", "thumb0", "thumb1", "index0"], &[(1, 0), (2, 1), (3, 0)])
     }
 
     fn contact(link: usize, normal: Vector) -> Contact {

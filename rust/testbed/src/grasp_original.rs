@@ -1,24 +1,24 @@
 //! The original's grasp rule, for comparisons.
 
 use crate::{GraspAction, OriginalGrasp};
-use proact_arm::{ArmModel, is_named};
+use proact_arm::{ArmModel, matches_short_name};
 use proact_types::{PlantState, Point, Pose, Vector};
 
 /// What a link did to a block since the last check.
 #[derive(Clone, Copy, Debug)]
-struct Touch {
+struct AccumulatedContact {
     block: usize,
     link: usize,
     /// Sum over ticks and points, N, `world`.
     force: Vector,
     /// Sum of the points, link frame, m.
     point: Vector,
-    points: u32,
+    point_count: u32,
 }
 
 /// A finger on the block that was taken.
 #[derive(Clone, Copy, Debug)]
-struct Finger {
+struct GraspingFinger {
     link: usize,
     /// In the link's frame.
     point: Point,
@@ -37,10 +37,10 @@ pub struct OriginalGraspRule {
     options: OriginalGrasp,
     gripper: Vec<usize>,
     ticks: u32,
-    touches: Vec<Touch>,
+    contacts: Vec<AccumulatedContact>,
     /// By block.
-    counts: Vec<u32>,
-    fingers: Vec<Finger>,
+    grip_counts: Vec<u32>,
+    fingers: Vec<GraspingFinger>,
     /// `world_from_link` of every link: scratch.
     links: Vec<Pose>,
 }
@@ -49,67 +49,75 @@ impl OriginalGraspRule {
     /// The rule for the hand of `model`: the links that its settings name, or all digits if they name none. (The original
     /// has left its index out, and the pinky never was in.)
     pub fn new(options: OriginalGrasp, model: &ArmModel) -> Self {
-        let (names, digits) = (&model.settings.gripper, model.digits());
+        let (names, digits) = (&model.settings.grasp_contact_links, model.digits());
         let grips = |link: &usize| match names.as_slice() {
             [] => digits[*link].is_some(),
-            names => names.iter().any(|name| is_named(&model.links[*link].name, name)),
+            names => names.iter().any(|name| matches_short_name(&model.links[*link].name, name)),
         };
         let gripper = (0..model.links.len()).filter(grips).collect();
         let (touches, counts, fingers, links) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        Self { options, gripper, ticks: 0, touches, counts, fingers, links }
+        Self { options, gripper, ticks: 0, contacts: touches, grip_counts: counts, fingers, links }
     }
 
     /// One tick with the state that the physics left.
     pub fn step(&mut self, model: &ArmModel, state: &PlantState) -> Option<GraspAction> {
         self.ticks += 1;
-        let check = self.ticks == self.options.check_ms;
+        let check = self.ticks == self.options.check_interval_ms;
         let touched = state.contacts.iter().any(|contact| self.gripper.contains(&contact.link));
         if !check && !touched {
             return None;
         }
-        model.place_links(&state.world_from_base, &state.position, &mut self.links);
-        self.gather(state);
+        model.link_poses_into(&state.world_from_base, &state.position, &mut self.links);
+        self.accumulate_contacts(state);
         if !check {
             return None;
         }
         self.ticks = 0;
         let action = self.check(state);
-        self.touches.clear();
+        self.contacts.clear();
         action
     }
 
-    fn gather(&mut self, state: &PlantState) {
+    fn accumulate_contacts(&mut self, state: &PlantState) {
         for contact in state.contacts.iter().filter(|contact| self.gripper.contains(&contact.link)) {
             let (block, link) = (contact.object, contact.link);
-            let known = self.touches.iter().position(|touch| touch.block == block && touch.link == link);
-            let index = known.unwrap_or(self.touches.len());
+            let known = self.contacts.iter().position(|touch| touch.block == block && touch.link == link);
+            let index = known.unwrap_or(self.contacts.len());
             if known.is_none() {
                 let (force, point) = (Vector::zeros(), Vector::zeros());
-                self.touches.push(Touch { block, link, force, point, points: 0 });
+                self.contacts.push(AccumulatedContact { block, link, force, point, point_count: 0 });
             }
-            let touch = &mut self.touches[index];
+            let touch = &mut self.contacts[index];
             touch.force += contact.normal * contact.force;
             touch.point += self.links[link].inverse_transform_point(&contact.point).coords;
-            touch.points += 1;
+            touch.point_count += 1;
         }
     }
 
     fn check(&mut self, state: &PlantState) -> Option<GraspAction> {
-        self.counts.resize(state.objects.len(), 0);
+        self.grip_counts.resize(state.objects.len(), 0);
         let attached = state.attached.map(|(block, _)| block);
         for block in 0..state.objects.len() {
-            let gripped =
-                if attached == Some(block) { self.pressed(state, block) } else { self.gripped(block) };
-            let OriginalGrasp { max_count, grip_count, release_distance_m: release, .. } = self.options;
-            let count = &mut self.counts[block];
+            let gripped = if attached == Some(block) {
+                self.is_still_gripped(state, block)
+            } else {
+                self.has_opposing_forces(block)
+            };
+            let OriginalGrasp {
+                max_grip_count: max_count,
+                grip_count_threshold: grip_count,
+                release_tolerance_m: release,
+                ..
+            } = self.options;
+            let count = &mut self.grip_counts[block];
             *count = if gripped { (*count + 1).min(max_count) } else { count.saturating_sub(1) };
             if gripped && *count > grip_count && attached.is_none() {
-                self.hold(state, block);
+                self.record_fingers(state, block);
                 return Some(GraspAction::Attach(block));
             }
             let loose = attached == Some(block) && !gripped && *count <= grip_count;
-            if loose && self.recession(state, block).any(|metres| metres > release) {
-                self.counts[block] = 0;
+            if loose && self.finger_displacements_m(state, block).any(|meters| meters > release) {
+                self.grip_counts[block] = 0;
                 self.fingers.clear();
                 return Some(GraspAction::Release);
             }
@@ -118,65 +126,74 @@ impl OriginalGraspRule {
     }
 
     /// Whether two mean forces on a block oppose each other.
-    fn gripped(&self, block: usize) -> bool {
+    fn has_opposing_forces(&self, block: usize) -> bool {
         let forces: Vec<Vector> = self
-            .touches
+            .contacts
             .iter()
             .filter(|touch| touch.block == block)
-            .map(|touch| touch.force / f64::from(touch.points))
+            .map(|touch| touch.force / f64::from(touch.point_count))
             .collect();
-        let OriginalGrasp { least_angle_deg, least_force_n, balance, .. } = self.options;
-        let least_angle = least_angle_deg * std::f64::consts::PI / 180.0;
+        let OriginalGrasp {
+            forces_angle_tolerance_deg: min_angle_deg,
+            min_force_n,
+            min_force_ratio: balance,
+            ..
+        } = self.options;
+        let min_angle = min_angle_deg * std::f64::consts::PI / 180.0;
         let opposing = |a: &Vector, b: &Vector| {
             let (weak, strong) = (a.norm().min(b.norm()), a.norm().max(b.norm()));
-            weak >= least_force_n && weak >= balance * strong && a.angle(b) > least_angle
+            weak >= min_force_n && weak >= balance * strong && a.angle(b) > min_angle
         };
         forces.iter().enumerate().any(|(k, a)| forces[k + 1..].iter().any(|b| opposing(a, b)))
     }
 
     /// Whether two fingers are still where they were when they took the block.
-    fn pressed(&self, state: &PlantState, block: usize) -> bool {
+    fn is_still_gripped(&self, state: &PlantState, block: usize) -> bool {
         let pressing = self.options.pressing_distance_m;
-        self.recession(state, block).filter(|metres| *metres < pressing).count() >= 2
+        self.finger_displacements_m(state, block).filter(|meters| *meters < pressing).count() >= 2
     }
 
     /// By how much each finger's distance to the block has changed since it was taken, metres.
-    fn recession(&self, state: &PlantState, block: usize) -> impl Iterator<Item = f64> {
-        let centre = Point::from(state.objects[block].pose.translation.vector);
-        let metres = |finger: &Finger| {
-            ((self.links[finger.link] * finger.point - centre).norm() - finger.distance).abs()
+    fn finger_displacements_m(&self, state: &PlantState, block: usize) -> impl Iterator<Item = f64> {
+        let center = Point::from(state.objects[block].pose.translation.vector);
+        let meters = |finger: &GraspingFinger| {
+            ((self.links[finger.link] * finger.point - center).norm() - finger.distance).abs()
         };
-        self.fingers.iter().map(metres).collect::<Vec<_>>().into_iter()
+        self.fingers.iter().map(meters).collect::<Vec<_>>().into_iter()
     }
 
-    fn hold(&mut self, state: &PlantState, block: usize) {
-        let centre = Point::from(state.objects[block].pose.translation.vector);
-        let finger = |touch: &Touch| {
-            let point = Point::from(touch.point / f64::from(touch.points));
-            Finger { link: touch.link, point, distance: (self.links[touch.link] * point - centre).norm() }
+    fn record_fingers(&mut self, state: &PlantState, block: usize) {
+        let center = Point::from(state.objects[block].pose.translation.vector);
+        let finger = |touch: &AccumulatedContact| {
+            let point = Point::from(touch.point / f64::from(touch.point_count));
+            GraspingFinger {
+                link: touch.link,
+                point,
+                distance: (self.links[touch.link] * point - center).norm(),
+            }
         };
-        self.fingers = self.touches.iter().filter(|touch| touch.block == block).map(finger).collect();
+        self.fingers = self.contacts.iter().filter(|touch| touch.block == block).map(finger).collect();
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grasp::tests::link_names_and_joints;
+    use crate::grasp::tests::hand_model;
     use nalgebra::Isometry3;
     use proact_types::{BodyState, Contact, joints, zeros};
 
     /// A thumb and a middle finger that hang from the palm and turn about z.
     fn hand() -> ArmModel {
-        link_names_and_joints(&["palm", "arm__thumb3_link", "arm__middle3_link"], &[(1, 0), (2, 0)])
+        hand_model(&["palm", "arm__thumb3_link", "arm__middle3_link"], &[(1, 0), (2, 0)])
     }
 
     /// The thumb at -y and the finger at +y of a block, `force` N each, or no contact at all.
     fn state(angle: f64, forces: Option<(f64, f64)>, attached: bool) -> PlantState {
         let block = BodyState {
             pose: Pose::translation(0.1, 0.0, 0.0),
-            linear: Vector::zeros(),
-            angular: Vector::zeros(),
+            linear_velocity: Vector::zeros(),
+            angular_velocity: Vector::zeros(),
         };
         let contact = |link: usize, side: f64, force: f64| Contact {
             object: 0,
@@ -190,7 +207,7 @@ mod tests {
             position: joints(&[-angle, angle]),
             velocity: zeros(2),
             effort: zeros(2),
-            stop_effort: zeros(2),
+            limit_effort: zeros(2),
             world_from_base: Isometry3::identity(),
             base_held: false,
             objects: std::iter::once(block).collect(),
@@ -200,8 +217,8 @@ mod tests {
     }
 
     /// Ticks until the rule acts.
-    fn ticks(rule: &mut OriginalGraspRule, state: &PlantState, most: u32) -> Option<(u32, GraspAction)> {
-        (1..=most).find_map(|tick| rule.step(&hand(), state).map(|action| (tick, action)))
+    fn ticks(rule: &mut OriginalGraspRule, state: &PlantState, max_ticks: u32) -> Option<(u32, GraspAction)> {
+        (1..=max_ticks).find_map(|tick| rule.step(&hand(), state).map(|action| (tick, action)))
     }
 
     #[test]

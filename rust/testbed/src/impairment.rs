@@ -2,14 +2,16 @@
 //! display. What comes out is what is logged, so that a replay needs none of it.
 
 use crate::ConfigError;
-use proact_types::{DisplayFrame, InputSign, InputSource, MAX_TICK_SAMPLES, SimTime, TickInput, number_text};
+use proact_types::{
+    DisplayFrame, Heartbeat, InputSource, MAX_TICK_SAMPLES, SimTime, TickInput, format_number,
+};
 use rand::{RngExt as _, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 /// Longest delay, and longest jitter, ms.
-const LONGEST_MS: u64 = 10_000;
+const MAX_DELAY_MS: u64 = 10_000;
 
 /// What is put on one way.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -25,7 +27,7 @@ pub struct LinkImpairment {
     pub jitter_ms: u64,
     /// Share of messages that never come, 0 to 1.
     #[serde(default)]
-    pub loss: f64,
+    pub loss_probability: f64,
 }
 
 /// Ways that can be impaired.
@@ -67,23 +69,24 @@ impl LinkImpairment {
     /// [`ConfigError::Value`] naming the first key that is out of range.
     pub fn check(impairments: &[LinkImpairment]) -> Result<(), ConfigError> {
         let bad = |key, got: String, expected| Err(ConfigError::Value { key, got, expected });
-        for (k, Self { link, delay_ms, jitter_ms, loss }) in impairments.iter().enumerate() {
+        for (k, Self { link, delay_ms, jitter_ms, loss_probability: loss }) in impairments.iter().enumerate()
+        {
             if impairments[..k].iter().any(|other| other.link == *link) {
                 return bad("impairments.link", format!("{link:?} twice"), "each link once");
             }
             for (key, got) in [("impairments.delay_ms", delay_ms), ("impairments.jitter_ms", jitter_ms)] {
-                if *got > LONGEST_MS {
+                if *got > MAX_DELAY_MS {
                     return bad(key, got.to_string(), "0 to 10000");
                 }
             }
             if !(0.0..=1.0).contains(loss) {
-                return bad("impairments.loss", number_text(*loss), "0 to 1");
+                return bad("impairments.loss_probability", format_number(*loss), "0 to 1");
             }
             // A gesture is said once, when it changes: one that is lost would leave the arm in motion.
             if *link == ImpairedLink::Gestures && *loss > 0.0 {
                 return bad(
-                    "impairments.loss",
-                    number_text(*loss),
+                    "impairments.loss_probability",
+                    format_number(*loss),
                     "0 for gestures, whose connection loses nothing",
                 );
             }
@@ -94,14 +97,14 @@ impl LinkImpairment {
 
 /// A way with messages on it.
 #[derive(Clone, Debug)]
-struct Way<T> {
+struct ImpairedStream<T> {
     impairment: LinkImpairment,
     rng: ChaCha8Rng,
     /// Messages with the tick in which they come.
-    under_way: VecDeque<(u64, T)>,
+    in_flight: VecDeque<(u64, T)>,
 }
 
-impl<T> Way<T> {
+impl<T> ImpairedStream<T> {
     /// Each way draws from a stream of its own.
     fn new(impairment: LinkImpairment, seed: u64) -> Self {
         let mut hasher = blake3::Hasher::new();
@@ -109,31 +112,31 @@ impl<T> Way<T> {
         hasher.update(&seed.to_le_bytes());
         hasher.update(&[impairment.link as u8]);
         let rng = ChaCha8Rng::from_seed(*hasher.finalize().as_bytes());
-        Self { impairment, rng, under_way: VecDeque::new() }
+        Self { impairment, rng, in_flight: VecDeque::new() }
     }
 
     fn send(&mut self, now: SimTime, message: T) {
-        let LinkImpairment { delay_ms, jitter_ms, loss, .. } = self.impairment;
+        let LinkImpairment { delay_ms, jitter_ms, loss_probability: loss, .. } = self.impairment;
         // Both are always drawn: whether a message is lost does not depend on the jitter.
         let (lost, jitter) = (self.rng.random::<f64>() < loss, self.rng.random_range(0..=jitter_ms));
         if !lost {
-            let before = self.under_way.back().map_or(0, |(due, _)| *due);
-            self.under_way.push_back(((now.0 + delay_ms + jitter).max(before), message));
+            let before = self.in_flight.back().map_or(0, |(due, _)| *due);
+            self.in_flight.push_back(((now.0 + delay_ms + jitter).max(before), message));
         }
     }
 
     /// The next message, if it has come and `fits`.
-    fn take(&mut self, now: SimTime, fits: impl FnOnce(&T) -> bool) -> Option<T> {
-        let came = self.under_way.front().is_some_and(|(due, message)| *due <= now.0 && fits(message));
-        if came { self.under_way.pop_front().map(|(_, message)| message) } else { None }
+    fn receive(&mut self, now: SimTime, fits: impl FnOnce(&T) -> bool) -> Option<T> {
+        let came = self.in_flight.front().is_some_and(|(due, message)| *due <= now.0 && fits(message));
+        if came { self.in_flight.pop_front().map(|(_, message)| message) } else { None }
     }
 }
 
 /// All ways of a trial that are impaired.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Impairments {
-    inputs: Vec<Way<TickInput>>,
-    display: Option<Way<Box<DisplayFrame>>>,
+    inputs: Vec<ImpairedStream<TickInput>>,
+    display: Option<ImpairedStream<Box<DisplayFrame>>>,
 }
 
 impl Impairments {
@@ -142,44 +145,49 @@ impl Impairments {
         let to_display = |impairment: &&LinkImpairment| impairment.link == ImpairedLink::Display;
         let inputs = impairments.iter().filter(|impairment| !to_display(impairment));
         Self {
-            inputs: inputs.map(|impairment| Way::new(*impairment, seed)).collect(),
-            display: impairments.iter().find(to_display).map(|impairment| Way::new(*impairment, seed)),
+            inputs: inputs.map(|impairment| ImpairedStream::new(*impairment, seed)).collect(),
+            display: impairments
+                .iter()
+                .find(to_display)
+                .map(|impairment| ImpairedStream::new(*impairment, seed)),
         }
     }
 
     /// Turns what sets out in tick `now` into what comes in.
-    pub(crate) fn pass(&mut self, now: SimTime, input: &mut TickInput) {
-        for way in &mut self.inputs {
-            let link = way.impairment.link;
-            if let Some(message) = part_of(link, input) {
-                way.send(now, message);
+    pub(crate) fn apply(&mut self, now: SimTime, input: &mut TickInput) {
+        for input_link in &mut self.inputs {
+            let link = input_link.impairment.link;
+            if let Some(message) = take_link_part(link, input) {
+                input_link.send(now, message);
             }
             // Gestures come one by one, so that none is passed over; of measurements the newest counts.
-            let most = if link == ImpairedLink::Gestures { 1 } else { usize::MAX };
-            for _ in 0..most {
-                let room = MAX_TICK_SAMPLES.saturating_sub(input.emg.len());
-                let Some(message) = way.take(now, |message| message.emg.len() <= room) else { break };
-                join(input, message);
+            let max_samples = if link == ImpairedLink::Gestures { 1 } else { usize::MAX };
+            for _ in 0..max_samples {
+                let capacity = MAX_TICK_SAMPLES.saturating_sub(input.emg.len());
+                let Some(message) = input_link.receive(now, |message| message.emg.len() <= capacity) else {
+                    break;
+                };
+                merge_part(input, message);
             }
         }
     }
 
     /// What is to be seen now, where `frame` was drawn; at the `end` of a trial the last frame.
-    pub(crate) fn show(
+    pub(crate) fn display_frame(
         &mut self,
         now: SimTime,
         frame: Option<Box<DisplayFrame>>,
         end: bool,
     ) -> Option<Box<DisplayFrame>> {
-        let Some(way) = &mut self.display else { return frame };
+        let Some(display_link) = &mut self.display else { return frame };
         if end {
             return frame;
         }
         if let Some(frame) = frame {
-            way.send(now, frame);
+            display_link.send(now, frame);
         }
         let mut seen = None;
-        while let Some(frame) = way.take(now, |_| true) {
+        while let Some(frame) = display_link.receive(now, |_| true) {
             seen = Some(frame);
         }
         seen
@@ -187,31 +195,31 @@ impl Impairments {
 }
 
 /// Takes out of `input` what goes by `link`.
-fn part_of(link: ImpairedLink, input: &mut TickInput) -> Option<TickInput> {
+fn take_link_part(link: ImpairedLink, input: &mut TickInput) -> Option<TickInput> {
     let mut part = TickInput::default();
     match link {
         ImpairedLink::Emg => part.emg = std::mem::take(&mut input.emg),
-        ImpairedLink::Gestures => part.gesture = input.gesture.take(),
+        ImpairedLink::Gestures => part.command = input.command.take(),
         ImpairedLink::Gaze => part.gaze = input.gaze.take(),
         ImpairedLink::Shoulder => part.shoulder = input.shoulder.take(),
         ImpairedLink::Limb => part.limb = input.limb.take(),
         ImpairedLink::Display => {}
     }
-    let carried = |sign: &InputSign| link.carries(sign.source);
-    part.signs = input.signs.iter().copied().filter(carried).collect();
-    input.signs.retain(|sign| !link.carries(sign.source));
+    let carried = |heartbeat: &Heartbeat| link.carries(heartbeat.source);
+    part.heartbeats = input.heartbeats.iter().copied().filter(carried).collect();
+    input.heartbeats.retain(|heartbeat| !link.carries(heartbeat.source));
     (part != TickInput::default()).then_some(part)
 }
 
 /// Puts what has come into `input`.
-fn join(input: &mut TickInput, part: TickInput) {
+fn merge_part(input: &mut TickInput, part: TickInput) {
     let TickInput {
         emg,
-        gesture,
+        command,
         gaze,
         shoulder,
         limb,
-        signs,
+        heartbeats,
         plan: _,
         method: _,
         decoder: _,
@@ -219,14 +227,14 @@ fn join(input: &mut TickInput, part: TickInput) {
         participant: _,
     } = part;
     input.emg.extend(emg);
-    input.gesture = gesture.or(input.gesture);
+    input.command = command.or(input.command);
     input.gaze = gaze.or(input.gaze);
     input.shoulder = shoulder.or(input.shoulder);
     input.limb = limb.or(input.limb.take());
-    for sign in signs {
-        if !input.signs.contains(&sign) {
+    for sign in heartbeats {
+        if !input.heartbeats.contains(&sign) {
             // More signs than there is room for say nothing new: each source has its own.
-            let _ = input.signs.try_push(sign);
+            let _ = input.heartbeats.try_push(sign);
         }
     }
 }
@@ -235,49 +243,53 @@ fn join(input: &mut TickInput, part: TickInput) {
 mod tests {
     use super::*;
 
-    fn passed(ways: &mut Impairments, now: SimTime, mut input: TickInput) -> TickInput {
-        ways.pass(now, &mut input);
+    fn passed(impairments: &mut Impairments, now: SimTime, mut input: TickInput) -> TickInput {
+        impairments.apply(now, &mut input);
         input
     }
-    use proact_types::{EmgSample, GazeSample, Gesture, Point, SignKind, Vector};
+    use proact_types::{Command, EmgSample, GazeSample, HeartbeatKind, Point, Vector};
 
     fn impaired(link: ImpairedLink, delay_ms: u64, jitter_ms: u64, loss: f64) -> LinkImpairment {
-        LinkImpairment { link, delay_ms, jitter_ms, loss }
+        LinkImpairment { link, delay_ms, jitter_ms, loss_probability: loss }
     }
 
     fn gaze(x: f64) -> TickInput {
         let sample = GazeSample { origin: Point::new(x, 0.0, 0.0), direction: Vector::x(), valid: true };
-        let sign = InputSign { source: InputSource::EyeTracker, kind: SignKind::Fresh };
-        TickInput { gaze: Some(sample), signs: [sign].into_iter().collect(), ..TickInput::default() }
+        let heartbeat = Heartbeat { source: InputSource::EyeTracker, kind: HeartbeatKind::Fresh };
+        TickInput {
+            gaze: Some(sample),
+            heartbeats: [heartbeat].into_iter().collect(),
+            ..TickInput::default()
+        }
     }
 
     #[test]
     fn a_delay_is_kept_to_the_tick_with_the_signs_and_other_ways_are_left_alone() {
-        let mut ways = Impairments::new(&[impaired(ImpairedLink::Gaze, 100, 0, 0.0)], 1);
-        let page = InputSign { source: InputSource::Page, kind: SignKind::Alive };
+        let mut impairments = Impairments::new(&[impaired(ImpairedLink::Gaze, 100, 0, 0.0)], 1);
+        let page = Heartbeat { source: InputSource::Page, kind: HeartbeatKind::Alive };
         let mut sent = gaze(1.0);
-        (sent.gesture, sent.shoulder) = (Some(Gesture::HandClose), Some(proact_types::Pose::identity()));
-        sent.signs.push(page);
-        let now = passed(&mut ways, SimTime(5), sent);
+        (sent.command, sent.shoulder) = (Some(Command::HandClose), Some(proact_types::Pose::identity()));
+        sent.heartbeats.push(page);
+        let now = passed(&mut impairments, SimTime(5), sent);
         assert_eq!(
-            (now.gaze, now.gesture, now.signs.as_slice()),
-            (None, Some(Gesture::HandClose), &[page][..])
+            (now.gaze, now.command, now.heartbeats.as_slice()),
+            (None, Some(Command::HandClose), &[page][..])
         );
         assert!(now.shoulder.is_some());
         for tick in 6..105 {
-            assert_eq!(passed(&mut ways, SimTime(tick), TickInput::default()), TickInput::default());
+            assert_eq!(passed(&mut impairments, SimTime(tick), TickInput::default()), TickInput::default());
         }
-        assert_eq!(passed(&mut ways, SimTime(105), TickInput::default()), gaze(1.0));
+        assert_eq!(passed(&mut impairments, SimTime(105), TickInput::default()), gaze(1.0));
     }
 
     /// Ticks late of each of 2000 gaze measurements, 10 ms apart, that came.
     fn lateness(jitter_ms: u64, loss: f64) -> Vec<u64> {
-        let mut ways = Impairments::new(&[impaired(ImpairedLink::Gaze, 50, jitter_ms, loss)], 7);
+        let mut impairments = Impairments::new(&[impaired(ImpairedLink::Gaze, 50, jitter_ms, loss)], 7);
         let (mut last, mut late) = (None, Vec::new());
         for tick in 0..21_000_u64 {
             let sent = tick.is_multiple_of(10) && tick < 20_000;
             let sent = if sent { gaze(tick as f64) } else { TickInput::default() };
-            if let Some(seen) = passed(&mut ways, SimTime(tick), sent).gaze {
+            if let Some(seen) = passed(&mut impairments, SimTime(tick), sent).gaze {
                 let at = seen.origin.x as u64;
                 assert!(last.is_none_or(|last| at > last), "the order is kept");
                 last = Some(at);
@@ -301,36 +313,38 @@ mod tests {
     #[test]
     fn samples_that_come_at_once_wait_for_room_and_gestures_come_one_by_one() {
         let sample = |counter| EmgSample { counter, channels: [0.5].into_iter().collect() };
-        let ways = [impaired(ImpairedLink::Emg, 20, 0, 0.0), impaired(ImpairedLink::Gestures, 20, 0, 0.0)];
-        let mut ways = Impairments::new(&ways, 1);
-        for (way, due) in ways.inputs.iter_mut().zip([30, 30]) {
+        let links = [impaired(ImpairedLink::Emg, 20, 0, 0.0), impaired(ImpairedLink::Gestures, 20, 0, 0.0)];
+        let mut impairments = Impairments::new(&links, 1);
+        for (input_link, due) in impairments.inputs.iter_mut().zip([30, 30]) {
             for tick in 0..5 {
-                let gesture = (way.impairment.link == ImpairedLink::Gestures).then_some(match tick {
-                    4 => Gesture::NoMotion,
-                    _ => Gesture::WristExtension,
+                let command = (input_link.impairment.link == ImpairedLink::Gestures).then_some(match tick {
+                    4 => Command::NoMotion,
+                    _ => Command::WristExtension,
                 });
-                let emg = if gesture.is_none() {
+                let emg = if command.is_none() {
                     [sample(2 * tick), sample(2 * tick + 1)].into_iter().collect()
                 } else {
                     Default::default()
                 };
-                way.under_way.push_back((due, TickInput { emg, gesture, ..TickInput::default() }));
+                input_link.in_flight.push_back((due, TickInput { emg, command, ..TickInput::default() }));
             }
         }
         let all: Vec<TickInput> =
-            (30..36).map(|tick| passed(&mut ways, SimTime(tick), TickInput::default())).collect();
+            (30..36).map(|tick| passed(&mut impairments, SimTime(tick), TickInput::default())).collect();
         assert_eq!((all[0].emg.len(), all[1].emg.len(), all[2].emg.len()), (8, 2, 0));
         let counters: Vec<u64> = all.iter().flat_map(|input| input.emg.iter().map(|s| s.counter)).collect();
         assert_eq!(counters, (0..10).collect::<Vec<_>>());
-        assert_eq!(all[4].gesture, Some(Gesture::NoMotion), "the end of the motion is not passed over");
-        assert_eq!(all[5].gesture, None);
+        assert_eq!(all[4].command, Some(Command::NoMotion), "the end of the motion is not passed over");
+        assert_eq!(all[5].command, None);
     }
 
     #[test]
     fn the_same_seed_loses_the_same_and_another_seed_others() {
         let run = |seed| {
-            let mut ways = Impairments::new(&[impaired(ImpairedLink::Gaze, 0, 5, 0.5)], seed);
-            (0..200).map(|tick| passed(&mut ways, SimTime(tick), gaze(tick as f64)).gaze).collect::<Vec<_>>()
+            let mut impairments = Impairments::new(&[impaired(ImpairedLink::Gaze, 0, 5, 0.5)], seed);
+            (0..200)
+                .map(|tick| passed(&mut impairments, SimTime(tick), gaze(tick as f64)).gaze)
+                .collect::<Vec<_>>()
         };
         assert_eq!(run(3), run(3));
         assert_ne!(run(3), run(4));
@@ -341,7 +355,7 @@ mod tests {
         for (impairments, part) in [
             (vec![impaired(ImpairedLink::Gaze, 10_001, 0, 0.0)], "impairments.delay_ms"),
             (vec![impaired(ImpairedLink::Gaze, 0, 10_001, 0.0)], "impairments.jitter_ms"),
-            (vec![impaired(ImpairedLink::Gaze, 0, 0, f64::NAN)], "impairments.loss"),
+            (vec![impaired(ImpairedLink::Gaze, 0, 0, f64::NAN)], "impairments.loss_probability"),
             (vec![impaired(ImpairedLink::Gestures, 0, 0, 0.1)], "loses nothing"),
             (vec![impaired(ImpairedLink::Emg, 1, 0, 0.0); 2], "Emg twice"),
         ] {

@@ -10,38 +10,38 @@ mod digest;
 pub mod doubles;
 mod feedback;
 mod grasp;
-mod grasp_choice;
+mod grasp_failure;
 mod grasp_original;
-mod grasp_watch;
+mod grasp_selector;
 mod impairment;
 mod motion;
-mod outside;
 mod physics;
 mod pinned;
 mod planner;
 mod plans;
 pub mod ports;
-mod session;
+mod recorder_tap;
+mod running_trial;
 pub mod stages;
 mod tick;
 mod trial_faults;
 
 pub use config::{Setup, TrialConfig};
 pub use config_error::ConfigError;
-pub use digest::{Digest, Divergence, Field, FieldDigest, SPAN_TICKS, SpanDigest, first_divergence};
+pub use digest::{Digest, DigestField, Divergence, FieldDigest, SPAN_TICKS, SpanDigest, first_divergence};
 pub use feedback::{CueEvent, FeedbackMapping};
 pub use grasp::{GraspAction, GraspDetector};
-pub use grasp_choice::{GraspChoice, NearObject};
 pub use grasp_original::OriginalGraspRule;
+pub use grasp_selector::{GraspSelector, NearObject};
 pub use impairment::{ImpairedLink, LinkImpairment};
 pub use motion::{ArmMotion, HandMotion, MotionConfig};
 pub use physics::{
-    Engine, GraspRuleName, JointControl, MassSet, OpposingGrasp, OriginalGrasp, PhysicsConfig,
+    GraspRuleName, JointControl, MassSet, OpposingGrasp, OriginalGrasp, PhysicsConfig, PhysicsEngine,
 };
-pub use pinned::Pinned;
+pub use pinned::PinnedContent;
 pub use planner::{PlannerName, PlannerOptions, SearchLimits};
 pub use plans::plan_request;
-pub use session::{LoggedPlans, Session, Step, TrialEnd, TrialResult, replay};
+pub use running_trial::{LoggedPlans, RunningTrial, TrialEnd, TrialResult, TrialStep, replay};
 pub use stages::{GazeFilter, PersonParts};
-pub use tick::{Parts, Testbed, TestbedError, TickOutput};
+pub use tick::{Testbed, TestbedError, TestbedParts, TickOutput};
 pub use trial_faults::{ResultFault, ResultFaultKind};

@@ -2,10 +2,10 @@
 //! of the plant.
 
 use crate::ConfigError;
-use proact_arm::{ArmModel, Couplings, JointLimits};
+use proact_arm::{ArmModel, JointLimits, MimicCouplings};
 use proact_control::{MotionCommand, MotionState};
-use proact_localization::FollowSpeeds;
-use proact_types::{JointVector, TICK_SECS, Trajectory, joints, number_text};
+use proact_localization::FollowSpeedLimits;
+use proact_types::{JointVector, TICK_SECS, Trajectory, format_number, joints};
 use serde::{Deserialize, Serialize};
 
 /// Peak over mean speed of a minimum-jerk movement.
@@ -16,7 +16,7 @@ const VELOCITY_TICKS: u64 = 20;
 const SETTLE_TICKS: u64 = 50;
 /// A held joint that is further from its target than this is blocked or pushed, rad. The position control moves a joint
 /// at 200 times its error in a second, so that what remains moves it at 0.02 rad/s at most.
-const HELD_ERROR: f64 = 1e-4;
+const HOLD_TOLERANCE_RAD: f64 = 1e-4;
 
 /// How fast hand, shoulder and limb follow what is asked of them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -41,8 +41,8 @@ impl Default for MotionConfig {
 
 impl MotionConfig {
     /// How fast a tracked shoulder is followed at most.
-    pub fn shoulder(&self) -> FollowSpeeds {
-        FollowSpeeds { m_per_s: self.shoulder_m_per_s, rad_per_s: self.shoulder_rad_per_s }
+    pub fn shoulder(&self) -> FollowSpeedLimits {
+        FollowSpeedLimits { m_per_s: self.shoulder_m_per_s, rad_per_s: self.shoulder_rad_per_s }
     }
 
     /// Checks ranges.
@@ -58,7 +58,7 @@ impl MotionConfig {
         ] {
             if !(0.01..=20.0).contains(&got) {
                 let expected = "0.01 to 20";
-                return Err(ConfigError::Value { key, got: number_text(got), expected });
+                return Err(ConfigError::Value { key, got: format_number(got), expected });
             }
         }
         Ok(())
@@ -71,7 +71,7 @@ pub struct ArmMotion {
     limits: Vec<JointLimits>,
     position: JointVector,
     velocity: JointVector,
-    course: Course,
+    active_command: ActiveCommand,
     elapsed_ticks: u64,
     /// For so many ticks the arm has held.
     held_ticks: u64,
@@ -79,11 +79,11 @@ pub struct ArmMotion {
 
 /// What the arm does.
 #[derive(Clone, Debug)]
-enum Course {
+enum ActiveCommand {
     Hold { finished: bool },
-    Path(Trajectory),
-    Speed(JointVector),
-    To(JointVector),
+    Trajectory(Trajectory),
+    Velocity(JointVector),
+    Goto(JointVector),
 }
 
 impl ArmMotion {
@@ -93,7 +93,7 @@ impl ArmMotion {
             limits: model.arm.iter().map(|&j| model.joints[j].limits).collect(),
             position: joints(start),
             velocity: start.iter().map(|_| 0.0).collect(),
-            course: Course::Hold { finished: false },
+            active_command: ActiveCommand::Hold { finished: false },
             elapsed_ticks: 0,
             held_ticks: 0,
         }
@@ -111,21 +111,23 @@ impl ArmMotion {
 
     /// Where the path that is followed ends, rad.
     pub fn goal(&self) -> Option<JointVector> {
-        match &self.course {
-            Course::Path(path) => path.points.last().map(|point| point.q.clone()),
+        match &self.active_command {
+            ActiveCommand::Trajectory(path) => path.points.last().map(|point| point.q.clone()),
             _ => None,
         }
     }
 
     /// What the arm does.
     pub fn state(&self) -> MotionState {
-        match &self.course {
-            Course::Path(path) => {
+        match &self.active_command {
+            ActiveCommand::Trajectory(path) => {
                 let progress = self.elapsed_ticks as f64 * TICK_SECS / path.duration_secs().max(TICK_SECS);
                 MotionState::Following(progress.min(1.0))
             }
-            Course::Hold { finished: true } => MotionState::Finished,
-            Course::Hold { finished: false } | Course::Speed(_) | Course::To(_) => MotionState::Holding,
+            ActiveCommand::Hold { finished: true } => MotionState::Finished,
+            ActiveCommand::Hold { finished: false } | ActiveCommand::Velocity(_) | ActiveCommand::Goto(_) => {
+                MotionState::Holding
+            }
         }
     }
 
@@ -133,17 +135,17 @@ impl ArmMotion {
     pub fn apply(&mut self, command: MotionCommand) {
         self.elapsed_ticks = 0;
         self.velocity.iter_mut().for_each(|v| *v = 0.0);
-        self.course = match command {
-            MotionCommand::Hold => Course::Hold { finished: false },
-            MotionCommand::Follow(path) => Course::Path(path),
-            MotionCommand::Velocity(speeds) => Course::Speed(speeds),
-            MotionCommand::Goto(angles) => Course::To(angles),
+        self.active_command = match command {
+            MotionCommand::Hold => ActiveCommand::Hold { finished: false },
+            MotionCommand::Follow(path) => ActiveCommand::Trajectory(path),
+            MotionCommand::Velocity(speeds) => ActiveCommand::Velocity(speeds),
+            MotionCommand::Goto(angles) => ActiveCommand::Goto(angles),
         };
     }
 
     /// Somebody else drives one joint in this tick: what was commanded is given up. Within the limits, as a command.
-    pub fn drive(&mut self, joint: usize, position: f64, velocity: f64) {
-        if !matches!(self.course, Course::Hold { finished: false }) {
+    pub fn override_joint(&mut self, joint: usize, position: f64, velocity: f64) {
+        if !matches!(self.active_command, ActiveCommand::Hold { finished: false }) {
             self.apply(MotionCommand::Hold);
         }
         let limits = self.limits[joint];
@@ -154,14 +156,14 @@ impl ArmMotion {
 
     /// Gives up the targets that an arm that holds does not reach: a joint that something blocks or has pushed away is held
     /// where it is, `measured`, rad. Otherwise its motor would move it as soon as the contact breaks.
-    pub fn yield_to(&mut self, measured: &[f64]) {
-        let holds = matches!(self.course, Course::Hold { .. });
+    pub fn release_unreached_targets(&mut self, measured: &[f64]) {
+        let holds = matches!(self.active_command, ActiveCommand::Hold { .. });
         self.held_ticks = if holds { self.held_ticks + 1 } else { 0 };
         if self.held_ticks <= SETTLE_TICKS {
             return;
         }
         for ((target, is), limits) in self.position.iter_mut().zip(measured).zip(&self.limits) {
-            if (*target - is).abs() > HELD_ERROR {
+            if (*target - is).abs() > HOLD_TOLERANCE_RAD {
                 *target = is.clamp(limits.lower, limits.upper);
             }
         }
@@ -171,24 +173,24 @@ impl ArmMotion {
     pub fn step(&mut self) {
         self.elapsed_ticks += 1;
         let elapsed = self.elapsed_ticks as f64 * TICK_SECS;
-        let (over, finished) = match &self.course {
-            Course::Hold { .. } => return,
-            Course::Path(path) => {
+        let (over, finished) = match &self.active_command {
+            ActiveCommand::Hold { .. } => return,
+            ActiveCommand::Trajectory(path) => {
                 let sample = path.sample(elapsed);
                 let over = elapsed >= path.duration_secs();
                 if let Some((position, velocity)) = sample {
-                    self.ask(&position, &velocity);
+                    self.set_targets_within_limits(&position, &velocity);
                 }
                 (over, true)
             }
-            Course::Speed(speeds) => {
+            ActiveCommand::Velocity(speeds) => {
                 let speeds = speeds.clone();
                 let next: JointVector =
                     self.position.iter().zip(&speeds).map(|(q, v)| q + v * TICK_SECS).collect();
-                self.ask(&next, &speeds);
+                self.set_targets_within_limits(&next, &speeds);
                 (self.elapsed_ticks >= VELOCITY_TICKS, false)
             }
-            Course::To(angles) => {
+            ActiveCommand::Goto(angles) => {
                 let toward = |((q, goal), limits): ((&f64, &f64), &JointLimits)| {
                     (goal - q).clamp(-limits.velocity * TICK_SECS, limits.velocity * TICK_SECS)
                 };
@@ -197,18 +199,18 @@ impl ArmMotion {
                 let over = steps.iter().all(|step| *step == 0.0);
                 let next: JointVector = self.position.iter().zip(&steps).map(|(q, step)| q + step).collect();
                 let speeds: JointVector = steps.iter().map(|step| step / TICK_SECS).collect();
-                self.ask(&next, &speeds);
+                self.set_targets_within_limits(&next, &speeds);
                 (over, false)
             }
         };
         if over {
-            self.course = Course::Hold { finished };
+            self.active_command = ActiveCommand::Hold { finished };
             self.velocity.iter_mut().for_each(|v| *v = 0.0);
         }
     }
 
     /// Asks for angles and speeds, within the limits; what is not finite is not asked for.
-    fn ask(&mut self, position: &[f64], velocity: &[f64]) {
+    fn set_targets_within_limits(&mut self, position: &[f64], velocity: &[f64]) {
         for (k, limits) in self.limits.iter().enumerate() {
             if !(position[k].is_finite() && velocity[k].is_finite()) {
                 self.velocity[k] = 0.0;
@@ -232,7 +234,7 @@ pub struct HandMotion {
     elapsed_ticks: u64,
     duration_ticks: u64,
     /// Angles that each joint goes to by itself, in place of the movement to a pose, rad.
-    tracked: Option<JointVector>,
+    joint_targets: Option<JointVector>,
 }
 
 impl HandMotion {
@@ -247,7 +249,7 @@ impl HandMotion {
             position: open,
             elapsed_ticks: 0,
             duration_ticks: 0,
-            tracked: None,
+            joint_targets: None,
         }
     }
 
@@ -262,17 +264,17 @@ impl HandMotion {
     }
 
     /// Whether it is on its way.
-    pub fn moving(&self) -> bool {
-        self.tracked.is_some() || self.elapsed_ticks < self.duration_ticks
+    pub fn is_moving(&self) -> bool {
+        self.joint_targets.is_some() || self.elapsed_ticks < self.duration_ticks
     }
 
     /// Each joint goes to its angle, rad, at the hand's speed at most, until something else is asked.
-    pub fn track(&mut self, angles: JointVector) {
+    pub fn move_joints_to(&mut self, angles: JointVector) {
         self.duration_ticks = 0;
         self.elapsed_ticks = 0;
         // What is there already is not on its way: a decoder says the same angles again and again.
         self.velocity.iter_mut().for_each(|v| *v = 0.0);
-        self.tracked = (angles != self.position).then_some(angles);
+        self.joint_targets = (angles != self.position).then_some(angles);
     }
 
     /// Stays where it is asked to be.
@@ -280,7 +282,7 @@ impl HandMotion {
         self.velocity.iter_mut().for_each(|v| *v = 0.0);
         self.duration_ticks = 0;
         self.elapsed_ticks = 0;
-        self.tracked = None;
+        self.joint_targets = None;
     }
 
     /// Where it goes, or went last, rad.
@@ -290,7 +292,7 @@ impl HandMotion {
 
     /// Sets off to these angles, rad, from where it is.
     pub fn go_to(&mut self, angles: &JointVector) {
-        self.tracked = None;
+        self.joint_targets = None;
         self.from = self.position.clone();
         self.to = angles.clone();
         let travel = self.from.iter().zip(&self.to).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
@@ -299,36 +301,36 @@ impl HandMotion {
     }
 
     /// Holds the fingers where they are: on the block that they took.
-    pub fn freeze(&mut self, position: &[f64]) {
+    pub fn hold_at(&mut self, position: &[f64]) {
         self.hold();
         self.position = joints(position);
     }
 
     /// Somebody else drives one joint in this tick: what was commanded is given up. Joints that follow others go where
     /// these are.
-    pub fn drive(&mut self, couplings: &Couplings, joint: usize, position: f64, velocity: f64) {
+    pub fn override_joint(&mut self, couplings: &MimicCouplings, joint: usize, position: f64, velocity: f64) {
         self.duration_ticks = 0;
         self.elapsed_ticks = 0;
-        self.tracked = None;
+        self.joint_targets = None;
         self.position[joint] = position;
         self.velocity[joint] = velocity;
-        couplings.follow(&mut self.position, &mut self.velocity);
+        couplings.apply(&mut self.position, &mut self.velocity);
     }
 
     /// Advances by one tick.
     pub fn step(&mut self) {
-        if let Some(angles) = self.tracked.take() {
-            let most = self.speed * TICK_SECS;
+        if let Some(angles) = self.joint_targets.take() {
+            let max_step = self.speed * TICK_SECS;
             for (k, angle) in angles.iter().enumerate() {
-                let step = (angle - self.position[k]).clamp(-most, most);
+                let step = (angle - self.position[k]).clamp(-max_step, max_step);
                 self.position[k] += step;
                 self.velocity[k] = step / TICK_SECS;
             }
             // In the tick after the last step the fingers are at rest.
-            self.tracked = self.velocity.iter().any(|v| *v != 0.0).then_some(angles);
+            self.joint_targets = self.velocity.iter().any(|v| *v != 0.0).then_some(angles);
             return;
         }
-        if !self.moving() {
+        if !self.is_moving() {
             return;
         }
         self.elapsed_ticks += 1;
@@ -354,7 +356,7 @@ mod tests {
         let mut hand = HandMotion::new(&[0.0, 0.3], 2.0);
         hand.go_to(&joints(&[0.6, 0.3]));
         let mut fastest: f64 = 0.0;
-        while hand.moving() {
+        while hand.is_moving() {
             hand.step();
             fastest = fastest.max(hand.velocity()[0]);
         }
@@ -366,13 +368,13 @@ mod tests {
     #[test]
     fn single_fingers_go_to_their_angles_at_the_hands_speed_and_stop_when_they_are_told() {
         let mut hand = HandMotion::new(&[0.0, 0.3], 2.0);
-        hand.track(joints(&[0.1, 0.3]));
+        hand.move_joints_to(joints(&[0.1, 0.3]));
         (0..25).for_each(|_| hand.step());
-        assert!((hand.position()[0] - 0.05).abs() < 1e-9 && hand.moving(), "2 rad/s for 25 ms");
+        assert!((hand.position()[0] - 0.05).abs() < 1e-9 && hand.is_moving(), "2 rad/s for 25 ms");
         assert_eq!((hand.velocity()[0], hand.velocity()[1]), (2.0, 0.0));
         (0..30).for_each(|_| hand.step());
-        assert_eq!((hand.position().as_slice(), hand.moving()), (&[0.1, 0.3][..], false));
-        hand.track(joints(&[0.0, 0.0]));
+        assert_eq!((hand.position().as_slice(), hand.is_moving()), (&[0.1, 0.3][..], false));
+        hand.move_joints_to(joints(&[0.0, 0.0]));
         (0..10).for_each(|_| hand.step());
         hand.hold();
         let held = hand.position().clone();
@@ -386,7 +388,7 @@ mod tests {
             limits: vec![limits; 2],
             position: joints(&[0.0, 0.9]),
             velocity: joints(&[0.0, 0.0]),
-            course: Course::Hold { finished: false },
+            active_command: ActiveCommand::Hold { finished: false },
             elapsed_ticks: 0,
             held_ticks: 0,
         }
@@ -408,19 +410,19 @@ mod tests {
         let blocked = |arm: &mut ArmMotion, measured: [f64; 2], ticks: u64| {
             for _ in 0..ticks {
                 arm.step();
-                arm.yield_to(&measured);
+                arm.release_unreached_targets(&measured);
             }
         };
         arm.apply(MotionCommand::Velocity(joints(&[0.4, 0.0])));
         blocked(&mut arm, [0.0, 0.9], VELOCITY_TICKS - 1);
         arm.apply(MotionCommand::Hold);
-        let asked = arm.position().clone();
-        assert!(asked[0] > 0.007, "{asked:?}");
+        let setpoints = arm.position().clone();
+        assert!(setpoints[0] > 0.007, "{setpoints:?}");
         blocked(&mut arm, [0.0, 0.9], SETTLE_TICKS);
-        assert_eq!(*arm.position(), asked, "a joint that only lags gets there");
+        assert_eq!(*arm.position(), setpoints, "a joint that only lags gets there");
         // A method may say it again and again.
         arm.apply(MotionCommand::Hold);
-        blocked(&mut arm, [0.0, 0.9 + HELD_ERROR / 2.0], 1);
+        blocked(&mut arm, [0.0, 0.9 + HOLD_TOLERANCE_RAD / 2.0], 1);
         assert_eq!(arm.position().as_slice(), [0.0, 0.9], "the second one is where it should be");
         blocked(&mut arm, [-2.0, 0.5], 1);
         assert_eq!(arm.position().as_slice(), [-1.0, 0.5], "pushed away, and within the limits");

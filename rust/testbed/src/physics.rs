@@ -1,5 +1,5 @@
 use crate::ConfigError;
-use proact_types::number_text;
+use proact_types::format_number;
 use serde::{Deserialize, Serialize};
 
 /// The physics' part of a trial's configuration.
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 pub struct PhysicsConfig {
     /// Who moves the arm and what it touches.
     #[serde(default)]
-    pub engine: Engine,
+    pub engine: PhysicsEngine,
     /// How heavy the arm is.
     #[serde(default)]
     pub mass_set: MassSet,
@@ -29,7 +29,7 @@ pub struct PhysicsConfig {
 impl PhysicsConfig {
     /// What the published code has: Gazebo moved its arm by ODE.
     pub const ORIGINAL: Self = Self {
-        engine: Engine::Ode,
+        engine: PhysicsEngine::Ode,
         mass_set: MassSet::Description,
         joint_control: JointControl::OriginalGains,
         grasp_rule: GraspRuleName::Original,
@@ -48,7 +48,7 @@ impl PhysicsConfig {
             if allowed.contains(&got) {
                 return Ok(());
             }
-            Err(ConfigError::Value { key, got: number_text(got), expected })
+            Err(ConfigError::Value { key, got: format_number(got), expected })
         };
         // Damping, friction and blocks are not scaled: a light arm is too weak for a block, and gains that were chosen for
         // these masses let heavier ones fall.
@@ -63,20 +63,40 @@ impl PhysicsConfig {
                 "0.01 to 1 with original_gains, which cannot bear more",
             )?,
         }
-        within("physics.opposing_grasp.least_angle_deg", ours.least_angle_deg, 0.0..=180.0, "0 to 180")?;
-        within("physics.opposing_grasp.least_force_n", ours.least_force_n, 0.0..=1e3, "0 to 1000")?;
-        within("physics.opposing_grasp.balance", ours.balance, 0.0..=1.0, "0 to 1")?;
+        within("physics.opposing_grasp.min_angle_deg", ours.min_angle_deg, 0.0..=180.0, "0 to 180")?;
+        within("physics.opposing_grasp.min_force_n", ours.min_force_n, 0.0..=1e3, "0 to 1000")?;
+        within("physics.opposing_grasp.min_force_ratio", ours.min_force_ratio, 0.0..=1.0, "0 to 1")?;
         within("physics.opposing_grasp.hold_ms", ours.hold_ms.into(), 1.0..=1e4, "1 to 10000")?;
-        within("physics.opposing_grasp.opened_rad", ours.opened_rad, 0.0..=3.0, "0 to 3")?;
-        within("physics.original_grasp.check_ms", original.check_ms.into(), 1.0..=1e4, "1 to 10000")?;
-        within("physics.original_grasp.least_angle_deg", original.least_angle_deg, 0.0..=180.0, "0 to 180")?;
-        within("physics.original_grasp.least_force_n", original.least_force_n, 0.0..=1e3, "0 to 1000")?;
-        within("physics.original_grasp.balance", original.balance, 0.0..=1.0, "0 to 1")?;
-        within("physics.original_grasp.grip_count", original.grip_count.into(), 0.0..=1e3, "0 to 1000")?;
-        within("physics.original_grasp.max_count", original.max_count.into(), 1.0..=1e3, "1 to 1000")?;
+        within("physics.opposing_grasp.release_opening_rad", ours.release_opening_rad, 0.0..=3.0, "0 to 3")?;
         within(
-            "physics.original_grasp.release_distance_m",
-            original.release_distance_m,
+            "physics.original_grasp.check_interval_ms",
+            original.check_interval_ms.into(),
+            1.0..=1e4,
+            "1 to 10000",
+        )?;
+        within(
+            "physics.original_grasp.forces_angle_tolerance_deg",
+            original.forces_angle_tolerance_deg,
+            0.0..=180.0,
+            "0 to 180",
+        )?;
+        within("physics.original_grasp.min_force_n", original.min_force_n, 0.0..=1e3, "0 to 1000")?;
+        within("physics.original_grasp.min_force_ratio", original.min_force_ratio, 0.0..=1.0, "0 to 1")?;
+        within(
+            "physics.original_grasp.grip_count_threshold",
+            original.grip_count_threshold.into(),
+            0.0..=1e3,
+            "0 to 1000",
+        )?;
+        within(
+            "physics.original_grasp.max_grip_count",
+            original.max_grip_count.into(),
+            1.0..=1e3,
+            "1 to 1000",
+        )?;
+        within(
+            "physics.original_grasp.release_tolerance_m",
+            original.release_tolerance_m,
             0.0..=1.0,
             "0 to 1",
         )?;
@@ -94,23 +114,28 @@ impl PhysicsConfig {
 #[serde(deny_unknown_fields, default)]
 pub struct OpposingGrasp {
     /// Two contacts hold a block when their normals are further apart than this, degrees (the original: 100).
-    pub least_angle_deg: f64,
+    pub min_angle_deg: f64,
     /// A contact counts from this force, newtons (the original: 1e-4).
-    pub least_force_n: f64,
+    pub min_force_n: f64,
     /// The weaker of two opposing contacts has at least this share of the stronger one's force (the original: 0.3
     /// of forces averaged over 250 ms; ours are of one tick, and rougher).
-    pub balance: f64,
+    pub min_force_ratio: f64,
     /// Opposing contact for this long attaches, ms of simulated time. (The original: five checks at 4 Hz of wall
     /// time, so more than a second, and longer on a slow machine.)
     pub hold_ms: u32,
     /// A finger joint that has opened by this much since the grasp lets the block go, rad.
-    pub opened_rad: f64,
+    pub release_opening_rad: f64,
 }
 
 impl OpposingGrasp {
     /// What trials have unless they say otherwise.
-    pub const DEFAULT: Self =
-        Self { least_angle_deg: 100.0, least_force_n: 1e-4, balance: 0.05, hold_ms: 40, opened_rad: 0.01 };
+    pub const DEFAULT: Self = Self {
+        min_angle_deg: 100.0,
+        min_force_n: 1e-4,
+        min_force_ratio: 0.05,
+        hold_ms: 40,
+        release_opening_rad: 0.01,
+    };
 }
 
 impl Default for OpposingGrasp {
@@ -124,19 +149,19 @@ impl Default for OpposingGrasp {
 #[serde(deny_unknown_fields, default)]
 pub struct OriginalGrasp {
     /// From one check to the next, ms: 4 Hz. (The original's are of wall time.)
-    pub check_ms: u32,
+    pub check_interval_ms: u32,
     /// Two forces oppose each other when they are further apart than this, degrees.
-    pub least_angle_deg: f64,
+    pub forces_angle_tolerance_deg: f64,
     /// Least mean force of a link on a block, newtons.
-    pub least_force_n: f64,
+    pub min_force_n: f64,
     /// The smaller of two opposing forces has at least this share of the larger.
-    pub balance: f64,
+    pub min_force_ratio: f64,
     /// A block is taken when its count of checks is above this.
-    pub grip_count: u32,
+    pub grip_count_threshold: u32,
     /// The count grows no further.
-    pub max_count: u32,
+    pub max_grip_count: u32,
     /// A finger that has come away by more than this lets the block go, metres.
-    pub release_distance_m: f64,
+    pub release_tolerance_m: f64,
     /// A finger that has come away by less still presses, metres. Assumed: the original goes on measuring the forces on
     /// a block that it has taken; here a carried block touches no link.
     pub pressing_distance_m: f64,
@@ -145,13 +170,13 @@ pub struct OriginalGrasp {
 impl OriginalGrasp {
     /// The published numbers.
     pub const DEFAULT: Self = Self {
-        check_ms: 250,
-        least_angle_deg: 100.0,
-        least_force_n: 1e-4,
-        balance: 0.3,
-        grip_count: 4,
-        max_count: 8,
-        release_distance_m: 0.03,
+        check_interval_ms: 250,
+        forces_angle_tolerance_deg: 100.0,
+        min_force_n: 1e-4,
+        min_force_ratio: 0.3,
+        grip_count_threshold: 4,
+        max_grip_count: 8,
+        release_tolerance_m: 0.03,
         pressing_distance_m: 0.002,
     };
 }
@@ -166,7 +191,7 @@ impl Default for OriginalGrasp {
 /// contacts are ODE's in both, and so is the search for contacts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Engine {
+pub enum PhysicsEngine {
     /// Ours, in joint angles, solved together with the blocks that the arm touches. Joints cannot come apart, energy is
     /// kept to second order, and free fingers cost little.
     #[default]

@@ -1,5 +1,5 @@
 use crate::ConfigError;
-use proact_types::number_text;
+use proact_types::format_number;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::{collections::BTreeMap, fmt, str::FromStr};
 
@@ -8,39 +8,39 @@ use std::{collections::BTreeMap, fmt, str::FromStr};
 #[serde(deny_unknown_fields, default)]
 pub struct PlannerOptions {
     /// Highest speed of any arm joint, rad/s. The original's URDF limit.
-    pub max_velocity: f64,
-    /// Highest acceleration of any arm joint, rad/s^2. The default of the original's time parameteriser.
-    pub max_acceleration: f64,
-    /// Highest jerk of any arm joint, rad/s^3; infinite for none. The path may then stray by
-    /// `max_acceleration^3 / (6 max_jerk^2)` rad, and takes `2 max_acceleration / max_jerk` s longer.
-    pub max_jerk: f64,
+    pub max_velocity_rad_per_s: f64,
+    /// Highest acceleration `a` of any arm joint, rad/s^2. The default of the original's time parameteriser.
+    pub max_acceleration_rad_per_s2: f64,
+    /// Highest jerk `j` of any arm joint, rad/s^3; infinite for none. The path may then stray by
+    /// `a^3 / (6 j^2)` rad, and takes `2 a / j` s longer.
+    pub max_jerk_rad_per_s3: f64,
     /// Free space kept around obstacles in transit. The original padded blocks by 5 mm.
-    pub padding: f64,
+    pub padding_m: f64,
     /// Free space kept from fixed obstacles on the straight way to and from a grasp or a place. Assumed.
-    pub contact_padding: f64,
+    pub contact_padding_m: f64,
     /// Height of the straight way down to a grasp or a place. Assumed: block height plus a margin.
-    pub approach_height: f64,
+    pub approach_height_m: f64,
     /// Height of the straight lift of a carried object. Assumed, as for the approach.
-    pub lift_height: f64,
+    pub lift_height_m: f64,
     /// Height of the straight way off a block that stands between the fingers. Assumed: more than its height.
-    pub retreat_height: f64,
+    pub retreat_height_m: f64,
     /// Deepest contact at the start that is treated as a graze and left by a straight way up. Assumed.
-    pub graze_depth: f64,
+    pub start_contact_tolerance_m: f64,
     /// Free space under an object when it is let go. Assumed.
-    pub place_gap: f64,
+    pub place_gap_m: f64,
     /// Largest angle between a placed object's axis and the vertical: it tips onto its base. Assumed.
-    pub place_tilt: f64,
+    pub place_tilt_rad: f64,
     /// A place that cannot be reached may be missed by this much toward the arm. Assumed: a third of the radius
     /// within which a block counts.
-    pub place_tolerance: f64,
+    pub place_tolerance_m: f64,
     /// Random arm postures from which each hand pose is sought, besides the present one: near it at first, then anywhere.
-    pub postures: usize,
+    pub ik_seeds: usize,
     /// Ways of reaching the goal after which no more are looked for.
-    pub goals: usize,
+    pub max_goal_postures: usize,
     /// What searches in joint space.
     pub name: PlannerName,
     /// Its parameters by OMPL's names, such as `goal_bias`, and their values as text.
-    #[serde(skip_serializing_if = "BTreeMap::is_empty", deserialize_with = "texts")]
+    #[serde(skip_serializing_if = "BTreeMap::is_empty", deserialize_with = "parameters_as_text")]
     pub parameters: BTreeMap<String, String>,
     /// Bounds of one search in joint space.
     pub search: SearchLimits,
@@ -52,20 +52,20 @@ pub struct PlannerOptions {
 impl Default for PlannerOptions {
     fn default() -> Self {
         Self {
-            max_velocity: 0.5,
-            max_acceleration: 1.0,
-            max_jerk: 10.0,
-            padding: 0.005,
-            contact_padding: 0.001,
-            approach_height: 0.08,
-            lift_height: 0.08,
-            retreat_height: 0.07,
-            graze_depth: 0.012,
-            place_gap: 0.0015,
-            place_tilt: 12_f64.to_radians(),
-            place_tolerance: 0.016,
-            postures: 8,
-            goals: 6,
+            max_velocity_rad_per_s: 0.5,
+            max_acceleration_rad_per_s2: 1.0,
+            max_jerk_rad_per_s3: 10.0,
+            padding_m: 0.005,
+            contact_padding_m: 0.001,
+            approach_height_m: 0.08,
+            lift_height_m: 0.08,
+            retreat_height_m: 0.07,
+            start_contact_tolerance_m: 0.012,
+            place_gap_m: 0.0015,
+            place_tilt_rad: 12_f64.to_radians(),
+            place_tolerance_m: 0.016,
+            ik_seeds: 8,
+            max_goal_postures: 6,
             name: PlannerName::default(),
             parameters: BTreeMap::new(),
             search: SearchLimits::default(),
@@ -89,15 +89,15 @@ pub struct SearchLimits {
     /// Longest motion added to a tree, rad (L2); for planners that grow trees.
     pub range_rad: f64,
     /// Attempts to shorten the path.
-    pub shortcuts: u32,
+    pub shortcut_attempts: u32,
     /// Largest change of the joint vector between two checked states, rad (L2).
     pub step_rad: f64,
     /// Farthest that any point of the arm moves between two checked states, metres.
-    pub step_metres: f64,
+    pub step_m: f64,
     /// Looks at motions in equal steps of this share of the joint space's extent instead, and simplifies paths to
     /// the end: what OMPL does by itself, as in the original. For comparison; it misses contacts.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub equal_steps: Option<f64>,
+    pub fixed_validity_step: Option<f64>,
 }
 
 impl Default for SearchLimits {
@@ -108,30 +108,32 @@ impl Default for SearchLimits {
             max_secs: None,
             more_searches: 4,
             range_rad: 0.8,
-            shortcuts: 20,
+            shortcut_attempts: 20,
             step_rad: 0.02,
-            step_metres: 0.005,
-            equal_steps: None,
+            step_m: 0.005,
+            fixed_validity_step: None,
         }
     }
 }
 
 /// Values as text: OMPL takes nothing else, and people write numbers.
-fn texts<'de, D: Deserializer<'de>>(deserializer: D) -> Result<BTreeMap<String, String>, D::Error> {
+fn parameters_as_text<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<BTreeMap<String, String>, D::Error> {
     #[derive(Deserialize)]
     #[serde(untagged)]
-    enum Written {
+    enum ParameterValue {
         Text(String),
         Flag(bool),
         Whole(i64),
         Number(f64),
     }
-    let written = BTreeMap::<String, Written>::deserialize(deserializer)?;
+    let written = BTreeMap::<String, ParameterValue>::deserialize(deserializer)?;
     let text = |value| match value {
-        Written::Text(text) => text,
-        Written::Flag(flag) => flag.to_string(),
-        Written::Whole(number) => number.to_string(),
-        Written::Number(number) => number.to_string(),
+        ParameterValue::Text(text) => text,
+        ParameterValue::Flag(flag) => flag.to_string(),
+        ParameterValue::Whole(number) => number.to_string(),
+        ParameterValue::Number(number) => number.to_string(),
     };
     Ok(written.into_iter().map(|(name, value)| (name, text(value))).collect())
 }
@@ -144,40 +146,46 @@ impl PlannerOptions {
     /// [`ConfigError::Value`] naming the first bad one.
     pub fn check(&self) -> Result<(), ConfigError> {
         let refused =
-            |key, got: f64, expected| Err(ConfigError::Value { key, got: number_text(got), expected });
+            |key, got: f64, expected| Err(ConfigError::Value { key, got: format_number(got), expected });
         // The least of each is far below any use: with less, a path would have more points than memory holds.
         let search = &self.search;
         for (key, value, range, expected) in [
-            ("planner.max_velocity", self.max_velocity, 0.01..=100.0, "0.01 to 100"),
-            ("planner.max_acceleration", self.max_acceleration, 0.01..=100.0, "0.01 to 100"),
-            ("planner.approach_height", self.approach_height, 0.001..=2.0, "0.001 to 2"),
-            ("planner.lift_height", self.lift_height, 0.001..=2.0, "0.001 to 2"),
-            ("planner.retreat_height", self.retreat_height, 0.001..=2.0, "0.001 to 2"),
+            ("planner.max_velocity_rad_per_s", self.max_velocity_rad_per_s, 0.01..=100.0, "0.01 to 100"),
+            (
+                "planner.max_acceleration_rad_per_s2",
+                self.max_acceleration_rad_per_s2,
+                0.01..=100.0,
+                "0.01 to 100",
+            ),
+            ("planner.approach_height_m", self.approach_height_m, 0.001..=2.0, "0.001 to 2"),
+            ("planner.lift_height_m", self.lift_height_m, 0.001..=2.0, "0.001 to 2"),
+            ("planner.retreat_height_m", self.retreat_height_m, 0.001..=2.0, "0.001 to 2"),
             ("planner.search.range_rad", search.range_rad, 0.001..=100.0, "0.001 to 100"),
             ("planner.search.step_rad", search.step_rad, 0.001..=100.0, "0.001 to 100"),
-            ("planner.search.step_metres", search.step_metres, 0.0001..=100.0, "0.0001 to 100"),
-            ("planner.padding", self.padding, 0.0..=1.0, "0 to 1"),
-            ("planner.contact_padding", self.contact_padding, 0.0..=1.0, "0 to 1"),
-            ("planner.graze_depth", self.graze_depth, 0.0..=1.0, "0 to 1"),
-            ("planner.place_gap", self.place_gap, 0.0..=1.0, "0 to 1"),
-            ("planner.place_tilt", self.place_tilt, 0.0..=3.2, "0 to 3.2"),
-            ("planner.place_tolerance", self.place_tolerance, 0.0..=1.0, "0 to 1"),
+            ("planner.search.step_m", search.step_m, 0.0001..=100.0, "0.0001 to 100"),
+            ("planner.padding_m", self.padding_m, 0.0..=1.0, "0 to 1"),
+            ("planner.contact_padding_m", self.contact_padding_m, 0.0..=1.0, "0 to 1"),
+            ("planner.start_contact_tolerance_m", self.start_contact_tolerance_m, 0.0..=1.0, "0 to 1"),
+            ("planner.place_gap_m", self.place_gap_m, 0.0..=1.0, "0 to 1"),
+            ("planner.place_tilt_rad", self.place_tilt_rad, 0.0..=3.2, "0 to 3.2"),
+            ("planner.place_tolerance_m", self.place_tolerance_m, 0.0..=1.0, "0 to 1"),
         ] {
             if !range.contains(&value) {
                 return refused(key, value, expected);
             }
         }
-        for (key, count, least) in [("planner.goals", self.goals, 1), ("planner.postures", self.postures, 0)]
+        for (key, count, min) in
+            [("planner.max_goal_postures", self.max_goal_postures, 1), ("planner.ik_seeds", self.ik_seeds, 0)]
         {
-            if !(least..=1000).contains(&count) {
-                return refused(key, count as f64, if least == 0 { "0 to 1000" } else { "1 to 1000" });
+            if !(min..=1000).contains(&count) {
+                return refused(key, count as f64, if min == 0 { "0 to 1000" } else { "1 to 1000" });
             }
         }
-        for (key, count, most, expected) in [
+        for (key, count, max, expected) in [
             ("planner.search.more_searches", search.more_searches, 1000, "at most 1000"),
-            ("planner.search.shortcuts", search.shortcuts, 100_000, "at most 100000"),
+            ("planner.search.shortcut_attempts", search.shortcut_attempts, 100_000, "at most 100000"),
         ] {
-            if count > most {
+            if count > max {
                 return refused(key, f64::from(count), expected);
             }
         }
@@ -192,11 +200,11 @@ impl PlannerOptions {
                 return refused(key, value, "0.001 to 3600 s, or none");
             }
         }
-        if self.max_jerk.is_nan() || self.max_jerk < 0.01 {
-            return refused("planner.max_jerk", self.max_jerk, "0.01 or more, or inf");
+        if self.max_jerk_rad_per_s3.is_nan() || self.max_jerk_rad_per_s3 < 0.01 {
+            return refused("planner.max_jerk_rad_per_s3", self.max_jerk_rad_per_s3, "0.01 or more, or inf");
         }
-        if let Some(share) = self.search.equal_steps.filter(|share| !(1e-4..=1.0).contains(share)) {
-            return refused("planner.search.equal_steps", share, "0.0001 to 1, or none");
+        if let Some(share) = self.search.fixed_validity_step.filter(|share| !(1e-4..=1.0).contains(share)) {
+            return refused("planner.search.fixed_validity_step", share, "0.0001 to 1, or none");
         }
         Ok(())
     }

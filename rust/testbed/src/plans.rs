@@ -8,25 +8,25 @@ use proact_types::{
 };
 
 /// The plans that a method waits for: at most one.
-pub(crate) struct PlanBook {
+pub(crate) struct PendingPlan {
     service: Box<dyn PlanService>,
     latency_ms: u64,
     /// The tick at which a plan is due waits for it.
-    waits: bool,
+    wait_for_plan: bool,
     seed: u64,
-    pending: Option<(u64, SimTime)>,
-    requests: u64,
+    request_and_due_time: Option<(u64, SimTime)>,
+    request_count: u64,
 }
 
-impl PlanBook {
+impl PendingPlan {
     pub(crate) fn new(config: &TrialConfig, service: Box<dyn PlanService>) -> Self {
         Self {
             service,
             latency_ms: config.plan_latency_ms,
-            waits: config.wait_for_plans,
+            wait_for_plan: config.wait_for_plans,
             seed: config.seed,
-            pending: None,
-            requests: 0,
+            request_and_due_time: None,
+            request_count: 0,
         }
     }
 
@@ -37,34 +37,34 @@ impl PlanBook {
 
     /// The number of the next request.
     pub(crate) fn next_id(&self) -> u64 {
-        self.requests + 1
+        self.request_count + 1
     }
 
     /// The plan that takes effect in this tick; `logged` is what the input log has for it.
-    pub(crate) fn due(&mut self, now: SimTime, logged: Option<&PlanReply>) -> Option<PlanReply> {
-        let (id, due) = self.pending?;
+    pub(crate) fn take_due_plan(&mut self, now: SimTime, logged: Option<&PlanReply>) -> Option<PlanReply> {
+        let (id, due) = self.request_and_due_time?;
         let reply = match logged {
             Some(reply) if reply.id == id => reply.clone(),
             // The answer to a request that was cancelled or replaced meanwhile moves nothing.
             Some(_) => return None,
             None if now < due => return None,
-            None if self.waits => self.service.wait(id),
+            None if self.wait_for_plan => self.service.wait(id),
             None => self.service.poll(id)?,
         };
-        self.pending = None;
+        self.request_and_due_time = None;
         Some(reply)
     }
 
     /// Hands `request` to the planner, in place of one that is waited for.
-    pub(crate) fn ask(&mut self, now: SimTime, request: PlanRequest) {
-        self.requests = request.id;
-        self.pending = Some((request.id, now.plus_millis(self.latency_ms)));
+    pub(crate) fn submit(&mut self, now: SimTime, request: PlanRequest) {
+        self.request_count = request.id;
+        self.request_and_due_time = Some((request.id, now.plus_millis(self.latency_ms)));
         self.service.submit(request);
     }
 
     /// Nobody waits any more.
     pub(crate) fn cancel(&mut self) {
-        self.pending = None;
+        self.request_and_due_time = None;
         self.service.cancel();
     }
 }
@@ -108,9 +108,9 @@ pub fn plan_request(
         start,
         hand: joints(&state.position[model.arm_count()..]),
         goal,
-        picked,
+        picked_object: picked,
         obstacles,
-        held: Vec::new(),
+        held_joints: Vec::new(),
         attached,
         // Requests of one trial differ, and so do trials.
         seed: seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(id),

@@ -2,7 +2,7 @@
 //! `devices`, and by the replay, which answers from the log.
 
 use proact_types::{
-    BodyState, EmgSample, GazeSample, Gesture, PlanReply, PlanRequest, PlantCommand, PlantState, Point,
+    BodyState, Command, EmgSample, GazeSample, PlanReply, PlanRequest, PlantCommand, PlantState, Point,
     SimTime, Vector,
 };
 use std::time::Duration;
@@ -51,7 +51,7 @@ pub trait Plant {
     fn state(&self) -> &PlantState;
 
     /// Whether the last step met the laws of contact; else its state is the solver's last try.
-    fn solved(&self) -> bool {
+    fn contacts_solved(&self) -> bool {
         true
     }
 
@@ -92,10 +92,10 @@ pub trait PlanService {
 /// An armband on the arm of somebody who intends a gesture.
 pub trait EmgSource {
     /// Samples that arrive in tick `now`, at most [`MAX_TICK_SAMPLES`](proact_types::MAX_TICK_SAMPLES), oldest first, while the wearer performs `intended`. Called once per tick.
-    fn sample_at(&mut self, now: SimTime, intended: Gesture) -> Vec<EmgSample>;
+    fn sample_at(&mut self, now: SimTime, intended: Command) -> Vec<EmgSample>;
 
     /// How long the oldest of these waited since it came, where samples come by themselves.
-    fn waited(&self) -> Option<Duration> {
+    fn oldest_sample_wait(&self) -> Option<Duration> {
         None
     }
 }

@@ -1,9 +1,9 @@
 use crate::{
-    ConfigError, Digest, Pinned, ResultFault, SpanDigest, TrialConfig,
+    ConfigError, Digest, PinnedContent, ResultFault, SpanDigest, TrialConfig,
     ports::{PlanService, Plant, PlantError},
     stages::{
-        ActuationInput, ActuationOutput, ActuationStage, DisplayInput, DisplayStage, Driven, EmgStage,
-        EmgStageInput, EmgStageOutput, FeedbackInput, FeedbackStage, GazeMeasurement, IntentInput,
+        ActuationInput, ActuationOutput, ActuationStage, DisplayInput, DisplayStage, EmgStage, EmgStageInput,
+        EmgStageOutput, ExternalTargets, FeedbackInput, FeedbackStage, GazeMeasurement, IntentInput,
         IntentOutput, IntentStage, MethodInput, MethodStage, StageName, TaskStage, TaskStageInput,
         WorldInput, WorldStage,
     },
@@ -17,9 +17,9 @@ use proact_emg::{Classifier, DecoderProcess, EmgError, EmgOutput};
 use proact_intent::IntentProcess;
 use proact_tasks::Task;
 use proact_types::{
-    DisplayFrame, Event, EventKind, FeedbackCue, Gesture, GestureName, GestureTableError, HandState,
-    IntentAnswer, JointVector, MethodAnswer, MethodInfo, PlanReply, PlanRequest, Pose, SimTime, Stop,
-    TickInput, WindowAnswer,
+    Command, CommandMapError, DisplayFrame, Event, EventKind, FeedbackCue, Gesture, HandState, IntentAnswer,
+    JointVector, MethodAnswer, MethodInfo, PlanReply, PlanRequest, Pose, SimTime, Stop, TickInput,
+    WindowAnswer,
 };
 use std::sync::Arc;
 
@@ -38,7 +38,7 @@ pub enum TestbedError {
     Control(#[from] ControlError),
     /// Gestures and commands that do not go together.
     #[error("profile: {0}")]
-    Gestures(#[from] GestureTableError),
+    Gestures(#[from] CommandMapError),
     /// The EMG stage refused its set-up.
     #[error("EMG: {0}")]
     Emg(#[from] EmgError),
@@ -74,9 +74,9 @@ pub enum TestbedError {
 }
 
 /// What the testbed is made of.
-pub struct Parts {
+pub struct TestbedParts {
     /// What the arm is called, and the hash of its folder.
-    pub arm: Pinned,
+    pub arm: PinnedContent,
     /// The arm.
     pub model: Arc<ArmModel>,
     /// Its kinematics, base to tip.
@@ -109,7 +109,7 @@ pub struct TickOutput {
     /// A window of EMG ended, or the stream became stale.
     pub emg: Option<Box<EmgOutput>>,
     /// The command that the EMG stage published.
-    pub message: Option<Gesture>,
+    pub published_command: Option<Command>,
     /// The method commanded the arm.
     pub arm_commanded: bool,
     /// The method commanded the hand.
@@ -119,7 +119,7 @@ pub struct TickOutput {
     /// What is to be heard and felt.
     pub cues: Vec<FeedbackCue>,
     /// The digest of a span that this tick closed.
-    pub span: Option<SpanDigest>,
+    pub span_digest: Option<SpanDigest>,
     /// The trial is over.
     pub finished: bool,
 }
@@ -145,18 +145,18 @@ pub struct Testbed {
     method_info: MethodInfo,
     now: SimTime,
     /// For the next tick.
-    driven: Driven,
+    external_targets: ExternalTargets,
     /// What the stages said in the last tick.
-    said: Said,
+    last_outputs: LastOutputs,
 }
 
 /// What outlives a tick of the stages' outputs: the next tick, or the display, asks for it.
-struct Said {
-    gesture: EmgStageOutput,
+struct LastOutputs {
+    emg: EmgStageOutput,
     intent: IntentOutput,
     actuation: ActuationOutput,
     /// Angles of the fingers on a block that the hand has just taken.
-    frozen: Option<JointVector>,
+    frozen_fingers: Option<JointVector>,
 }
 
 impl Testbed {
@@ -166,19 +166,19 @@ impl Testbed {
     /// # Errors
     /// A configuration that does not fit, another arm or task than it names, an arm without the poses `start`, `open`
     /// and `closed`.
-    pub fn new(mut config: TrialConfig, parts: Parts) -> Result<Self, TestbedError> {
+    pub fn new(mut config: TrialConfig, parts: TestbedParts) -> Result<Self, TestbedError> {
         config.check()?;
-        let Parts { arm, model, kinematics, plant, plans, methods, classifier, process } = parts;
-        config.pin(&arm)?;
+        let TestbedParts { arm, model, kinematics, plant, plans, methods, classifier, process } = parts;
+        config.pin_contents(&arm)?;
         config.check_side(&model)?;
         let method = config.method_entry(&methods)?;
         let task = config.build_task(&model)?;
         let actuation = ActuationStage::new(&config, &model, task.scene())?;
-        let said = Said {
-            gesture: EmgStageOutput::default(),
+        let last_outputs = LastOutputs {
+            emg: EmgStageOutput::default(),
             intent: IntentOutput::default(),
             actuation: actuation.output(),
-            frozen: None,
+            frozen_fingers: None,
         };
         Ok(Self {
             emg: EmgStage::new(&config, classifier)?,
@@ -192,8 +192,8 @@ impl Testbed {
             digest: Digest::new(&config.to_toml()?),
             method_info: method.info().clone(),
             now: SimTime(0),
-            driven: Driven::default(),
-            said,
+            external_targets: ExternalTargets::default(),
+            last_outputs,
             config,
             model,
             kinematics,
@@ -270,40 +270,40 @@ impl Testbed {
     }
 
     /// Gesture in force.
-    pub fn gesture(&self) -> Gesture {
-        self.said.gesture.gesture
+    pub fn command(&self) -> Command {
+        self.last_outputs.emg.command
     }
 
     /// What the EMG stage said in the last tick.
-    pub fn muscles(&self) -> &EmgStageOutput {
-        &self.said.gesture
+    pub fn emg_output(&self) -> &EmgStageOutput {
+        &self.last_outputs.emg
     }
 
     /// The gestures that the EMG model tells apart, in the order of [`EmgOutput::posterior`]; none without a model.
-    pub fn emg_gestures(&self) -> &[GestureName] {
+    pub fn emg_gestures(&self) -> &[Gesture] {
         self.emg.gestures()
     }
 
     /// Probability of each object after the last valid gaze; all zero where it told nothing.
     pub fn posterior(&self) -> &[f64] {
-        &self.said.intent.posterior
+        &self.last_outputs.intent.posterior
     }
 
     /// What the arm does now.
     pub fn motion(&self) -> MotionState {
-        self.said.actuation.motion
+        self.last_outputs.actuation.motion
     }
 
     /// Angles asked of all moving joints now, rad.
     pub fn targets(&self) -> &JointVector {
-        &self.said.actuation.command.position
+        &self.last_outputs.actuation.command.position
     }
 
     /// The hand has arrived where it was told to go, or holds something.
-    pub fn hand_rests(&self) -> bool {
-        let arrived = !self.said.actuation.hand_moving
+    pub fn is_hand_settled(&self) -> bool {
+        let arrived = !self.last_outputs.actuation.hand_moving
             && matches!(self.world.hand().state, HandState::Open | HandState::Closed);
-        self.said.frozen.is_some() || arrived
+        self.last_outputs.frozen_fingers.is_some() || arrived
     }
 
     /// What somebody else's controllers ask for in the next tick. Where the method commands arm or hand in that tick, the
@@ -311,8 +311,8 @@ impl Testbed {
     ///
     /// It is no input of the trial: no log holds it. The digest tells a trial that was driven from one that was not, and
     /// nobody replays the former.
-    pub fn drive(&mut self, driven: Driven) {
-        self.driven = driven;
+    pub fn set_external_targets(&mut self, driven: ExternalTargets) {
+        self.external_targets = driven;
     }
 
     /// Advances by one millisecond. `last` closes the digest's span early: the trial ends with this tick.
@@ -320,14 +320,14 @@ impl Testbed {
     /// # Errors
     /// [`TestbedError`]; the trial cannot go on then.
     pub fn tick(&mut self, input: &TickInput, last: bool) -> Result<TickOutput, TestbedError> {
-        self.tick_watched(input, last, &mut |_| ())
+        self.tick_with_stage_timing(input, last, &mut |_| ())
     }
 
     /// [`Testbed::tick`] that says when each stage is done, for whoever has a clock.
     ///
     /// # Errors
     /// As [`Testbed::tick`].
-    pub fn tick_watched(
+    pub fn tick_with_stage_timing(
         &mut self,
         input: &TickInput,
         last: bool,
@@ -343,57 +343,59 @@ impl Testbed {
         };
         let kinematics = self.kinematics.as_mut();
 
-        let samples = EmgStageInput { samples: &input.emg, gesture: input.gesture, answers: &input.decoder };
-        let mut gesture = self.emg.step(now, samples);
-        note(std::mem::take(&mut gesture.events));
-        self.digest.gesture(&gesture);
+        let samples =
+            EmgStageInput { samples: &input.emg, direct_command: input.command, answers: &input.decoder };
+        let mut emg_output = self.emg.step(now, samples);
+        note(std::mem::take(&mut emg_output.events));
+        self.digest.emg(&emg_output);
         done(StageName::Emg);
 
-        let looked = IntentInput {
-            gaze: GazeMeasurement::of(input),
+        let intent_input = IntentInput {
+            gaze: GazeMeasurement::from_input(input),
             world: self.world.state(),
             task: self.task.task().state(),
             answer: input.intent.as_ref(),
         };
-        let mut intent = self.intent.step(now, looked, kinematics);
+        let mut intent = self.intent.step(now, intent_input, kinematics);
         note(std::mem::take(&mut intent.events));
         self.digest.intent(&intent);
         done(StageName::Intent);
 
-        let asked = MethodInput {
-            gesture: &gesture,
+        let method_input = MethodInput {
+            emg: &emg_output,
             intent: &intent,
-            actuation: &self.said.actuation,
+            actuation: &self.last_outputs.actuation,
             world: self.world.state(),
             hand: self.world.hand(),
-            signs: &input.signs,
+            heartbeats: &input.heartbeats,
             participant: input.participant.as_ref(),
             shoulder_tracked: input.shoulder.is_some(),
             limb: input.limb.as_ref(),
             plan: input.plan.as_ref(),
             answer: input.method.clone(),
         };
-        let mut method = self.method.step(now, asked, kinematics);
+        let mut method = self.method.step(now, method_input, kinematics);
         note(std::mem::take(&mut method.events));
         self.digest.method(&method, self.method.stop());
         done(StageName::Method);
 
-        let Driven { mut joints, hand, hold_hand } = std::mem::take(&mut self.driven);
+        let ExternalTargets { mut joints, hand, hold_hand } = std::mem::take(&mut self.external_targets);
         let arm = self.model.arm_count();
         (output.arm_commanded, output.hand_commanded) = (method.motion.is_some(), method.hand.is_some());
         joints.retain(|driven| {
             !(if driven.joint < arm { output.arm_commanded } else { output.hand_commanded })
         });
         let hand = method.hand.or(hand);
-        let held = (hold_hand && hand.is_none())
-            .then(|| self.said.actuation.command.position[arm..].iter().copied().collect::<JointVector>());
+        let held = (hold_hand && hand.is_none()).then(|| {
+            self.last_outputs.actuation.command.position[arm..].iter().copied().collect::<JointVector>()
+        });
         let commanded = ActuationInput {
             shoulder: input.shoulder,
             motion: method.motion,
             hand,
             fingers: method.fingers,
-            frozen: held.as_ref().or(self.said.frozen.as_ref()),
-            driven: &joints,
+            frozen_fingers: held.as_ref().or(self.last_outputs.frozen_fingers.as_ref()),
+            external_targets: &joints,
             world: self.world.state(),
         };
         let mut actuation = self.actuation.step(now, commanded);
@@ -404,28 +406,29 @@ impl Testbed {
         let moved = WorldInput { command: &actuation.command, hand, hand_moving: actuation.hand_moving };
         let world = self.world.step(now, moved)?;
         note(world.events);
-        self.digest.world(self.world.state(), world.carried);
+        self.digest.world(self.world.state(), world.carried_object);
         done(StageName::World);
 
-        let judged = TaskStageInput { world: self.world.state(), held: world.hand.holds };
-        let task = self.task.step(now, judged);
+        let task_input = TaskStageInput { world: self.world.state(), held: world.hand.held_object };
+        let task = self.task.step(now, task_input);
         note(task.events);
-        if self.method.gave_up() && !task.state.finished {
+        if self.method.must_end_trial() && !task.state.finished {
             note(vec![EventKind::TrialFinished]);
         }
         self.world.rearrange(&task.placements);
-        self.digest.task(&task.state, world.hand.holds);
+        self.digest.task(&task.state, world.hand.held_object);
 
         let contacts = &self.world.state().contacts;
         output.cues = self.feedback.step(now, FeedbackInput { events: &output.events, contacts });
-        self.display.note(&output.events, &output.cues);
-        (output.emg, output.message) = (gesture.decision.clone(), gesture.message);
+        self.display.add_events(&output.events, &output.cues);
+        (output.emg, output.published_command) = (emg_output.decision.clone(), emg_output.published_command);
         (output.request, output.plan, output.method) = (method.request, method.plan, method.answer);
-        output.decoder.clone_from(&gesture.answers);
+        output.decoder.clone_from(&emg_output.answers);
         output.intent = intent.answer.take();
-        output.finished = task.state.finished || self.method.gave_up();
-        output.span = self.digest.end_tick(now, last || output.finished);
-        self.said = Said { gesture, intent, actuation, frozen: world.frozen };
+        output.finished = task.state.finished || self.method.must_end_trial();
+        output.span_digest = self.digest.end_tick(now, last || output.finished);
+        self.last_outputs =
+            LastOutputs { emg: emg_output, intent, actuation, frozen_fingers: world.frozen_fingers };
         done(StageName::Task);
         Ok(output)
     }
@@ -441,18 +444,18 @@ impl Testbed {
     /// # Errors
     /// If the kinematics refuse the arm's angles.
     pub fn frame(&mut self, world_from_head: Pose) -> Result<DisplayFrame, TestbedError> {
-        let shown = DisplayInput {
-            gesture: &self.said.gesture,
-            intent: &self.said.intent,
+        let display_input = DisplayInput {
+            emg: &self.last_outputs.emg,
+            intent: &self.last_outputs.intent,
             method: self.method.view(),
-            actuation: &self.said.actuation,
+            actuation: &self.last_outputs.actuation,
             world: self.world.state(),
             hand: self.world.hand(),
             task: self.task.task().state(),
             world_from_head,
         };
-        let mut frame = self.display.step(self.now, shown, self.kinematics.as_mut())?;
-        frame.finished |= self.method.gave_up();
+        let mut frame = self.display.step(self.now, display_input, self.kinematics.as_mut())?;
+        frame.finished |= self.method.must_end_trial();
         Ok(frame)
     }
 

@@ -4,7 +4,7 @@ mod common;
 
 use common::{Outcome, Run, config, stare};
 use proact_testbed::doubles::{GazeFault, ScriptedGaze};
-use proact_types::{EventKind, Gesture, InputSource, StopCause};
+use proact_types::{Command, EventKind, InputSource, StopCause};
 
 /// A highlight outlives the eye by this, ms, and a frame of the display.
 const LOST_BY: std::ops::RangeInclusive<u64> = 500..=540;
@@ -13,7 +13,7 @@ const DEAD_BY: std::ops::RangeInclusive<u64> = 993..=1001;
 
 /// Looks at a block for six seconds, with WE from 2 s on; `fault` from 3 s on for `fault_ms`.
 fn run(fault: GazeFault, fault_ms: u64) -> Outcome<Run> {
-    let script = vec![(0, Gesture::NoMotion), (2000, Gesture::WristExtension)];
+    let script = vec![(0, Command::NoMotion), (2000, Command::WristExtension)];
     let gaze = ScriptedGaze::default().with_fault(3000..3000 + fault_ms, fault);
     Run::of(&mut stare(config("C", 60.0), script, gaze)?, 6000)
 }
@@ -54,7 +54,7 @@ fn a_gaze_that_is_no_number_counts_as_a_blink_is_said_once_and_stops_the_arm_in_
     assert_eq!(stops(&short), []);
     let whole = run(GazeFault::NotANumber, 3000)?;
     assert_eq!(whole.times(|kind| matches!(kind, EventKind::GazeUnusable)).len(), 1);
-    assert_stopped(&whole, StopCause::Lost);
+    assert_stopped(&whole, StopCause::TrackingLost);
     Ok(())
 }
 
@@ -78,6 +78,6 @@ fn without_an_eye_nothing_is_highlighted_after_half_a_second_and_with_it_the_blo
 fn a_frozen_or_a_silent_tracker_stops_the_arm() -> Outcome {
     assert_stopped(&run(GazeFault::Frozen, 3000)?, StopCause::Frozen);
     assert_stopped(&run(GazeFault::Silent, 3000)?, StopCause::Silent);
-    assert_stopped(&run(GazeFault::Blink, 3000)?, StopCause::Lost);
+    assert_stopped(&run(GazeFault::Blink, 3000)?, StopCause::TrackingLost);
     Ok(())
 }

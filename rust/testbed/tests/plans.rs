@@ -5,12 +5,12 @@ mod common;
 use common::{Outcome, Run, config, replayed, stare_with};
 use proact_control::doubles::test_hand;
 use proact_testbed::{
-    Parts, ResultFaultKind, TrialConfig,
+    ResultFaultKind, TestbedParts, TrialConfig,
     doubles::{self, InstantPlans, PlanCall, PlanCalls, ScriptedGaze},
     first_divergence,
     ports::PlanService,
 };
-use proact_types::{EventKind, Gesture, PlanReply, PlanRequest, PlanStatus, SimTime, Trajectory};
+use proact_types::{Command, EventKind, PlanReply, PlanRequest, PlanStatus, SimTime, Trajectory};
 use std::sync::Arc;
 
 /// From a request to the tick in which its plan is due, as the default configuration has it.
@@ -21,10 +21,10 @@ fn run(waits: bool, late_by: u32, until: u64) -> Outcome<(TrialConfig, Run, Plan
     let config = TrialConfig { wait_for_plans: waits, ..config("C", 60.0) };
     let plans = InstantPlans::new(Arc::new(test_hand())).late_by(late_by);
     let calls = plans.calls();
-    let parts = Parts { plans: Box::new(plans), ..doubles::parts(&config) };
-    let script = vec![(1000, Gesture::WristExtension), (until, Gesture::NoMotion)];
-    let mut session = stare_with(config.clone(), parts, script, ScriptedGaze::default())?;
-    Ok((config, Run::of(&mut session, 3000)?, calls))
+    let parts = TestbedParts { plans: Box::new(plans), ..doubles::testbed_parts(&config) };
+    let script = vec![(1000, Command::WristExtension), (until, Command::NoMotion)];
+    let mut trial = stare_with(config.clone(), parts, script, ScriptedGaze::default())?;
+    Ok((config, Run::of(&mut trial, 3000)?, calls))
 }
 
 fn requested(run: &Run) -> Vec<u64> {
@@ -39,9 +39,9 @@ fn finished(run: &Run) -> Vec<u64> {
 #[test]
 fn a_plan_takes_effect_when_it_is_due_and_the_arm_stands_until_then() -> Outcome {
     let (_, run, calls) = run(true, 500, 3000)?;
-    let (asked, took) = (requested(&run), finished(&run));
-    assert_eq!((asked.len(), took.len()), (1, 1));
-    assert_eq!(took[0], asked[0] + LATENCY_MS, "a batch waits, however late the planner is");
+    let (requested_at, took) = (requested(&run), finished(&run));
+    assert_eq!((requested_at.len(), took.len()), (1, 1));
+    assert_eq!(took[0], requested_at[0] + LATENCY_MS, "a batch waits, however late the planner is");
     assert_eq!(run.turned(1, took[0] - 1), 0.0);
     assert!(run.turned(took[0], 3000) > 0.01);
     assert_eq!(*calls.borrow(), [PlanCall::Submit(1)]);
@@ -52,8 +52,8 @@ fn a_plan_takes_effect_when_it_is_due_and_the_arm_stands_until_then() -> Outcome
 #[test]
 fn a_late_plan_acts_when_it_comes_and_a_replay_takes_it_in_the_same_tick() -> Outcome {
     let (config, run, _) = run(false, 200, 3000)?;
-    let (asked, took) = (requested(&run), finished(&run));
-    assert_eq!(took, [asked[0] + LATENCY_MS + 200]);
+    let (requested_at, took) = (requested(&run), finished(&run));
+    assert_eq!(took, [requested_at[0] + LATENCY_MS + 200]);
     assert_eq!(run.turned(1, took[0] - 1), 0.0);
     assert!(run.turned(took[0], 3000) > 0.01);
     assert_eq!(first_divergence(&run.spans, &replayed(&config, &run.inputs)?), None);
@@ -91,16 +91,16 @@ fn a_logged_plan_is_taken_in_place_of_the_planners_and_a_lost_one_is_named() -> 
 #[test]
 fn the_answer_to_another_request_moves_nothing() -> Outcome {
     let (config, run, _) = run(false, 400, 3000)?;
-    let asked = requested(&run)[0];
+    let requested_at = requested(&run)[0];
     let stray = PlanReply {
         id: 99,
         status: PlanStatus::Ok,
         trajectory: Trajectory::default(),
         reason: String::new(),
-        clearance: None,
+        clearance_m: None,
     };
     let mut inputs = run.inputs.clone();
-    inputs[asked as usize + 100].1.plan = Some(stray);
+    inputs[requested_at as usize + 100].1.plan = Some(stray);
     assert_eq!(first_divergence(&run.spans, &replayed(&config, &inputs)?), None);
     Ok(())
 }
@@ -118,7 +118,7 @@ impl PlanService for Blocked {
     }
 
     fn wait(&mut self, id: u64) -> PlanReply {
-        PlanReply::without_a_way(id, PlanStatus::GoalInCollision, WHY)
+        PlanReply::without_plan(id, PlanStatus::GoalInCollision, WHY)
     }
 
     fn cancel(&mut self) {}
@@ -127,18 +127,18 @@ impl PlanService for Blocked {
 /// A trial whose planner refused everything ended without a word, and its events did not say what was in the way.
 #[test]
 fn ten_failed_plans_in_a_row_are_a_fault_of_the_trial_and_each_event_says_what_collides() -> Outcome {
-    for (asks, faults) in [(9, 0), (12, 1)] {
+    for (requests, faults) in [(9, 0), (12, 1)] {
         let config = config("C", 60.0);
-        let parts = Parts { plans: Box::new(Blocked), ..doubles::parts(&config) };
-        let each = |k: u64| [(1000 + 400 * k, Gesture::WristExtension), (1200 + 400 * k, Gesture::NoMotion)];
-        let script = (0..asks).flat_map(each).collect();
-        let mut session = stare_with(config.clone(), parts, script, ScriptedGaze::default())?;
-        let run = Run::of(&mut session, 1000 + 400 * asks)?;
+        let parts = TestbedParts { plans: Box::new(Blocked), ..doubles::testbed_parts(&config) };
+        let each = |k: u64| [(1000 + 400 * k, Command::WristExtension), (1200 + 400 * k, Command::NoMotion)];
+        let script = (0..requests).flat_map(each).collect();
+        let mut trial = stare_with(config.clone(), parts, script, ScriptedGaze::default())?;
+        let run = Run::of(&mut trial, 1000 + 400 * requests)?;
         let failed = |kind: &EventKind| matches!(kind, EventKind::PlanFinished { reason, .. } if reason.as_deref() == Some(WHY));
-        assert_eq!(run.times(failed).len() as u64, asks);
+        assert_eq!(run.times(failed).len() as u64, requests);
         let in_a_row = |kind: &EventKind| matches!(kind, EventKind::PlansFailed { count: 10, .. });
         assert_eq!(run.times(in_a_row).len(), faults);
-        let found = session.result().trial_faults;
+        let found = trial.result().trial_faults;
         assert_eq!(found.len(), faults, "{found:?}");
         if let [fault] = found.as_slice() {
             assert_eq!(fault.kind, ResultFaultKind::FailedPlans);

@@ -5,33 +5,33 @@ mod common;
 use common::{Outcome, Run, config, replayed};
 use proact_participants::Participant;
 use proact_testbed::{
-    PersonParts, Session, Testbed, TestbedError, doubles,
+    PersonParts, RunningTrial, Testbed, TestbedError, doubles,
     ports::{Plant, PlantError},
 };
 use proact_types::{
-    BodyState, DisplayFrame, EventKind, GazeSample, Gesture, InputSource, Intention, JointVector,
+    BodyState, Command, DisplayFrame, EventKind, GazeSample, InputSource, Intention, JointVector,
     PlantCommand, PlantState, Point, Pose, SimTime, StopCause, TickInput, TrunkPosture, Vector, joints,
 };
 
 fn testbed(method: &str) -> Outcome<Testbed> {
     let config = config(method, 60.0);
-    let parts = doubles::parts(&config);
+    let parts = doubles::testbed_parts(&config);
     Ok(Testbed::new(config, parts)?)
 }
 
 // Catches a limb of another arm, or one that is no number, on its way into the joints.
 #[test]
 fn a_tracked_limb_that_does_not_fit_is_refused_with_what_was_expected() -> Outcome {
-    let mut session = Session::new(testbed("A")?, PersonParts::default());
+    let mut trial = RunningTrial::new(testbed("A")?, PersonParts::default());
     for wrong in [&[0.0; 3][..], &[f64::NAN; 7], &[]] {
-        let refused = session.person().track_limb(wrong);
+        let refused = trial.person_stage_mut().track_limb(wrong);
         assert!(matches!(refused, Err(TestbedError::Limb { expected: 7, .. })), "{wrong:?}: {refused:?}");
     }
     // Nothing of it stays behind: the next ticks have no limb.
-    let run = Run::of(&mut session, 50)?;
+    let run = Run::of(&mut trial, 50)?;
     assert!(run.inputs.iter().all(|(_, input)| input.limb.is_none()));
-    session.person().track_limb(&[0.1; 7])?;
-    let run = Run::of(&mut session, 50)?;
+    trial.person_stage_mut().track_limb(&[0.1; 7])?;
+    let run = Run::of(&mut trial, 50)?;
     assert!(run.inputs.iter().any(|(_, input)| input.limb.is_some()));
 
     // The same by way of a log.
@@ -54,15 +54,15 @@ struct Course {
 impl Course {
     /// `ticks` ticks, of which the first has `input` and all others none.
     fn of(testbed: &mut Testbed, input: TickInput, ticks: usize) -> Outcome<Self> {
-        let mut course = Self::default();
+        let mut run_log = Self::default();
         for tick in 0..ticks {
             let input = if tick == 0 { &input } else { &TickInput::default() };
             let output = testbed.tick(input, false)?;
-            course.events.extend(output.events.into_iter().map(|event| event.kind));
-            course.joints.push(testbed.plant().state().position.clone());
-            course.bases.push(testbed.plant().state().world_from_base);
+            run_log.events.extend(output.events.into_iter().map(|event| event.kind));
+            run_log.joints.push(testbed.plant().state().position.clone());
+            run_log.bases.push(testbed.plant().state().world_from_base);
         }
-        Ok(course)
+        Ok(run_log)
     }
 
     /// How far joint `k` turned, rad.
@@ -71,8 +71,8 @@ impl Course {
     }
 }
 
-fn gesture(gesture: Gesture) -> TickInput {
-    TickInput { gesture: Some(gesture), ..TickInput::default() }
+fn gesture(command: Command) -> TickInput {
+    TickInput { command: Some(command), ..TickInput::default() }
 }
 
 fn shoulder(pose: Pose) -> TickInput {
@@ -88,9 +88,9 @@ fn a_shoulder_that_jumps_pauses_base_arm_and_hand_until_it_is_back() -> Outcome 
     let mut testbed = testbed("A")?;
     let home = testbed.plant().state().world_from_base;
     // The hand closes, and meanwhile the first joint turns.
-    Course::of(&mut testbed, gesture(Gesture::HandClose), 100)?;
-    Course::of(&mut testbed, gesture(Gesture::NoMotion), 100)?;
-    let before = Course::of(&mut testbed, gesture(Gesture::WristExtension), 300)?;
+    Course::of(&mut testbed, gesture(Command::HandClose), 100)?;
+    Course::of(&mut testbed, gesture(Command::NoMotion), 100)?;
+    let before = Course::of(&mut testbed, gesture(Command::WristExtension), 300)?;
     let driven = (0..FINGER).find(|&k| before.turned(k) > 0.01).ok_or("no joint of the arm turns")?;
     assert!(before.turned(FINGER) > 0.01, "the hand closes");
 
@@ -120,7 +120,7 @@ impl Plant for Failing {
     fn state(&self) -> &PlantState {
         self.plant.state()
     }
-    fn solved(&self) -> bool {
+    fn contacts_solved(&self) -> bool {
         !matches!(self.steps, 5 | 6 | 9)
     }
     fn attach(&mut self, block: usize, link: usize) -> Result<(), PlantError> {
@@ -138,12 +138,12 @@ impl Plant for Failing {
 #[test]
 fn contacts_that_are_not_solved_are_said_with_the_tick_and_counted_in_the_result() -> Outcome {
     let config = config("A", 60.0);
-    let mut parts = doubles::parts(&config);
+    let mut parts = doubles::testbed_parts(&config);
     parts.plant = Box::new(Failing { plant: parts.plant, steps: 0 });
-    let mut session = Session::new(Testbed::new(config, parts)?, PersonParts::default());
-    let run = Run::of(&mut session, 20)?;
+    let mut trial = RunningTrial::new(Testbed::new(config, parts)?, PersonParts::default());
+    let run = Run::of(&mut trial, 20)?;
     assert_eq!(run.times(|kind| *kind == EventKind::ContactsUnsolved), [5, 9]);
-    assert_eq!(session.result().unsolved_ticks, 3);
+    assert_eq!(trial.result().unsolved_ticks, 3);
     Ok(())
 }
 
@@ -154,8 +154,8 @@ fn a_shoulder_that_moves_as_people_do_is_followed() -> Outcome {
     let home = testbed.plant().state().world_from_base;
     for step in 1..=20 {
         let pose = Pose::translation(0.0, 0.005 * f64::from(step), 0.0) * home;
-        let course = Course::of(&mut testbed, shoulder(pose), 10)?;
-        assert_eq!(course.events, []);
+        let run_log = Course::of(&mut testbed, shoulder(pose), 10)?;
+        assert_eq!(run_log.events, []);
     }
     let rest = Course::of(&mut testbed, TickInput::default(), 1000)?;
     assert_eq!(rest.events, []);
@@ -167,17 +167,17 @@ fn a_shoulder_that_moves_as_people_do_is_followed() -> Outcome {
 // Catches an arm that goes on when the page that held a gesture has died, and one that starts again by itself.
 #[test]
 fn the_arm_stops_when_its_page_dies_and_goes_on_after_a_relaxed_gesture() -> Outcome {
-    let mut session = Session::new(testbed("A")?, PersonParts::default());
+    let mut trial = RunningTrial::new(testbed("A")?, PersonParts::default());
     let page = InputSource::Page;
     // A page that gives a gesture is there.
-    let say = |session: &mut Session, gesture| {
-        session.person().hear(page);
-        session.person().command(page, gesture);
+    let send_command = |trial: &mut RunningTrial, command| {
+        trial.person_stage_mut().record_heartbeat(page);
+        trial.person_stage_mut().set_command_from(page, command);
     };
-    say(&mut session, Gesture::WristExtension);
-    let alive = Run::of(&mut session, 200)?;
+    send_command(&mut trial, Command::WristExtension);
+    let alive = Run::of(&mut trial, 200)?;
     assert!(alive.turned(20, 200) > 0.01);
-    let dead = Run::of(&mut session, 800)?;
+    let dead = Run::of(&mut trial, 800)?;
     let stop = dead.events.iter().find_map(|event| match &event.kind {
         EventKind::Stopped { source, cause, .. } => Some((event.time.0, *source, *cause)),
         _ => None,
@@ -190,14 +190,14 @@ fn the_arm_stops_when_its_page_dies_and_goes_on_after_a_relaxed_gesture() -> Out
 
     // A page that is back, with the gesture still held, must not start the arm.
     for _ in 0..5 {
-        say(&mut session, Gesture::WristExtension);
-        assert_eq!(Run::of(&mut session, 50)?.turned(1, 50), 0.0);
+        send_command(&mut trial, Command::WristExtension);
+        assert_eq!(Run::of(&mut trial, 50)?.turned(1, 50), 0.0);
     }
-    say(&mut session, Gesture::NoMotion);
-    let relaxed = Run::of(&mut session, 50)?;
+    send_command(&mut trial, Command::NoMotion);
+    let relaxed = Run::of(&mut trial, 50)?;
     assert!(relaxed.events.iter().any(|event| event.kind == EventKind::Rearmed));
-    say(&mut session, Gesture::WristExtension);
-    assert!(Run::of(&mut session, 200)?.turned(20, 200) > 0.01);
+    send_command(&mut trial, Command::WristExtension);
+    assert!(Run::of(&mut trial, 200)?.turned(20, 200) > 0.01);
     Ok(())
 }
 
@@ -215,7 +215,7 @@ impl Participant for Stumbler {
         self.now = frame.time;
         let rests = self.fault().is_some() || (self.relaxes..self.relaxes + 100).contains(&self.now.0);
         Intention {
-            gesture: if rests { Gesture::NoMotion } else { Gesture::WristExtension },
+            gesture: if rests { Command::NoMotion } else { Command::WristExtension },
             gaze_direction: Vector::x(),
             eyes_open: true,
             trunk: TrunkPosture::default(),
@@ -237,24 +237,25 @@ fn a_participant_that_fails_stops_the_arm_with_its_reason_until_it_acts_again_wi
     let config = config("A", 60.0);
     let stumbler = Stumbler { now: SimTime(0), relaxes: 2000 };
     let person = PersonParts { participant: Some(Box::new(stumbler)), emg: None, gaze: None };
-    let mut session = Session::new(Testbed::new(config.clone(), doubles::parts(&config))?, person);
-    let run = Run::of(&mut session, 3000)?;
+    let mut trial = RunningTrial::new(Testbed::new(config.clone(), doubles::testbed_parts(&config))?, person);
+    let run = Run::of(&mut trial, 3000)?;
 
-    let told = |kind: &EventKind| match kind {
+    let is_participant_stop = |kind: &EventKind| match kind {
         EventKind::Stopped { source: InputSource::Participant, cause, reason } => {
-            *cause == StopCause::Undecided && reason == "division by zero"
+            *cause == StopCause::UnusableOutput && reason == "division by zero"
         }
         _ => false,
     };
-    let (stops, goes_on) = (run.times(told), run.times(|kind| *kind == EventKind::Rearmed));
+    let (stops, goes_on) = (run.times(is_participant_stop), run.times(|kind| *kind == EventKind::Rearmed));
     // From one display frame to the next are 17 ms.
     assert!(matches!(stops[..], [at] if (FAILS..FAILS + 20).contains(&at)), "{stops:?}");
     assert!(matches!(goes_on[..], [at] if (2000..2020).contains(&at)), "{goes_on:?}");
     assert!(run.turned(500, FAILS) > 0.05 && run.turned(2200, 2900) > 0.05, "it moves while all is well");
     assert_eq!(run.turned(FAILS + 250, 2000), 0.0);
 
-    let news: Vec<_> = run.inputs.iter().filter_map(|(_, input)| input.participant.clone()).collect();
-    assert_eq!(news, [Err("division by zero".to_owned()), Err("no camera".to_owned()), Ok(())]);
+    let participant_inputs: Vec<_> =
+        run.inputs.iter().filter_map(|(_, input)| input.participant.clone()).collect();
+    assert_eq!(participant_inputs, [Err("division by zero".to_owned()), Err("no camera".to_owned()), Ok(())]);
     assert_eq!(replayed(&config, &run.inputs)?, run.spans);
     let without =
         |(time, input): &(SimTime, TickInput)| (*time, TickInput { participant: None, ..input.clone() });
@@ -267,22 +268,24 @@ fn a_participant_that_fails_stops_the_arm_with_its_reason_until_it_acts_again_wi
 #[test]
 fn a_device_that_the_method_does_not_use_may_fall_silent_and_one_that_it_uses_may_not() -> Outcome {
     for (method, stops) in [("A", None), ("C", Some(InputSource::EyeTracker))] {
-        let mut session = Session::new(testbed(method)?, PersonParts::default());
+        let mut trial = RunningTrial::new(testbed(method)?, PersonParts::default());
         let mut found = Vec::new();
         for tick in 1..=4000_u32 {
             if tick < 500 && tick.is_multiple_of(10) {
                 let moves = 1e-4 * f64::from(tick);
-                session.person().track_limb(&[moves; 7])?;
+                trial.person_stage_mut().track_limb(&[moves; 7])?;
                 let direction = Vector::new(1.0, moves, -0.3);
-                session.person().look(GazeSample { origin: Point::origin(), direction, valid: true });
+                trial.person_stage_mut().set_gaze(GazeSample {
+                    origin: Point::origin(),
+                    direction,
+                    valid: true,
+                });
             }
-            session.person().act(Gesture::WristExtension);
-            found.extend(session.step(false)?.output.events.into_iter().filter_map(
-                |event| match event.kind {
-                    EventKind::Stopped { source, .. } => Some(source),
-                    _ => None,
-                },
-            ));
+            trial.person_stage_mut().set_command(Command::WristExtension);
+            found.extend(trial.step(false)?.output.events.into_iter().filter_map(|event| match event.kind {
+                EventKind::Stopped { source, .. } => Some(source),
+                _ => None,
+            }));
         }
         assert_eq!(found.first().copied(), stops, "method {method}: {found:?}");
         assert!(!found.contains(&InputSource::LimbTracker), "the whole arm is lost");

@@ -6,16 +6,16 @@ mod common;
 use common::{Outcome, Run, config, replayed};
 use proact_participants::SelectingParticipant;
 use proact_testbed::{
-    PersonParts, Session, Testbed, TrialConfig,
+    PersonParts, RunningTrial, Testbed, TrialConfig,
     doubles::{self, ScriptedGaze},
     first_divergence,
 };
-use proact_types::{EventKind, Gesture, SimTime};
+use proact_types::{Command, EventKind, SimTime};
 
 const LIMIT_SECS: f64 = 40.0;
 
-fn session(config: TrialConfig) -> Outcome<Session> {
-    let parts = doubles::parts(&config);
+fn running_trial(config: TrialConfig) -> Outcome<RunningTrial> {
+    let parts = doubles::testbed_parts(&config);
     let testbed = Testbed::new(config, parts)?;
     let config = testbed.config();
     let (body, task) = (config.setup.body, testbed.task());
@@ -23,13 +23,13 @@ fn session(config: TrialConfig) -> Outcome<Session> {
         SelectingParticipant::new(Default::default(), body, task.scene(), task.briefing(), config.seed);
     let gaze = Box::new(ScriptedGaze::default());
     let person = PersonParts { participant: Some(Box::new(participant)), emg: None, gaze: Some(gaze) };
-    Ok(Session::new(testbed, person))
+    Ok(RunningTrial::new(testbed, person))
 }
 
-fn trial(config: TrialConfig) -> Outcome<(Session, Run)> {
-    let mut session = session(config)?;
-    let run = Run::of(&mut session, u64::MAX)?;
-    Ok((session, run))
+fn trial(config: TrialConfig) -> Outcome<(RunningTrial, Run)> {
+    let mut running_trial = running_trial(config)?;
+    let run = Run::of(&mut running_trial, u64::MAX)?;
+    Ok((running_trial, run))
 }
 
 // Catches a chain of stages that is broken anywhere between gaze and task: no highlight, no lock, a plan that is not
@@ -37,14 +37,14 @@ fn trial(config: TrialConfig) -> Outcome<(Session, Run)> {
 #[test]
 fn with_gaze_and_plans_a_simulated_participant_brings_blocks_to_their_targets() -> Outcome {
     for method in ["C", "D"] {
-        let (session, run) = trial(config(method, LIMIT_SECS))?;
-        let result = session.result();
+        let (trial, run) = trial(config(method, LIMIT_SECS))?;
+        let result = trial.result();
         assert!(result.score >= 2.0, "method {method}: {:?}", result.result);
         assert_eq!(
-            result.beside["on_target"], result.result["on_target"],
+            result.legacy_fields["on_target"], result.result["on_target"],
             "as it was called before other tasks"
         );
-        assert_eq!(result.beside["outcomes"].as_array().map(Vec::len), Some(4));
+        assert_eq!(result.legacy_fields["outcomes"].as_array().map(Vec::len), Some(4));
         let landed = run.times(|kind| matches!(kind, EventKind::ObjectOnTarget { .. })).len();
         assert_eq!(landed as f64, result.score, "method {method}");
         let locked = run.times(|kind| matches!(kind, EventKind::Locked { object: Some(_) }));
@@ -96,14 +96,14 @@ fn the_first_input_that_differs_is_named_with_its_span() -> Outcome {
         None => false,
     };
     expect(&gaze, 2345, "input.gaze")?;
-    let gesture = |input: &mut proact_types::TickInput| match &mut input.gesture {
-        Some(gesture) if *gesture != Gesture::NoMotion => {
-            *gesture = Gesture::NoMotion;
+    let command = |input: &mut proact_types::TickInput| match &mut input.command {
+        Some(command) if *command != Command::NoMotion => {
+            *command = Command::NoMotion;
             true
         }
         _ => false,
     };
-    expect(&gesture, 1, "input.gesture")?;
+    expect(&command, 1, "input.gesture")?;
     let shoulder = |input: &mut proact_types::TickInput| match &mut input.shoulder {
         Some(pose) => {
             pose.translation.x += 1e-9;
@@ -133,7 +133,7 @@ fn another_configuration_and_a_shorter_trial_are_told_apart() -> Outcome {
     let relabelled = TrialConfig { gesture_source: "buttons".to_owned(), ..config.clone() };
     assert_eq!(found(&relabelled, &run.inputs)?.fields, ["configuration"]);
     let mut narrower = config.clone();
-    narrower.intent.sigma *= 0.5;
+    narrower.intent.gaze_sigma *= 0.5;
     assert_eq!(found(&narrower, &run.inputs)?.fields.first().map(String::as_str), Some("intent.posterior"));
     let short = found(&config, &run.inputs[..14_000])?;
     assert_eq!((short.from, short.fields), (SimTime(14_001), vec!["length".to_owned()]));

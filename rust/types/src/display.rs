@@ -1,6 +1,6 @@
 use crate::{
-    ContactView, Event, FeedbackCue, GazeSample, Gesture, GestureName, JointVector, ObjectId, PlanStatus,
-    Point, Pose, SimTime, Stop, TaskGoal,
+    Command, ContactView, Event, FeedbackCue, GazeSample, Gesture, JointVector, ObjectId, PlanStatus, Point,
+    Pose, SimTime, Stop, TaskGoal,
 };
 use serde::{Deserialize, Serialize};
 
@@ -37,7 +37,8 @@ pub struct DisplayFrame {
     pub planner: PlannerView,
     /// Arm joints at the end of the plan that is followed, rad; none while no plan is followed.
     #[serde(default)]
-    pub goal: Option<JointVector>,
+    #[serde(rename = "goal")]
+    pub plan_goal: Option<JointVector>,
     /// What the next movement gesture moves, for methods that cycle through joints or axes.
     #[serde(default)]
     pub mode: Option<ModeView>,
@@ -45,10 +46,12 @@ pub struct DisplayFrame {
     #[serde(default)]
     pub stop: Option<Stop>,
     /// Command in force, from the gesture that was recognised.
-    pub gesture: Gesture,
+    #[serde(rename = "gesture")]
+    pub command: Command,
     /// The gesture in force by its own name, as the EMG model calls it; that of the command for keys.
     #[serde(default)]
-    pub recognised: GestureName,
+    #[serde(rename = "recognised")]
+    pub recognized_gesture: Gesture,
     /// Probability of the recognised class, 0 to 1; one for keys.
     pub confidence: f64,
     /// How hard the recognised gesture is made, 0 to 1; one for keys.
@@ -59,10 +62,12 @@ pub struct DisplayFrame {
     /// Seconds until the time limit.
     pub time_left_secs: f64,
     /// The object that the task asks for next.
-    pub next: Option<ObjectId>,
+    #[serde(rename = "next")]
+    pub next_object: Option<ObjectId>,
     /// Where that goes, or what the hand or the joints are asked for; none where the task asks for one thing all the time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub asked: Option<TaskGoal>,
+    #[serde(rename = "asked")]
+    pub task_goal: Option<TaskGoal>,
     /// What the task counts, so far.
     pub score: u32,
     /// True when the trial is over.
@@ -106,7 +111,8 @@ pub struct HandView {
     /// Open, closed, or between.
     pub state: HandState,
     /// The object in it.
-    pub holds: Option<ObjectId>,
+    #[serde(rename = "holds")]
+    pub held_object: Option<ObjectId>,
 }
 
 /// The selection marker.
@@ -128,7 +134,7 @@ pub struct TargetView {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(rename_all = "snake_case")]
-pub enum Moves {
+pub enum ControlledDof {
     /// The joint at this place of the arm, from 0 at the base; the place behind the last is the hand, which opens and closes.
     Joint(u8),
     /// The hand along an axis of the base: 0 x, 1 y, 2 z.
@@ -142,7 +148,8 @@ pub enum Moves {
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct ModeView {
     /// What is moved.
-    pub moves: Moves,
+    #[serde(rename = "moves")]
+    pub controlled_dof: ControlledDof,
     /// As shown, such as `elbow flexion`.
     pub name: String,
     /// What WE does, such as `flexion`, and what WF does.
@@ -190,8 +197,8 @@ mod tests {
 
     #[test]
     fn states_of_the_hand_stand_at_their_numbers() {
-        for (place, state) in HandState::ALL.into_iter().enumerate() {
-            assert_eq!(state as usize, place, "{state:?}");
+        for (index, state) in HandState::ALL.into_iter().enumerate() {
+            assert_eq!(state as usize, index, "{state:?}");
         }
     }
 }

@@ -1,4 +1,4 @@
-use crate::{Gesture, GestureName};
+use crate::{Command, Gesture};
 use serde::{Deserialize, Serialize};
 use std::{fmt, str::FromStr};
 
@@ -17,8 +17,8 @@ pub type Drives = arrayvec::ArrayVec<f64, MAX_DRIVES>;
 #[cfg_attr(feature = "ts", ts(type = "string"))]
 #[serde(try_from = "String", into = "String")]
 pub struct DegreeOfFreedom {
-    positive: GestureName,
-    negative: GestureName,
+    positive: Gesture,
+    negative: Gesture,
 }
 
 /// The text names no degree of freedom.
@@ -27,31 +27,31 @@ pub struct DegreeOfFreedom {
     "{:?} is no degree of freedom; expected two different gestures with a / between them, as in wrist_extension/wrist_flexion",
     .0.chars().take(160).collect::<String>()
 )]
-pub struct BadDegreeOfFreedom(pub String);
+pub struct InvalidDegreeOfFreedom(pub String);
 
 impl DegreeOfFreedom {
     /// The wrist, by the gestures of the five.
     pub fn wrist() -> Self {
-        Self { positive: Gesture::WristExtension.into(), negative: Gesture::WristFlexion.into() }
+        Self { positive: Command::WristExtension.into(), negative: Command::WristFlexion.into() }
     }
 
     /// The hand, by the gestures of the five: opening is positive.
     pub fn hand() -> Self {
-        Self { positive: Gesture::HandOpen.into(), negative: Gesture::HandClose.into() }
+        Self { positive: Command::HandOpen.into(), negative: Command::HandClose.into() }
     }
 
     /// The gesture that drives it up to 1.
-    pub fn positive(&self) -> GestureName {
+    pub fn positive(&self) -> Gesture {
         self.positive
     }
 
     /// The gesture that drives it down to -1.
-    pub fn negative(&self) -> GestureName {
+    pub fn negative(&self) -> Gesture {
         self.negative
     }
 
     /// Where `gesture` drives it: 1, -1, or 0 if it is neither of the two.
-    pub fn target(&self, gesture: GestureName) -> f64 {
+    pub fn target(&self, gesture: Gesture) -> f64 {
         if gesture == self.positive {
             1.0
         } else if gesture == self.negative {
@@ -69,12 +69,12 @@ impl fmt::Display for DegreeOfFreedom {
 }
 
 impl FromStr for DegreeOfFreedom {
-    type Err = BadDegreeOfFreedom;
+    type Err = InvalidDegreeOfFreedom;
 
-    fn from_str(text: &str) -> Result<Self, BadDegreeOfFreedom> {
-        let bad = || BadDegreeOfFreedom(text.to_owned());
+    fn from_str(text: &str) -> Result<Self, InvalidDegreeOfFreedom> {
+        let bad = || InvalidDegreeOfFreedom(text.to_owned());
         let (positive, negative) = text.split_once('/').ok_or_else(bad)?;
-        let name = |text: &str| text.parse::<GestureName>().map_err(|_| bad());
+        let name = |text: &str| text.parse::<Gesture>().map_err(|_| bad());
         let (positive, negative) = (name(positive)?, name(negative)?);
         // A second stroke would leave open where the first name ends.
         if positive == negative || negative.as_str().contains('/') {
@@ -85,9 +85,9 @@ impl FromStr for DegreeOfFreedom {
 }
 
 impl TryFrom<String> for DegreeOfFreedom {
-    type Error = BadDegreeOfFreedom;
+    type Error = InvalidDegreeOfFreedom;
 
-    fn try_from(text: String) -> Result<Self, BadDegreeOfFreedom> {
+    fn try_from(text: String) -> Result<Self, InvalidDegreeOfFreedom> {
         text.parse()
     }
 }
@@ -107,7 +107,7 @@ mod tests {
         let wrist: DegreeOfFreedom = "wrist_extension/wrist_flexion".parse().unwrap();
         assert_eq!(wrist, DegreeOfFreedom::wrist());
         assert_eq!(serde_json::to_string(&wrist).unwrap(), "\"wrist_extension/wrist_flexion\"");
-        let targets = [Gesture::WristExtension, Gesture::WristFlexion, Gesture::NoMotion];
+        let targets = [Command::WristExtension, Command::WristFlexion, Command::NoMotion];
         assert_eq!(targets.map(|gesture| wrist.target(gesture.into())), [1.0, -1.0, 0.0]);
         for text in ["", "wrist", "a/", "/a", "a/a", "a/b/c", "a /b", "a/\n"] {
             let error = text.parse::<DegreeOfFreedom>().unwrap_err().to_string();

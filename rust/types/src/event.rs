@@ -1,4 +1,4 @@
-use crate::{Gesture, InputSource, ObjectId, PlanStatus, Point, SimTime, StopCause};
+use crate::{Command, InputSource, ObjectId, PlanStatus, Point, SimTime, StopCause};
 use serde::{Deserialize, Serialize};
 
 /// Something that happened at one tick.
@@ -41,7 +41,7 @@ pub enum EventKind {
     /// The decision rule changed the gesture in force.
     GestureChanged {
         /// The new one.
-        gesture: Gesture,
+        gesture: Command,
     },
     /// Samples of the armband were lost or unusable; the windows that they belong to are left out.
     EmgGap {

@@ -1,4 +1,4 @@
-use crate::{Gesture, InputSign, JointVector, PlanReply, Point, Pose, Vector};
+use crate::{Command, Heartbeat, JointVector, PlanReply, Point, Pose, Vector};
 use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};
 use smallvec::SmallVec;
@@ -31,12 +31,12 @@ mod channel_values {
     }
 
     pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<ChannelValues, D::Error> {
-        from.deserialize_seq(Channels)
+        from.deserialize_seq(ChannelValuesVisitor)
     }
 
-    struct Channels;
+    struct ChannelValuesVisitor;
 
-    impl<'de> de::Visitor<'de> for Channels {
+    impl<'de> de::Visitor<'de> for ChannelValuesVisitor {
         type Value = ChannelValues;
 
         fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -82,13 +82,14 @@ pub enum ExternalAnswer {
     #[serde(rename = "Err")]
     Failed(String),
     /// It has not answered in time, and how long that was.
-    Missed(String),
+    #[serde(rename = "Missed")]
+    TimedOut(String),
 }
 
 impl ExternalAnswer {
     /// The line, or the reason for its absence.
     pub fn text(&self) -> &str {
-        let (Self::Line(text) | Self::Failed(text) | Self::Missed(text)) = self;
+        let (Self::Line(text) | Self::Failed(text) | Self::TimedOut(text)) = self;
         text
     }
 }
@@ -115,7 +116,8 @@ pub enum WindowAnswer {
     /// Its line.
     Line(String),
     /// It has not answered in time, milliseconds: no decision for this window.
-    Late {
+    #[serde(rename = "Late")]
+    TimedOut {
         /// Time that was waited.
         deadline_ms: u64,
     },
@@ -127,7 +129,7 @@ pub enum WindowAnswer {
 pub const MAX_TICK_SAMPLES: usize = 8;
 
 /// Most signs that one tick can hold: one of each kind that a source may give at once.
-pub const MAX_SIGNS: usize = 8;
+pub const MAX_HEARTBEATS: usize = 8;
 
 /// Everything that enters the testbed from outside in one tick. The sequence of these, with the configuration
 /// and the seeds, is the trial.
@@ -136,7 +138,8 @@ pub struct TickInput {
     /// EMG samples that arrived in this tick, oldest first, at most [`MAX_TICK_SAMPLES`].
     pub emg: Vec<EmgSample>,
     /// A gesture given directly (keys, buttons), in force until the next one. Overrides the classifier.
-    pub gesture: Option<Gesture>,
+    #[serde(rename = "gesture")]
+    pub command: Option<Command>,
     /// New gaze measurement.
     pub gaze: Option<GazeSample>,
     /// New tracked shoulder pose: `world_from_shoulder`, the place and attitude of the arm's `base_link`.
@@ -145,7 +148,8 @@ pub struct TickInput {
     /// prosthesis has do not matter.
     pub limb: Option<JointVector>,
     /// What was heard of live sources, for the decision whether they are alive. Simulated ones give none.
-    pub signs: ArrayVec<InputSign, MAX_SIGNS>,
+    #[serde(rename = "signs")]
+    pub heartbeats: ArrayVec<Heartbeat, MAX_HEARTBEATS>,
     /// Plans that took effect in this tick. Filled by the tick itself when it records, and by a replay.
     pub plan: Option<PlanReply>,
     /// What a method in another process answered in this tick. Filled as `plan` is.

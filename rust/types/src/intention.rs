@@ -1,11 +1,11 @@
-use crate::{Gesture, JointVector, Vector};
+use crate::{Command, JointVector, Vector};
 use serde::{Deserialize, Serialize};
 
 /// What a participant does with the body from one moment to the next. It is all a simulated one may output.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Intention {
     /// The gesture that the hand makes.
-    pub gesture: Gesture,
+    pub gesture: Command,
     /// Where the eye points, in `world`: a unit vector from the eye.
     pub gaze_direction: Vector,
     /// False during blinks.

@@ -8,26 +8,27 @@
 //! derives serde's traits.
 //!
 //! ```
-//! use proact_types::{Gesture, SimTime};
-//! assert_eq!(Gesture::WristExtension.ros_name(), "wrist_extension");
+//! use proact_types::{Command, SimTime};
+//! assert_eq!(Command::WristExtension.ros_name(), "wrist_extension");
 //! assert_eq!(SimTime::from_secs(0.25), SimTime(250));
 //! ```
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod bounded;
+mod command;
+mod command_map;
 mod display;
 mod drive;
 mod event;
 mod feedback;
 mod gesture;
-mod gesture_commands;
-mod gesture_name;
 mod input;
 mod instruction;
 mod intention;
 mod method;
 mod numbers;
 mod plan;
+pub mod renamed_keys;
 mod safety;
 mod scene;
 mod target_dwell;
@@ -37,28 +38,29 @@ mod time;
 pub mod typescript;
 mod world;
 
-pub use bounded::{LineRead, MOST_RECORDING_BYTES, MOST_TEXT_BYTES, read_bytes, read_line, read_text};
-pub use display::{DisplayFrame, HandState, HandView, ModeView, Moves, PlannerView, TargetView};
-pub use drive::{BadDegreeOfFreedom, DegreeOfFreedom, Drives, MAX_DRIVES};
+pub use bounded::{LineRead, MAX_RECORDING_BYTES, MAX_TEXT_BYTES, read_bytes, read_line, read_text};
+pub use command::{Command, UnknownCommand};
+pub use command_map::{CommandMap, CommandMapError};
+pub use display::{ControlledDof, DisplayFrame, HandState, HandView, ModeView, PlannerView, TargetView};
+pub use drive::{DegreeOfFreedom, Drives, InvalidDegreeOfFreedom, MAX_DRIVES};
 pub use event::{Event, EventKind, GraspFault};
 pub use feedback::{ContactView, Cue, Digit, FeedbackCue, Tone, Vibration};
-pub use gesture::{Gesture, UnknownGesture};
-pub use gesture_commands::{GestureCommands, GestureTableError};
-pub use gesture_name::{BadGestureName, GestureName, MAX_GESTURES};
+pub use gesture::{Gesture, InvalidGesture, MAX_GESTURES};
 pub use input::{
-    ChannelValues, EmgSample, ExternalAnswer, GazeSample, IntentAnswer, MAX_EMG_CHANNELS, MAX_SIGNS,
+    ChannelValues, EmgSample, ExternalAnswer, GazeSample, IntentAnswer, MAX_EMG_CHANNELS, MAX_HEARTBEATS,
     MAX_TICK_SAMPLES, MethodAnswer, ParticipantAnswer, TickInput, WindowAnswer,
 };
 pub use instruction::Instruction;
 pub use intention::{Intention, TrunkPosture};
 pub use method::{
-    MOST_METHOD_NAME_BYTES, MOST_METHOD_TEXT_BYTES, MethodEvent, MethodHelp, MethodInfo, MethodStyle, Needs,
+    MAX_METHOD_NAME_BYTES, MAX_METHOD_TEXT_BYTES, MethodEvent, MethodHelp, MethodInfo, MethodNeeds,
+    MethodStyle,
 };
-pub use numbers::{Number, number_text, to_json, to_json_pretty};
+pub use numbers::{Number, format_number, shorten_numbers, to_json, to_json_pretty};
 pub use plan::{
     AttachedObject, Obstacle, PlanGoal, PlanReply, PlanRequest, PlanStatus, Trajectory, TrajectoryPoint,
 };
-pub use safety::{InputSign, InputSource, SignKind, Stop, StopCause};
+pub use safety::{Heartbeat, HeartbeatKind, InputSource, Stop, StopCause};
 pub use scene::{MAX_OBJECTS, Object, ObjectId, ObjectSet, PlaceRegion, Scene, SceneObject, Shape, Target};
 pub use target_dwell::TargetDwell;
 pub use task::{Briefing, Destination, JointGoal, Order, TaskContext, TaskGoal};

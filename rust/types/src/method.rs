@@ -1,10 +1,10 @@
-use crate::{EventKind, Gesture, ObjectId};
+use crate::{Command, EventKind, ObjectId};
 use serde::{Deserialize, Serialize};
 
 /// Longest name of a method, bytes: it is part of a trial directory's name.
-pub const MOST_METHOD_NAME_BYTES: usize = 32;
+pub const MAX_METHOD_NAME_BYTES: usize = 32;
 /// Longest text that a method gives for display, bytes.
-pub const MOST_METHOD_TEXT_BYTES: usize = 400;
+pub const MAX_METHOD_TEXT_BYTES: usize = 400;
 
 /// What is told of a control method to those who choose it, show it, or act in the place of a person.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -17,7 +17,7 @@ pub struct MethodInfo {
     pub title: String,
     /// What it cannot do without.
     #[serde(default)]
-    pub needs: Needs,
+    pub needs: MethodNeeds,
     /// How a person drives it.
     #[serde(default)]
     pub style: MethodStyle,
@@ -30,7 +30,7 @@ pub struct MethodInfo {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(default, deny_unknown_fields)]
-pub struct Needs {
+pub struct MethodNeeds {
     /// Gaze: a trial without a source of it is refused, and the arm stops when the eye tracker dies.
     pub gaze: bool,
     /// The task's context has a say in the posterior.
@@ -77,13 +77,13 @@ pub struct MethodHelp {
 impl MethodHelp {
     /// The texts with the names of their keys.
     pub fn texts(&self) -> [(&'static str, &str); 5] {
-        let of = |gesture: Gesture, text| (gesture.ros_name(), text);
+        let of = |command: Command, text| (command.ros_name(), text);
         [
             ("summary", self.summary.as_str()),
-            of(Gesture::HandClose, self.hand_close.as_str()),
-            of(Gesture::HandOpen, self.hand_open.as_str()),
-            of(Gesture::WristExtension, self.wrist_extension.as_str()),
-            of(Gesture::WristFlexion, self.wrist_flexion.as_str()),
+            of(Command::HandClose, self.hand_close.as_str()),
+            of(Command::HandOpen, self.hand_open.as_str()),
+            of(Command::WristExtension, self.wrist_extension.as_str()),
+            of(Command::WristFlexion, self.wrist_flexion.as_str()),
         ]
     }
 }
@@ -105,7 +105,7 @@ pub enum MethodEvent {
     MotionFinished,
     /// Anything else, in words of its own.
     Note {
-        /// At most [`MOST_METHOD_TEXT_BYTES`], without control characters.
+        /// At most [`MAX_METHOD_TEXT_BYTES`], without control characters.
         text: String,
     },
 }

@@ -48,7 +48,7 @@ fn write<T: Serialize + ?Sized>(value: &T, formatter: impl Formatter) -> serde_j
 struct NoNegativeZero<F>(F);
 
 /// What `F` overrides passes on.
-macro_rules! passed_on {
+macro_rules! forward_to_inner {
     ($($name:ident($($argument:ident: $kind:ty),*);)*) => {$(
         fn $name<W: ?Sized + io::Write>(&mut self, to: &mut W $(, $argument: $kind)*) -> io::Result<()> {
             self.0.$name(to $(, $argument)*)
@@ -65,7 +65,7 @@ impl<F: Formatter> Formatter for NoNegativeZero<F> {
         self.0.write_f64(to, value + 0.0)
     }
 
-    passed_on! {
+    forward_to_inner! {
         begin_array();
         end_array();
         begin_array_value(first: bool);
@@ -80,12 +80,33 @@ impl<F: Formatter> Formatter for NoNegativeZero<F> {
 }
 
 /// A number for a sentence: as people write it, with an exponent where that would take many digits.
-pub fn number_text(value: f64) -> String {
+pub fn format_number(value: f64) -> String {
     let size = value.abs();
     if size == 0.0 || !size.is_finite() || (1e-6..1e16).contains(&size) {
         return value.to_string();
     }
     format!("{value:e}")
+}
+
+/// A number in a text of more characters than this is written anew.
+const MAX_NUMBER_CHARS: usize = 24;
+
+/// `text` with its numbers of many digits as [`format_number`] writes them: a parser says of 1e-310 all its digits.
+pub fn shorten_numbers(text: &str) -> String {
+    let is_digit = |c: char| c.is_ascii_digit() || c == '.';
+    let mut short = String::new();
+    let mut rest = text;
+    while let Some(start) = rest.find(is_digit) {
+        let (before, number) = rest.split_at(start);
+        let (number, after) = number.split_at(number.find(|c: char| !is_digit(c)).unwrap_or(number.len()));
+        short += before;
+        match number.parse() {
+            Ok(value) if number.len() > MAX_NUMBER_CHARS => short += &format_number(value),
+            _ => short += number,
+        }
+        rest = after;
+    }
+    short + rest
 }
 
 #[cfg(test)]
@@ -115,6 +136,17 @@ mod tests {
     }
 
     #[test]
+    fn long_numbers_in_a_text_are_shortened_and_others_stay() {
+        let text = |number: f64| format!("invalid type: floating point {number}, expected u64 at 12.5 s.");
+        for (number, short) in [(1e-310, "1e-310"), (-1e300, "-1e300"), (0.25, "0.25"), (5e-324, "5e-324")] {
+            let expected = format!("invalid type: floating point {short}, expected u64 at 12.5 s.");
+            assert_eq!(shorten_numbers(&text(number)), expected);
+        }
+        assert_eq!(shorten_numbers(""), "");
+        assert_eq!(shorten_numbers("version 1.2.3 ..."), "version 1.2.3 ...");
+    }
+
+    #[test]
     fn numbers_of_many_digits_are_written_with_an_exponent() {
         for (value, text) in [
             (0.0, "0"),
@@ -124,7 +156,7 @@ mod tests {
             (-1e300, "-1e300"),
             (f64::INFINITY, "inf"),
         ] {
-            assert_eq!(number_text(value), text);
+            assert_eq!(format_number(value), text);
         }
     }
 }

@@ -72,7 +72,8 @@ pub struct PlanRequest {
     pub goal: PlanGoal,
     /// Under which name the object of a pick is among the obstacles; none for other goals.
     #[serde(default)]
-    pub picked: Option<String>,
+    #[serde(rename = "picked")]
+    pub picked_object: Option<String>,
     /// Everything to keep clear of.
     pub obstacles: Vec<Obstacle>,
     /// The object in the hand.
@@ -80,7 +81,8 @@ pub struct PlanRequest {
     /// Arm joints that stay at their angles of `start`, by position, ascending: those of the person's own limb. The plan
     /// moves the others.
     #[serde(default)]
-    pub held: Vec<usize>,
+    #[serde(rename = "held")]
+    pub held_joints: Vec<usize>,
     /// Seeds every random choice of the answer.
     pub seed: u64,
 }
@@ -91,7 +93,7 @@ impl PlanRequest {
     pub fn grip_width(&self) -> Option<f64> {
         let shape = match &self.goal {
             PlanGoal::Pick { .. } => {
-                let picked = self.picked.as_deref()?;
+                let picked = self.picked_object.as_deref()?;
                 self.obstacles.iter().find(|o| o.name == picked).map(|o| o.shape)
             }
             _ => self.attached.as_ref().map(|object| object.shape),
@@ -203,13 +205,13 @@ pub struct PlanReply {
     /// Free space that the way keeps more than 5 cm of the tip's path away from its ends, metres, at most the planner's padding;
     /// none if it is not that long, or if nobody measured it. Not recorded with the reply: the log of the plans has it.
     #[serde(skip)]
-    pub clearance: Option<f64>,
+    pub clearance_m: Option<f64>,
 }
 
 impl PlanReply {
     /// The answer that there is no way.
-    pub fn without_a_way(id: u64, status: PlanStatus, reason: impl Into<String>) -> Self {
-        Self { id, status, trajectory: Trajectory::default(), reason: reason.into(), clearance: None }
+    pub fn without_plan(id: u64, status: PlanStatus, reason: impl Into<String>) -> Self {
+        Self { id, status, trajectory: Trajectory::default(), reason: reason.into(), clearance_m: None }
     }
 }
 
@@ -226,8 +228,8 @@ mod tests {
 
     #[test]
     fn the_ways_in_which_a_plan_ends_stand_at_their_numbers() {
-        for (place, status) in PlanStatus::ALL.into_iter().enumerate() {
-            assert_eq!(status as usize, place, "{status:?}");
+        for (index, status) in PlanStatus::ALL.into_iter().enumerate() {
+            assert_eq!(status as usize, index, "{status:?}");
         }
     }
 

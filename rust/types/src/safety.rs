@@ -70,23 +70,25 @@ impl fmt::Display for InputSource {
 
 /// What was heard of a source within a tick, beside the values that it brought.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct InputSign {
+pub struct Heartbeat {
     /// Of which source.
     pub source: InputSource,
     /// What.
-    pub kind: SignKind,
+    pub kind: HeartbeatKind,
 }
 
-/// Kinds of [`InputSign`].
+/// Kinds of [`Heartbeat`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum SignKind {
+pub enum HeartbeatKind {
     /// The gesture of this tick is its command: its silence counts from now on.
-    Commands,
+    #[serde(rename = "commands")]
+    Command,
     /// It said something, if only that it is there.
     Alive,
     /// Its gaze is that of a pointing device, which may rest.
-    Points,
+    #[serde(rename = "points")]
+    PointingDevice,
     /// It measured, and the values differ from those before.
     Fresh,
     /// It sent the values before once more, bit for bit.
@@ -95,18 +97,21 @@ pub enum SignKind {
     Closed,
     /// It said something, over a line that is delayed by more than the limit.
     Delayed,
+    /// It held a gesture and said nothing for so long that the gesture was let go in its name.
+    Silent,
 }
 
-impl SignKind {
+impl HeartbeatKind {
     /// All of them, in the order of their numbers.
-    pub const ALL: [SignKind; 7] = [
-        SignKind::Commands,
-        SignKind::Alive,
-        SignKind::Points,
-        SignKind::Fresh,
-        SignKind::Repeated,
-        SignKind::Closed,
-        SignKind::Delayed,
+    pub const ALL: [HeartbeatKind; 8] = [
+        HeartbeatKind::Command,
+        HeartbeatKind::Alive,
+        HeartbeatKind::PointingDevice,
+        HeartbeatKind::Fresh,
+        HeartbeatKind::Repeated,
+        HeartbeatKind::Closed,
+        HeartbeatKind::Delayed,
+        HeartbeatKind::Silent,
     ];
 }
 
@@ -132,9 +137,11 @@ pub enum StopCause {
     /// Samples come at another rate than agreed.
     WrongRate,
     /// It measures, but sees nothing: the eye is lost.
-    Lost,
+    #[serde(rename = "lost")]
+    TrackingLost,
     /// The program that decodes its samples, says what is meant, or acts, gives nothing usable.
-    Undecided,
+    #[serde(rename = "undecided")]
+    UnusableOutput,
     /// What comes is older than the limit when it arrives.
     Delayed,
 }
@@ -150,8 +157,8 @@ impl StopCause {
         StopCause::Noiseless,
         StopCause::Lossy,
         StopCause::WrongRate,
-        StopCause::Lost,
-        StopCause::Undecided,
+        StopCause::TrackingLost,
+        StopCause::UnusableOutput,
         StopCause::Delayed,
     ];
 }
@@ -176,14 +183,14 @@ mod tests {
 
     #[test]
     fn sources_signs_and_causes_stand_at_their_numbers() {
-        for (place, source) in InputSource::ALL.into_iter().enumerate() {
-            assert_eq!(source.index(), place, "{source}");
+        for (index, source) in InputSource::ALL.into_iter().enumerate() {
+            assert_eq!(source.index(), index, "{source}");
         }
-        for (place, kind) in SignKind::ALL.into_iter().enumerate() {
-            assert_eq!(kind as usize, place, "{kind:?}");
+        for (index, kind) in HeartbeatKind::ALL.into_iter().enumerate() {
+            assert_eq!(kind as usize, index, "{kind:?}");
         }
-        for (place, cause) in StopCause::ALL.into_iter().enumerate() {
-            assert_eq!(cause as usize, place, "{cause:?}");
+        for (index, cause) in StopCause::ALL.into_iter().enumerate() {
+            assert_eq!(cause as usize, index, "{cause:?}");
         }
     }
 }

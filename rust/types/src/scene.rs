@@ -33,7 +33,7 @@ pub enum Shape {
 }
 
 /// Surfaces whose heights differ by less than this are one, metres.
-const SHELF_APART: f64 = 1e-4;
+const SAME_SHELF_HEIGHT_M: f64 = 1e-4;
 
 /// Most objects that a scene may have.
 pub const MAX_OBJECTS: usize = 512;
@@ -102,11 +102,11 @@ impl ObjectSet {
 
     /// They, in the order of the scene.
     pub fn iter(&self) -> impl Iterator<Item = ObjectId> + '_ {
-        self.0.iter().enumerate().flat_map(|(place, &word)| {
+        self.0.iter().enumerate().flat_map(|(word_index, &word)| {
             // From the lowest bit that is left to the next one.
             let words = std::iter::successors(Some(word), |left| Some(left & left.wrapping_sub(1)));
             let bits = words.take_while(|left| *left != 0).map(|left| left.trailing_zeros() as usize);
-            bits.map(move |bit| ObjectId::new(64 * place + bit))
+            bits.map(move |bit| ObjectId::new(64 * word_index + bit))
         })
     }
 }
@@ -156,7 +156,8 @@ pub struct Object {
     /// What is painted on it; empty for nothing.
     pub label: String,
     /// Red, green, blue, 0 to 1 (sRGB).
-    pub colour: [f64; 3],
+    #[serde(rename = "colour")]
+    pub color: [f64; 3],
     /// Name of its model and tf frame on a ROS graph.
     pub ros_name: String,
     /// Its shape; the origin is the centre of mass.
@@ -166,7 +167,8 @@ pub struct Object {
     /// Friction against table, walls and other objects.
     pub friction: f64,
     /// Friction against fingers.
-    pub friction_finger: f64,
+    #[serde(rename = "friction_finger")]
+    pub finger_friction: f64,
     /// It may be pushed about and dropped, as the cubes of a heap: a plan that finds no grip without a contact may touch it on
     /// the straight way into one and out, and one that cannot put it down may let it fall.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
@@ -178,16 +180,16 @@ pub struct Object {
 
 impl Object {
     /// An object with the friction of the modified box-and-blocks test: 0.4 against the table, 0.8 against fingers.
-    pub fn plain(name: &str, shape: Shape, mass: f64, pose: Pose) -> Self {
+    pub fn with_default_friction(name: &str, shape: Shape, mass: f64, pose: Pose) -> Self {
         Self {
             name: name.to_owned(),
             label: String::new(),
-            colour: [0.5; 3],
+            color: [0.5; 3],
             ros_name: name.to_owned(),
             shape,
             mass,
             friction: 0.4,
-            friction_finger: 0.8,
+            finger_friction: 0.8,
             loose: false,
             pose,
         }
@@ -202,7 +204,8 @@ pub struct Target {
     pub object: ObjectId,
     /// Centre of the disc on the table top, in `world`.
     #[cfg_attr(feature = "ts", ts(as = "[f64; 3]"))]
-    pub centre: Point,
+    #[serde(rename = "centre")]
+    pub center: Point,
     /// Radius of the disc, metres: an object counts with its centre above it.
     pub radius: f64,
 }
@@ -225,7 +228,7 @@ impl PlaceRegion {
     }
 
     /// Its middle, at `height`.
-    pub fn centre(&self, height: f64) -> Point {
+    pub fn center(&self, height: f64) -> Point {
         Point::new((self.min[0] + self.max[0]) / 2.0, (self.min[1] + self.max[1]) / 2.0, height)
     }
 }
@@ -241,7 +244,8 @@ pub struct Scene {
     /// Where objects belong; some may have no such place.
     pub targets: Vec<Target>,
     /// Where objects may be put down.
-    pub put_down: PlaceRegion,
+    #[serde(rename = "put_down")]
+    pub place_region: PlaceRegion,
     /// Height of the table top, metres in `world`.
     pub table_height: f64,
 }
@@ -253,7 +257,7 @@ impl Scene {
     }
 
     /// The object called `name`.
-    pub fn named(&self, name: &str) -> Option<ObjectId> {
+    pub fn find_object(&self, name: &str) -> Option<ObjectId> {
         self.objects.iter().position(|object| object.name == name).map(ObjectId::new)
     }
 
@@ -263,13 +267,13 @@ impl Scene {
         known.unwrap_or_else(|| format!("object {}", object.0))
     }
 
-    /// Whether one of the other objects lies on `object`, when their centres are where `centre` says, in `world`.
-    pub fn is_covered(&self, object: ObjectId, centre: impl Fn(ObjectId) -> Vector) -> bool {
+    /// Whether one of the other objects lies on `object`, when their centres are where `center` says, in `world`.
+    pub fn is_covered(&self, object: ObjectId, center: impl Fn(ObjectId) -> Vector) -> bool {
         let shape = self.objects[object.index()].shape;
-        let at = centre(object);
+        let at = center(object);
         self.ids().filter(|other| *other != object).any(|other| {
-            let apart = centre(other) - at;
-            apart.z >= shape.half_height() && apart.xy().norm() <= shape.half_width()
+            let offset = center(other) - at;
+            offset.z >= shape.half_height() && offset.xy().norm() <= shape.half_width()
         })
     }
 
@@ -280,14 +284,15 @@ impl Scene {
             let at = object.pose.translation.vector;
             Point::new(at.x, at.y, at.z - object.shape.half_height())
         };
-        let used = self.targets.iter().map(|target| target.centre).chain(self.objects.iter().map(foot));
-        let used: Vec<Point> = used.filter(|at| (at.z - self.table_height).abs() > SHELF_APART).collect();
+        let used = self.targets.iter().map(|target| target.center).chain(self.objects.iter().map(foot));
+        let used: Vec<Point> =
+            used.filter(|at| (at.z - self.table_height).abs() > SAME_SHELF_HEIGHT_M).collect();
         let shelf = |body: &SceneObject| {
             let Shape::Box { size } = body.shape else { return None };
             let at = body.pose.translation.vector;
             let top = at.z + size[2] / 2.0;
             let on = |point: &Point| {
-                (point.z - top).abs() < SHELF_APART
+                (point.z - top).abs() < SAME_SHELF_HEIGHT_M
                     && (0..2).all(|k| (point[k] - at[k]).abs() <= size[k] / 2.0)
             };
             let [min, max] = [-0.5, 0.5].map(|half| [at.x + half * size[0], at.y + half * size[1]]);
@@ -355,9 +360,10 @@ mod tests {
             friction: 0.4,
         };
         let cube = Shape::Box { size: [0.05; 3] };
-        let at =
-            |x: f64, foot: f64| Object::plain("cube", cube, 0.1, Pose::translation(x, 0.0, foot + 0.025));
-        let target = Target { object: ObjectId(0), centre: Point::new(1.05, 0.04, 1.3), radius: 0.05 };
+        let at = |x: f64, foot: f64| {
+            Object::with_default_friction("cube", cube, 0.1, Pose::translation(x, 0.0, foot + 0.025))
+        };
+        let target = Target { object: ObjectId(0), center: Point::new(1.05, 0.04, 1.3), radius: 0.05 };
         let scene = Scene {
             fixed: vec![
                 board("table", 0.0, 1.0),

@@ -17,7 +17,8 @@ pub struct Briefing {
     /// What the score counts, such as `blocks on target`.
     pub score_name: String,
     /// The highest score there is; none where it is open.
-    pub most: Option<u32>,
+    #[serde(rename = "most")]
+    pub max_score: Option<u32>,
     /// Seconds at the start in which nothing counts.
     pub practice_secs: f64,
     /// Seconds after which the trial ends, practice included.
@@ -45,7 +46,8 @@ pub enum Destination {
     /// Anywhere across the partition.
     Across,
     /// Where the display shows it: the place changes from one move to the next.
-    Shown,
+    #[serde(rename = "shown")]
+    Displayed,
 }
 
 /// What the task asks for now, where that changes in the course of a trial.
@@ -57,7 +59,8 @@ pub enum TaskGoal {
     Disc {
         /// Middle of the disc on the surface, in `world`.
         #[cfg_attr(feature = "ts", ts(as = "[f64; 3]"))]
-        centre: Point,
+        #[serde(rename = "centre")]
+        center: Point,
         /// Radius within which the object's middle counts, metres.
         radius: f64,
     },
@@ -65,7 +68,8 @@ pub enum TaskGoal {
     Ball {
         /// Middle of the ball, in `world`.
         #[cfg_attr(feature = "ts", ts(as = "[f64; 3]"))]
-        centre: Point,
+        #[serde(rename = "centre")]
+        center: Point,
         /// Radius, metres.
         radius: f64,
     },
@@ -92,7 +96,9 @@ pub struct JointGoal {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TaskContext {
     /// Objects that it asks for now.
-    pub due: ObjectSet,
+    #[serde(rename = "due")]
+    pub expected_objects: ObjectSet,
     /// Changes with what the person has done: a new number begins a new selection.
-    pub number: u32,
+    #[serde(rename = "number")]
+    pub selection_number: u32,
 }

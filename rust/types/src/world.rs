@@ -8,9 +8,11 @@ pub struct BodyState {
     /// `world_from_body`.
     pub pose: Pose,
     /// Linear velocity of the centre of mass, m/s, world axes.
-    pub linear: Vector,
+    #[serde(rename = "linear")]
+    pub linear_velocity: Vector,
     /// Angular velocity, rad/s, world axes.
-    pub angular: Vector,
+    #[serde(rename = "angular")]
+    pub angular_velocity: Vector,
 }
 
 /// An object touched by a link of the arm during the last tick.
@@ -49,7 +51,7 @@ pub struct PlantState {
     /// Torque of the motors, within their limits, N m.
     pub effort: JointVector,
     /// What the joints' stops, and gears that are turned faster than their motors can, bore beside them, N m.
-    pub stop_effort: JointVector,
+    pub limit_effort: JointVector,
     /// `world_from_base`.
     pub world_from_base: Pose,
     /// The base stood still in the last tick, because it was told to jump.

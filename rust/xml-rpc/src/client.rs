@@ -2,7 +2,7 @@ use crate::{
     codec,
     convert::{from_params, into_params},
     error::{Error, Result},
-    http::{self, WithoutLength},
+    http::{self, MissingLength},
     value::{Fault, Params, Response},
 };
 use serde::{Deserialize, Serialize};
@@ -23,7 +23,7 @@ const HTTP_PORT: u16 = 80;
 /// The address of a node or a master.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Url {
-    text: String,
+    uri: String,
     host: String,
     port: u16,
     path: String,
@@ -53,7 +53,7 @@ impl FromStr for Url {
         if host.is_empty() || host.contains('@') {
             return Err(bad());
         }
-        Ok(Url { text: text.to_owned(), host: host.to_owned(), port, path: path.to_owned() })
+        Ok(Url { uri: text.to_owned(), host: host.to_owned(), port, path: path.to_owned() })
     }
 }
 
@@ -66,7 +66,7 @@ impl Url {
 
 impl fmt::Display for Url {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(&self.text)
+        formatter.write_str(&self.uri)
     }
 }
 
@@ -125,7 +125,7 @@ impl Client {
     }
 }
 
-fn exchange(address: &Url, body: &str) -> std::io::Result<http::Message> {
+fn exchange(address: &Url, body: &str) -> std::io::Result<http::HttpMessage> {
     let mut last = ErrorKind::AddrNotAvailable.into();
     for candidate in (address.host.as_str(), address.port).to_socket_addrs()? {
         match TcpStream::connect_timeout(&candidate, CONNECT_TIMEOUT) {
@@ -137,7 +137,7 @@ fn exchange(address: &Url, body: &str) -> std::io::Result<http::Message> {
                 let Url { port, path, .. } = address;
                 let head = format!("POST {path} HTTP/1.0\r\nHost: {}:{port}", address.host());
                 http::write(&mut stream, &head, body, deadline)?;
-                return http::read(&mut stream, deadline, WithoutLength::ToTheEnd);
+                return http::read(&mut stream, deadline, MissingLength::ReadToEnd);
             }
         }
     }

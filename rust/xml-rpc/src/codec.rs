@@ -14,9 +14,9 @@ const MAX_DEPTH: usize = 64;
 const MAX_NODES: u32 = 1_000_000;
 /// Numbers as Python's and C++'s masters write them in a fault.
 const FAULT_CODE: &str = "faultCode";
-const FAULT_TEXT: &str = "faultString";
+const FAULT_STRING: &str = "faultString";
 
-fn wrong(what: impl Into<String>) -> Error {
+fn invalid_message(what: impl Into<String>) -> Error {
     Error::Message { what: what.into() }
 }
 
@@ -26,8 +26,8 @@ fn wrong(what: impl Into<String>) -> Error {
 /// [`Error::Message`].
 pub fn read_call(text: &str) -> Result<(String, Params)> {
     let document = parse(text)?;
-    let root = named(document.root_element(), "methodCall")?;
-    let name = content(child(root, "methodName")?);
+    let root = expect_element(document.root_element(), "methodCall")?;
+    let name = element_text(child(root, "methodName")?);
     let params = root.children().find(|node| node.has_tag_name("params"));
     Ok((name.trim().to_owned(), params.map_or(Ok(Params::new()), read_params)?))
 }
@@ -38,16 +38,16 @@ pub fn read_call(text: &str) -> Result<(String, Params)> {
 /// [`Error::Message`].
 pub fn read_response(text: &str) -> Result<Response> {
     let document = parse(text)?;
-    let root = named(document.root_element(), "methodResponse")?;
+    let root = expect_element(document.root_element(), "methodResponse")?;
     let Some(fault) = root.children().find(|node| node.has_tag_name("fault")) else {
         return read_params(child(root, "params")?).map(Ok);
     };
     match read_value(child(fault, "value")?, MAX_DEPTH)? {
-        Value::Struct(mut parts) => match (parts.remove(FAULT_CODE), parts.remove(FAULT_TEXT)) {
+        Value::Struct(mut parts) => match (parts.remove(FAULT_CODE), parts.remove(FAULT_STRING)) {
             (Some(Value::Int(code)), Some(Value::String(message))) => Ok(Err(Fault { code, message })),
-            _ => Err(wrong(format!("a fault without {FAULT_CODE} and {FAULT_TEXT}"))),
+            _ => Err(invalid_message(format!("a fault without {FAULT_CODE} and {FAULT_STRING}"))),
         },
-        other => Err(wrong(format!("a fault that is {other:?}, expected a struct"))),
+        other => Err(invalid_message(format!("a fault that is {other:?}, expected a struct"))),
     }
 }
 
@@ -68,7 +68,7 @@ pub fn write_response(response: &Response) -> String {
         Err(Fault { code, message }) => {
             let parts = [
                 (FAULT_CODE.to_owned(), Value::Int(*code)),
-                (FAULT_TEXT.to_owned(), Value::String(message.clone())),
+                (FAULT_STRING.to_owned(), Value::String(message.clone())),
             ];
             text.push_str("<fault>");
             write_value(&mut text, &Value::Struct(HashMap::from(parts)));
@@ -81,23 +81,23 @@ pub fn write_response(response: &Response) -> String {
 fn parse(text: &str) -> Result<Document<'_>> {
     // Without a DTD there are no entities that multiply.
     let options = ParsingOptions { allow_dtd: false, nodes_limit: MAX_NODES, ..ParsingOptions::default() };
-    Document::parse_with_options(text, options).map_err(|error| wrong(error.to_string()))
+    Document::parse_with_options(text, options).map_err(|error| invalid_message(error.to_string()))
 }
 
-fn named<'a, 'i>(node: Node<'a, 'i>, name: &str) -> Result<Node<'a, 'i>> {
+fn expect_element<'a, 'i>(node: Node<'a, 'i>, name: &str) -> Result<Node<'a, 'i>> {
     match node.has_tag_name(name) {
         true => Ok(node),
-        false => Err(wrong(format!("<{}>, expected <{name}>", node.tag_name().name()))),
+        false => Err(invalid_message(format!("<{}>, expected <{name}>", node.tag_name().name()))),
     }
 }
 
 fn child<'a, 'i>(node: Node<'a, 'i>, name: &str) -> Result<Node<'a, 'i>> {
     let found = node.children().find(|child| child.has_tag_name(name));
-    found.ok_or_else(|| wrong(format!("<{}> without <{name}>", node.tag_name().name())))
+    found.ok_or_else(|| invalid_message(format!("<{}> without <{name}>", node.tag_name().name())))
 }
 
 /// The text of an element, which comments may interrupt.
-fn content(node: Node<'_, '_>) -> String {
+fn element_text(node: Node<'_, '_>) -> String {
     node.children().filter(Node::is_text).filter_map(|part| part.text()).collect()
 }
 
@@ -108,14 +108,14 @@ fn read_params(params: Node<'_, '_>) -> Result<Params> {
 
 fn read_value(value: Node<'_, '_>, depth: usize) -> Result<Value> {
     if depth == 0 {
-        return Err(wrong(format!("values more than {MAX_DEPTH} deep in one another")));
+        return Err(invalid_message(format!("values more than {MAX_DEPTH} deep in one another")));
     }
     let Some(typed) = value.children().find(Node::is_element) else {
-        return Ok(Value::String(content(value)));
+        return Ok(Value::String(element_text(value)));
     };
     let kind = typed.tag_name().name();
-    let text = || content(typed).trim().to_owned();
-    let no = |text: &str| wrong(format!("{text:?} is no {kind}"));
+    let text = || element_text(typed).trim().to_owned();
+    let no = |text: &str| invalid_message(format!("{text:?} is no {kind}"));
     Ok(match kind {
         "i4" | "int" => Value::Int(text().parse().map_err(|_| no(&text()))?),
         "boolean" => match text().as_str() {
@@ -123,11 +123,11 @@ fn read_value(value: Node<'_, '_>, depth: usize) -> Result<Value> {
             "0" | "false" => Value::Bool(false),
             other => return Err(no(other)),
         },
-        "string" => Value::String(content(typed)),
+        "string" => Value::String(element_text(typed)),
         "double" => Value::Double(text().parse().map_err(|_| no(&text()))?),
         "dateTime.iso8601" => Value::DateTime(text()),
         "base64" => {
-            let plain: String = content(typed).split_whitespace().collect();
+            let plain: String = element_text(typed).split_whitespace().collect();
             Value::Base64(BASE64.decode(&plain).map_err(|_| no(&plain))?)
         }
         "array" => {
@@ -137,11 +137,12 @@ fn read_value(value: Node<'_, '_>, depth: usize) -> Result<Value> {
         }
         "struct" => {
             let members = typed.children().filter(|node| node.has_tag_name("member"));
-            let member =
-                |node| Ok((content(child(node, "name")?), read_value(child(node, "value")?, depth - 1)?));
+            let member = |node| {
+                Ok((element_text(child(node, "name")?), read_value(child(node, "value")?, depth - 1)?))
+            };
             Value::Struct(members.map(member).collect::<Result<_>>()?)
         }
-        other => return Err(wrong(format!("a value of type {other:?}"))),
+        other => return Err(invalid_message(format!("a value of type {other:?}"))),
     })
 }
 

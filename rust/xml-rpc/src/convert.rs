@@ -34,21 +34,21 @@ pub fn from_params<'a, T: Deserialize<'a>>(mut params: Params) -> Result<T> {
 /// [`Error::Value`] for what XML-RPC has no type for.
 pub fn into_params<T: Serialize>(value: &T) -> Result<Params> {
     let json = serde_json::to_value(value).map_err(|error| Error::Value { what: error.to_string() })?;
-    Ok(match of_json(json)? {
+    Ok(match from_json(json)? {
         Value::Array(params) => params,
         single => vec![single],
     })
 }
 
-fn of_json(json: Json) -> Result<Value> {
+fn from_json(json: Json) -> Result<Value> {
     Ok(match json {
         // No value is written as an array without any.
         Json::Null => Value::Array(Vec::new()),
         Json::Bool(yes) => Value::Bool(yes),
         Json::String(text) => Value::String(text),
-        Json::Array(values) => Value::Array(values.into_iter().map(of_json).collect::<Result<_>>()?),
+        Json::Array(values) => Value::Array(values.into_iter().map(from_json).collect::<Result<_>>()?),
         Json::Object(members) => {
-            let member = |(name, value)| Ok((name, of_json(value)?));
+            let member = |(name, value)| Ok((name, from_json(value)?));
             Value::Struct(members.into_iter().map(member).collect::<Result<_>>()?)
         }
         Json::Number(number) => match (number.as_i64(), number.as_f64()) {

@@ -12,7 +12,7 @@ const MAX_HEAD_BYTES: usize = 16 * 1024;
 pub(crate) const MAX_BODY_BYTES: usize = 16 * 1024 * 1024;
 
 /// A head and a body.
-pub(crate) struct Message {
+pub(crate) struct HttpMessage {
     /// Its first line.
     pub(crate) first_line: String,
     pub(crate) body: String,
@@ -20,13 +20,13 @@ pub(crate) struct Message {
 
 /// Whether a message without a length goes on to the end of the connection, as an answer may, or has no body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum WithoutLength {
-    ToTheEnd,
-    Refused,
+pub(crate) enum MissingLength {
+    ReadToEnd,
+    NoBody,
 }
 
 /// Reads a message that is complete before the deadline.
-pub(crate) fn read(stream: &mut TcpStream, deadline: Instant, without: WithoutLength) -> Result<Message> {
+pub(crate) fn read(stream: &mut TcpStream, deadline: Instant, without: MissingLength) -> Result<HttpMessage> {
     let invalid = |what: &str| Error::new(ErrorKind::InvalidData, what.to_owned());
     let mut data = Vec::new();
     let end = loop {
@@ -36,7 +36,7 @@ pub(crate) fn read(stream: &mut TcpStream, deadline: Instant, without: WithoutLe
         if data.len() > MAX_HEAD_BYTES {
             return Err(invalid("a head of more than 16 KiB"));
         }
-        if more(stream, &mut data, deadline)? == 0 {
+        if read_more(stream, &mut data, deadline)? == 0 {
             return Err(ErrorKind::UnexpectedEof.into());
         }
     };
@@ -58,8 +58,8 @@ pub(crate) fn read(stream: &mut TcpStream, deadline: Instant, without: WithoutLe
     }
     let wanted = match (length, without) {
         (Some(length), _) => length,
-        (None, WithoutLength::ToTheEnd) => usize::MAX,
-        (None, WithoutLength::Refused) => return Err(invalid("no Content-Length")),
+        (None, MissingLength::ReadToEnd) => usize::MAX,
+        (None, MissingLength::NoBody) => return Err(invalid("no Content-Length")),
     };
     if wanted != usize::MAX && wanted > MAX_BODY_BYTES {
         return Err(invalid("a body of more than 16 MiB"));
@@ -68,7 +68,7 @@ pub(crate) fn read(stream: &mut TcpStream, deadline: Instant, without: WithoutLe
         if data.len() > MAX_BODY_BYTES {
             return Err(invalid("a body of more than 16 MiB"));
         }
-        if more(stream, &mut data, deadline)? == 0 {
+        if read_more(stream, &mut data, deadline)? == 0 {
             match wanted {
                 usize::MAX => break,
                 _ => return Err(ErrorKind::UnexpectedEof.into()),
@@ -77,12 +77,12 @@ pub(crate) fn read(stream: &mut TcpStream, deadline: Instant, without: WithoutLe
     }
     data.truncate(wanted);
     let body = String::from_utf8(data).map_err(|_| invalid("a body that is not UTF-8"))?;
-    Ok(Message { first_line, body })
+    Ok(HttpMessage { first_line, body })
 }
 
 /// Reads what is there; zero at the end of the connection.
-fn more(stream: &mut TcpStream, data: &mut Vec<u8>, deadline: Instant) -> Result<usize> {
-    stream.set_read_timeout(Some(left(deadline)?))?;
+fn read_more(stream: &mut TcpStream, data: &mut Vec<u8>, deadline: Instant) -> Result<usize> {
+    stream.set_read_timeout(Some(remaining_time(deadline)?))?;
     let mut piece = [0; 16 * 1024];
     let count = stream.read(&mut piece)?;
     data.extend_from_slice(&piece[..count]);
@@ -97,7 +97,7 @@ pub(crate) fn write(stream: &mut TcpStream, head: &str, body: &str, deadline: In
     );
     let mut rest = text.as_bytes();
     while !rest.is_empty() {
-        stream.set_write_timeout(Some(left(deadline)?))?;
+        stream.set_write_timeout(Some(remaining_time(deadline)?))?;
         let count = stream.write(rest)?;
         if count == 0 {
             return Err(ErrorKind::WriteZero.into());
@@ -108,7 +108,7 @@ pub(crate) fn write(stream: &mut TcpStream, head: &str, body: &str, deadline: In
 }
 
 /// Until the deadline; an error after it.
-fn left(deadline: Instant) -> Result<Duration> {
+fn remaining_time(deadline: Instant) -> Result<Duration> {
     let left = deadline.saturating_duration_since(Instant::now());
     if left.is_zero() { Err(ErrorKind::TimedOut.into()) } else { Ok(left) }
 }

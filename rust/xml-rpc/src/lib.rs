@@ -1,6 +1,6 @@
 //! XML-RPC, the calls between ROS 1 nodes and their master.
 //!
-//! It has the names of the crate `xml-rpc` 0.1 from crates.io, as far as rosrust uses them, and stands in its place. All that
+//! It has the names of the crate `xml-rpc` 0.1 from crates.io, as far as rosrust uses them, and stands in its place; [`intercept_calls`] is its own. All that
 //! comes in from the network is bounded: size, depth and number of values, time, and connections at once. There is no access
 //! control in ROS 1, and none here: docs/ros1.md says how to fence a graph.
 //!
@@ -34,7 +34,7 @@ mod value;
 
 pub use client::{Client, Url, call_value};
 pub use convert::{from_params, into_params};
-pub use server::{Server, rouille};
+pub use server::{Server, intercept_calls, rouille};
 pub use value::{Fault, Params, Response, Value};
 
 /// Reading and writing of messages, for tests that feed them anything.

@@ -3,14 +3,14 @@
 use crate::{
     codec,
     error::{Error, Result},
-    http::{self, WithoutLength},
+    http::{self, MissingLength},
     value::{Fault, Params, Response},
 };
 use std::{
     collections::HashMap,
     net::{SocketAddr, TcpListener, TcpStream},
     sync::{
-        Arc,
+        Arc, OnceLock,
         atomic::{AtomicUsize, Ordering},
     },
     time::{Duration, Instant},
@@ -35,17 +35,27 @@ pub mod rouille {
 }
 
 type Handler = Box<dyn Fn(Params) -> Response + Send + Sync>;
+type CallInterceptor = Box<dyn Fn(&str, &Params) -> Option<Response> + Send + Sync>;
+
+/// Of all servers of the process: rosrust keeps its server to itself.
+static CALL_INTERCEPTOR: OnceLock<CallInterceptor> = OnceLock::new();
+
+/// Asks `handler` about every call of every server in this process, by name and arguments, before the server's own handlers.
+/// Where it gives `None`, the server answers. The first handler of the process stays; false for a later one.
+pub fn intercept_calls(handler: impl Fn(&str, &Params) -> Option<Response> + Send + Sync + 'static) -> bool {
+    CALL_INTERCEPTOR.set(Box::new(handler)).is_ok()
+}
 
 /// The calls that are answered.
 pub struct Server {
     handlers: HashMap<String, Handler>,
-    missing: Handler,
+    on_missing: Handler,
 }
 
 impl Default for Server {
     fn default() -> Self {
         let missing = |_| Err(Fault::new(404, "there is no such method"));
-        Server { handlers: HashMap::new(), missing: Box::new(missing) }
+        Server { handlers: HashMap::new(), on_missing: Box::new(missing) }
     }
 }
 
@@ -61,7 +71,7 @@ impl Server {
 
     /// Answers all other calls.
     pub fn set_on_missing(&mut self, handler: impl Fn(Params) -> Response + Send + Sync + 'static) {
-        self.missing = Box::new(handler);
+        self.on_missing = Box::new(handler);
     }
 
     /// Listens.
@@ -79,13 +89,14 @@ impl Server {
         let local = listener.local_addr().map_err(failed)?;
         let answer = move |request: &rouille::Request| self.answer(request);
         let open = Arc::new(AtomicUsize::new(0));
-        Ok(BoundServer { listener, local, answer: Arc::new(answer), open })
+        Ok(BoundServer { listener, local, answer: Arc::new(answer), open_connections: open })
     }
 
     fn answer(&self, request: &rouille::Request) -> rouille::Response {
         let Ok((name, params)) = codec::read_call(&request.0) else { return rouille::Response(None) };
-        let handler = self.handlers.get(&name).unwrap_or(&self.missing);
-        rouille::Response(Some(codec::write_response(&handler(params))))
+        let first = CALL_INTERCEPTOR.get().and_then(|first| first(&name, &params));
+        let response = first.unwrap_or_else(|| self.handlers.get(&name).unwrap_or(&self.on_missing)(params));
+        rouille::Response(Some(codec::write_response(&response)))
     }
 }
 
@@ -94,7 +105,7 @@ pub struct BoundServer<F> {
     listener: TcpListener,
     local: SocketAddr,
     answer: Arc<F>,
-    open: Arc<AtomicUsize>,
+    open_connections: Arc<AtomicUsize>,
 }
 
 impl<F: Fn(&rouille::Request) -> rouille::Response + Send + Sync + 'static> BoundServer<F> {
@@ -115,44 +126,44 @@ impl<F: Fn(&rouille::Request) -> rouille::Response + Send + Sync + 'static> Boun
     pub fn poll(&self) {
         // An error means that nobody waits, or that the system has no handles left: the next look tells.
         while let Ok((stream, _)) = self.listener.accept() {
-            if self.open.load(Ordering::Acquire) >= MAX_CONNECTIONS {
+            if self.open_connections.load(Ordering::Acquire) >= MAX_CONNECTIONS {
                 continue;
             }
-            let place = Place::take(&self.open);
+            let slot = CallSlot::acquire(&self.open_connections);
             let answer = Arc::clone(&self.answer);
             // Without a thread the caller is hung up on.
             let _ = std::thread::Builder::new().name("xml-rpc".to_owned()).spawn(move || {
                 // It ends with an error when the caller breaks off, which is the caller's matter.
-                let _ = attend(stream, answer.as_ref());
-                drop(place);
+                let _ = serve_connection(stream, answer.as_ref());
+                drop(slot);
             });
         }
     }
 }
 
 /// Counts a connection as long as it lives.
-struct Place(Arc<AtomicUsize>);
+struct CallSlot(Arc<AtomicUsize>);
 
-impl Place {
-    fn take(open: &Arc<AtomicUsize>) -> Place {
+impl CallSlot {
+    fn acquire(open: &Arc<AtomicUsize>) -> CallSlot {
         open.fetch_add(1, Ordering::AcqRel);
-        Place(Arc::clone(open))
+        CallSlot(Arc::clone(open))
     }
 }
 
-impl Drop for Place {
+impl Drop for CallSlot {
     fn drop(&mut self) {
         self.0.fetch_sub(1, Ordering::AcqRel);
     }
 }
 
-fn attend(
+fn serve_connection(
     mut stream: TcpStream,
     answer: &impl Fn(&rouille::Request) -> rouille::Response,
 ) -> std::io::Result<()> {
     stream.set_nonblocking(false)?;
     stream.set_nodelay(true)?;
-    let request = http::read(&mut stream, Instant::now() + TIMEOUT, WithoutLength::Refused);
+    let request = http::read(&mut stream, Instant::now() + TIMEOUT, MissingLength::NoBody);
     let answered = match request {
         Ok(message) if message.first_line.starts_with("POST ") => answer(&rouille::Request(message.body)).0,
         _ => None,

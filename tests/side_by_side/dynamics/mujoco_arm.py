@@ -14,11 +14,11 @@ import numpy as np
 
 TICK = 1e-3
 # Of the body that carries the base, kg and kg m^2: what the arm does to it is 1e-6 of what it does to the arm.
-CARRIER = 1e6
+CARRIER_INERTIA = 1e6
 # Of a wheel that drives a joint by friction, kg m^2.
-WHEEL = 10.0
+WHEEL_INERTIA_KG_M2 = 10.0
 # Contacts that give way as little as the step lets them, and whose friction is the norm of both tangents.
-HARD = 'solref="0.002 1" solimp="0.95 0.99 0.0001" condim="3"'
+HARD_CONTACT = 'solref="0.002 1" solimp="0.95 0.99 0.0001" condim="3"'
 # Who collides with whom: links with the room and with blocks, not with each other.
 LINK, ROOM, BLOCK = 'contype="1" conaffinity="0"', 'contype="2" conaffinity="1"', 'contype="4" conaffinity="7"'
 
@@ -99,7 +99,7 @@ class Arm:
         problem["free"] = [name for name in problem["free"] if name not in fixed]
         self.free = problem["free"]
         self.limp = problem["limp"]
-        self.hard = HARD if problem.get("hard") else ""
+        self.hard = HARD_CONTACT if problem.get("hard") else ""
         self.motors = []
 
     def body(self, name, place):
@@ -157,8 +157,8 @@ def build(problem):
     if problem.get("sways"):
         # A mocap body has a place and no speed; this one has both.
         body = arm.body(arm.root, 'pos="0 0 0"')
-        six = [CARRIER, CARRIER, CARRIER, 0.0, 0.0, 0.0]
-        own = f'<freejoint name="base"/><inertial pos="0 0 0" mass="{CARRIER!r}" fullinertia="{numbers(six)}"/>'
+        six = [CARRIER_INERTIA, CARRIER_INERTIA, CARRIER_INERTIA, 0.0, 0.0, 0.0]
+        own = f'<freejoint name="base"/><inertial pos="0 0 0" mass="{CARRIER_INERTIA!r}" fullinertia="{numbers(six)}"/>'
         body = f'<body name="carrier" gravcomp="1" {pose(problem["base"])}>{own}{body}</body>'
     else:
         body = arm.body(arm.root, 'mocap="true" ' + pose(problem["base"]))
@@ -176,7 +176,7 @@ def build(problem):
     wheels = arm.motors if problem["drive"] == "speed" and arm.hard else []
     for name, _ in wheels:
         text.append(f'<body name="wheel_{name}"><joint name="wheel_{name}" type="hinge" axis="0 0 1"/>')
-        text.append(f'<inertial pos="0 0 0" mass="1" diaginertia="{WHEEL!r} {WHEEL!r} {WHEEL!r}"/></body>')
+        text.append(f'<inertial pos="0 0 0" mass="1" diaginertia="{WHEEL_INERTIA_KG_M2!r} {WHEEL_INERTIA_KG_M2!r} {WHEEL_INERTIA_KG_M2!r}"/></body>')
     text.append("</worldbody>")
     if wheels:
         # A motor of bounded torque is a wheel of the asked speed that drags its joint by friction. A velocity actuator at
@@ -215,7 +215,7 @@ def weld(model, data, tip, block):
     data.eq_active[block] = 1
 
 
-def seven_of(row):
+def pose7_from(row):
     """Position and scalar-first quaternion of x y z qx qy qz qw."""
     return row[:3], np.array([row[6], *row[3:6]])
 
@@ -229,22 +229,22 @@ class Carrier:
         self.before = np.zeros(6)
         self.data = data
 
-    def set_off(self, target):
+    def begin_step(self, target):
         data, at = self.data, self.place
-        position, rotation = seven_of(target)
+        position, rotation = pose7_from(target)
         turn = np.zeros(3)
         mujoco.mju_subQuat(turn, rotation, data.qpos[at + 3:at + 7])
         # A free joint's turning speed is in the body's own frame.
         speed = np.concatenate([(position - data.qpos[at:at + 3]) / TICK, turn / TICK])
-        force = CARRIER * (speed - self.before) / TICK
+        force = CARRIER_INERTIA * (speed - self.before) / TICK
         # The speed changes within the tick, by a force, so that the arm feels it; the place is put right at its end.
         data.qvel[self.dof:self.dof + 6] = self.before
         data.qfrc_applied[self.dof:self.dof + 6] = force
         self.before = speed
 
-    def arrive(self, target):
+    def end_step(self, target):
         data, at = self.data, self.place
-        data.qpos[at:at + 3], data.qpos[at + 3:at + 7] = seven_of(target)
+        data.qpos[at:at + 3], data.qpos[at + 3:at + 7] = pose7_from(target)
         data.qvel[self.dof:self.dof + 6] = self.before
 
 
@@ -294,9 +294,9 @@ def run(problem):
     for tick, command in enumerate(commands):
         position, velocity, base = command[:count][rows], command[count:2 * count][rows], command[2 * count:]
         if carrier:
-            carrier.set_off(base)
+            carrier.begin_step(base)
         else:
-            data.mocap_pos[0], data.mocap_quat[0] = seven_of(base)
+            data.mocap_pos[0], data.mocap_quat[0] = pose7_from(base)
         for kind, *what in [events[tick]] if tick in events else []:
             if kind == "attach":
                 weld(model, data, problem["tip"], what[0])
@@ -325,7 +325,7 @@ def run(problem):
                     forces[name] = forces.get(name, 0.0) + force / substeps
         times.append(1e-9 * (time.thread_time_ns() - before))
         if carrier:
-            carrier.arrive(base)
+            carrier.end_step(base)
         if tells:
             answer["angles"].append(data.qpos[places].tolist())
             if problem.get("tell"):

@@ -199,9 +199,9 @@ bool motion_is_free(World& world, const double* a, const double* b, double step)
 
 const double* values(const ob::State* state) { return state->as<ob::RealVectorStateSpace::StateType>()->values; }
 
-class PlainSteps : public ob::MotionValidator {
+class DiscreteMotionValidator : public ob::MotionValidator {
  public:
-  PlainSteps(const ob::SpaceInformationPtr& space, World& world, double step)
+  DiscreteMotionValidator(const ob::SpaceInformationPtr& space, World& world, double step)
       : ob::MotionValidator(space), world_(world), step_(step) {}
   bool checkMotion(const ob::State* a, const ob::State* b) const override {
     return si_->satisfiesBounds(b) && motion_is_free(world_, values(a), values(b), step_);
@@ -273,7 +273,7 @@ int run() {
   auto information = std::make_shared<ob::SpaceInformation>(space);
   information->setStateValidityChecker(
       [&](const ob::State* state) { return information->satisfiesBounds(state) && world.is_free(values(state)); });
-  information->setMotionValidator(std::make_shared<PlainSteps>(information, world, step));
+  information->setMotionValidator(std::make_shared<DiscreteMotionValidator>(information, world, step));
   information->setup();
 
   ob::ScopedState<> from(space), to(space);

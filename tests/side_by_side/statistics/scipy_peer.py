@@ -15,7 +15,7 @@ import numpy
 import scipy.stats
 import statsmodels.stats.multitest
 
-MOST_CASES = 60_000
+MAX_CASES = 60_000
 
 
 def friedman(rows):
@@ -27,7 +27,7 @@ def friedman(rows):
     observed = sum(numpy.sum(ranks, axis=0) ** 2)
     counted = None
     # The first person's order may be held fixed: what the others do relative to it is what counts.
-    if math.factorial(conditions) ** (len(rows) - 1) <= MOST_CASES:
+    if math.factorial(conditions) ** (len(rows) - 1) <= MAX_CASES:
         orders = [list(itertools.permutations(row)) for row in ranks[1:]]
         cases = [sum(numpy.sum([ranks[0], *case], axis=0) ** 2) >= observed - 1e-9 for case in itertools.product(*orders)]
         counted = sum(cases) / len(cases)

@@ -82,7 +82,7 @@ inline Pose inverse(const Pose& a) {
 
 /// A link that stands at `pose` while its joint is at zero, turned by `angle`, rad, about the unit vector `axis` of its own
 /// frame. Forward kinematics is `turned(world_from_parent * parent_from_child, axis, angle)`, joint by joint.
-inline Pose turned(const Pose& pose, const Vec3& axis, double angle) {
+inline Pose joint_pose(const Pose& pose, const Vec3& axis, double angle) {
   return {pose.position, normalized(pose.rotation * about_axis(axis, angle))};
 }
 /// Velocity of the point `point` per rad/s of a joint at `origin` that turns about the unit vector `axis`, all in one
@@ -91,10 +91,10 @@ inline Vec3 point_velocity(const Vec3& axis, const Vec3& origin, const Vec3& poi
 
 /// A pose as it crosses to Rust: position, then quaternion x, y, z, w.
 template <typename Numbers>
-Pose pose_of(const Numbers& n) {
+Pose pose_from_array(const Numbers& n) {
   return {{n[0], n[1], n[2]}, {n[3], n[4], n[5], n[6]}};
 }
-inline std::array<double, 7> numbers_of(const Pose& pose) {
+inline std::array<double, 7> pose_to_array(const Pose& pose) {
   const auto& [p, q] = pose;
   return {p.x, p.y, p.z, q.x, q.y, q.z, q.w};
 }

@@ -1,10 +1,10 @@
-use super::{ActionPhase, Handling, PhaseKind, Trace, emg};
-use crate::table::word;
+use super::{ActionPhase, ObjectTransfer, PhaseKind, Trace, emg};
+use crate::table::serialized_name;
 use proact_types::{EventKind, ObjectId, PlanStatus, SimTime};
 use serde::Serialize;
 
 /// An object that is let go with its underside higher than this above the table falls, metres.
-const FALLS_M: f64 = 0.02;
+const MIN_DROP_HEIGHT_M: f64 = 0.02;
 
 /// What can go wrong in a trial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -94,29 +94,31 @@ pub struct TrialFault {
 }
 
 /// What went wrong, in order of time.
-pub fn faults(trace: &Trace, phases: &[ActionPhase], objects: &[Handling]) -> Vec<TrialFault> {
+pub fn faults(trace: &Trace, phases: &[ActionPhase], objects: &[ObjectTransfer]) -> Vec<TrialFault> {
     let mut faults: Vec<TrialFault> = phases.iter().filter_map(|phase| of_phase(trace, phase)).collect();
     let fault = |time, kind, object, detail: String| TrialFault { time, kind, object, detail };
     let shelves = trace.scene.shelves().into_iter().map(|(_, height)| height);
     let lowest = shelves.fold(trace.scene.table_height, f64::min);
-    for handling in objects {
-        let object = Some(handling.object);
-        faults.extend(handling.disturbed.map(|at| fault(at, FaultKind::Disturbed, object, String::new())));
-        let below = |instant: &&super::Instant| {
-            let pose = instant.objects.get(handling.object.index());
+    for transfer in objects {
+        let object = Some(transfer.object);
+        faults.extend(transfer.disturbed_at.map(|at| fault(at, FaultKind::Disturbed, object, String::new())));
+        let below = |instant: &&super::TracePoint| {
+            let pose = instant.objects.get(transfer.object.index());
             pose.is_some_and(|pose| pose.translation.vector.z < lowest)
         };
-        let fell = trace.instants.iter().find(below).map(|instant| instant.time);
+        let fell = trace.points.iter().find(below).map(|instant| instant.time);
         faults.extend(fell.map(|at| fault(at, FaultKind::OnFloor, object, String::new())));
     }
     for event in &trace.events {
         let (kind, object, detail) = match &event.kind {
-            EventKind::GraspFailed { object, reason } => (FaultKind::GraspFailed, *object, word(reason)),
+            EventKind::GraspFailed { object, reason } => {
+                (FaultKind::GraspFailed, *object, serialized_name(reason))
+            }
             EventKind::PlanFinished { status, reason, .. }
                 if !matches!(status, PlanStatus::Ok | PlanStatus::Intermediate | PlanStatus::Cancelled) =>
             {
                 let why = reason.as_ref().map_or(String::new(), |reason| format!(": {reason}"));
-                (FaultKind::PlanFailed, None, word(status) + &why)
+                (FaultKind::PlanFailed, None, serialized_name(status) + &why)
             }
             EventKind::PlansFailed { count, reason } => {
                 (FaultKind::PlansFailedInARow, None, format!("{count} in a row: {reason}"))
@@ -127,7 +129,7 @@ pub fn faults(trace: &Trace, phases: &[ActionPhase], objects: &[Handling]) -> Ve
         };
         faults.push(fault(event.time, kind, object, detail));
     }
-    for (at, millis) in emg::bursts(trace) {
+    for (at, millis) in emg::false_triggers(trace) {
         faults.push(fault(at, FaultKind::FalseTrigger, None, format!("{millis} ms")));
     }
     faults.sort_by_key(|fault| (fault.time, fault.kind));
@@ -140,17 +142,17 @@ fn of_phase(trace: &Trace, phase: &ActionPhase) -> Option<TrialFault> {
     match phase.kind {
         PhaseKind::Pick => {
             // What was asked for before it was taken.
-            let asked = trace.at(SimTime(phase.to.0.saturating_sub(1)))?.next?;
-            (asked != phase.object)
-                .then(|| fault(FaultKind::WrongObject, format!("for {}", trace.scene.name(asked))))
+            let expected = trace.at(SimTime(phase.to.0.saturating_sub(1)))?.next?;
+            (expected != phase.object)
+                .then(|| fault(FaultKind::WrongObject, format!("for {}", trace.scene.name(expected))))
         }
-        PhaseKind::Place if phase.ended => {
+        PhaseKind::Place if phase.complete => {
             let then = trace.at(phase.to)?;
-            let height = trace.height(phase.object, then)?;
-            if height > FALLS_M {
+            let height = trace.height_above_support_m(phase.object, then)?;
+            if height > MIN_DROP_HEIGHT_M {
                 return Some(fault(FaultKind::Dropped, format!("{height:.3} m")));
             }
-            let short = phase.crossed == Some(false) && phase.entered != Some(true);
+            let short = phase.crossed == Some(false) && phase.entered_target != Some(true);
             short.then(|| fault(FaultKind::ReleasedShort, String::new()))
         }
         PhaseKind::Place => None,

@@ -29,18 +29,18 @@ pub struct ActionPhase {
     pub kind: PhaseKind,
     /// The object.
     pub object: ObjectId,
-    /// The how manyth time that this object was taken, from 1.
-    pub time: usize,
+    /// Which attempt at this object, from 1.
+    pub attempt: usize,
     /// When it began.
     pub from: SimTime,
     /// When it ended.
     pub to: SimTime,
     /// False for a transport that the end of the trial cut off.
-    pub ended: bool,
+    pub complete: bool,
     /// The object was brought across the partition in it; none where there is none between start and target.
     pub crossed: Option<bool>,
     /// The object's centre was above its target region in it; none without a target.
-    pub entered: Option<bool>,
+    pub entered_target: Option<bool>,
 }
 
 impl ActionPhase {
@@ -72,12 +72,12 @@ pub fn phases(trace: &Trace) -> Vec<ActionPhase> {
                 phases.push(ActionPhase {
                     kind: PhaseKind::Pick,
                     object,
-                    time: times[object.index()],
+                    attempt: times[object.index()],
                     from: free_since,
                     to: event.time,
-                    ended: true,
+                    complete: true,
                     crossed: None,
-                    entered: None,
+                    entered_target: None,
                 });
                 held = Some((object, event.time));
             }
@@ -91,7 +91,7 @@ pub fn phases(trace: &Trace) -> Vec<ActionPhase> {
         }
     }
     if let Some((object, since)) = held {
-        phases.push(place(trace, object, since, trace.length, false, times[object.index()]));
+        phases.push(place(trace, object, since, trace.duration, false, times[object.index()]));
     }
     phases
 }
@@ -107,10 +107,21 @@ fn place(
     let within = trace.between(from, to);
     let side = |time| Some(trace.at(time)?.objects.get(object.index())?.translation.vector.y);
     let crossed =
-        trace.far_side(object).and_then(|far| Some(side(from)? * far <= 0.0 && side(to)? * far > 0.0));
+        trace.far_side_sign(object).and_then(|far| Some(side(from)? * far <= 0.0 && side(to)? * far > 0.0));
     let target = trace.at(from).and_then(|instant| trace.target(object, instant));
     let entered = target.map(|target| {
-        within.iter().any(|instant| trace.distance(object, instant).is_some_and(|away| away <= target.radius))
+        within
+            .iter()
+            .any(|instant| trace.target_distance_m(object, instant).is_some_and(|away| away <= target.radius))
     });
-    ActionPhase { kind: PhaseKind::Place, object, time, from, to, ended, crossed, entered }
+    ActionPhase {
+        kind: PhaseKind::Place,
+        object,
+        attempt: time,
+        from,
+        to,
+        complete: ended,
+        crossed,
+        entered_target: entered,
+    }
 }

@@ -1,6 +1,6 @@
 use super::{
-    Interval, bootstrap, mean,
-    ranks::{TIED, largest},
+    ConfidenceInterval, bootstrap_interval, mean,
+    ranks::{TIE_TOLERANCE, max_abs},
     wilcoxon::{PairedDifferences, rank_biserial},
 };
 use serde::Serialize;
@@ -12,16 +12,18 @@ pub struct PairedEffect {
     /// Mean of the differences, in the measure's unit.
     pub mean: f64,
     /// Its interval.
-    pub mean_interval: Option<Interval>,
+    pub mean_interval: Option<ConfidenceInterval>,
     /// Matched-pairs rank-biserial correlation, -1 to 1; none if nothing differs.
     pub rank_biserial: Option<f64>,
     /// Its interval.
-    pub rank_biserial_interval: Option<Interval>,
+    pub rank_biserial_interval: Option<ConfidenceInterval>,
     /// Mean over standard deviation of the differences, corrected for small samples (Hedges' g of paired values, Cohen's d_z times J);
     /// none if they do not spread.
-    pub g: Option<f64>,
+    #[serde(rename = "g")]
+    pub hedges_g: Option<f64>,
     /// Its interval.
-    pub g_interval: Option<Interval>,
+    #[serde(rename = "g_interval")]
+    pub hedges_g_interval: Option<ConfidenceInterval>,
 }
 
 impl PairedEffect {
@@ -29,7 +31,7 @@ impl PairedEffect {
     ///
     /// g presumes that differences are near normal; the rank-biserial correlation does not.
     pub fn of(differences: &[f64], seed: u64) -> Option<Self> {
-        let tolerance = TIED * largest(differences.iter().copied());
+        let tolerance = TIE_TOLERANCE * max_abs(differences.iter().copied());
         Self::of_differences(&PairedDifferences { values: differences.to_vec(), tolerance }, seed)
     }
 
@@ -38,9 +40,9 @@ impl PairedEffect {
         if differences.is_empty() || differences.iter().any(|d| !d.is_finite()) {
             return None;
         }
-        let drawn = |places: &[usize]| places.iter().map(|place| differences[*place]).collect::<Vec<f64>>();
+        let drawn = |indices: &[usize]| indices.iter().map(|index| differences[*index]).collect::<Vec<f64>>();
         let interval = |of: &dyn Fn(&[f64]) -> Option<f64>| {
-            bootstrap(differences.len(), seed, |places| of(&drawn(places)))
+            bootstrap_interval(differences.len(), seed, |indices| of(&drawn(indices)))
         };
         let ranked = |d: &[f64]| rank_biserial(d, *tolerance);
         let standardized = |d: &[f64]| hedges_g(d, *tolerance);
@@ -49,8 +51,8 @@ impl PairedEffect {
             mean_interval: interval(&|d| Some(mean(d))),
             rank_biserial: ranked(differences),
             rank_biserial_interval: interval(&ranked),
-            g: standardized(differences),
-            g_interval: interval(&standardized),
+            hedges_g: standardized(differences),
+            hedges_g_interval: interval(&standardized),
         })
     }
 }
@@ -96,7 +98,7 @@ mod tests {
     fn an_effect_by_hand() {
         // Mean 2, sd 1, J = 1 - 3 / 7 = 4/7; all ranks to one side.
         let effect = PairedEffect::of(&[1.0, 2.0, 3.0], 1).unwrap();
-        assert!((effect.g.unwrap() - 8.0 / 7.0).abs() < 1e-12, "{effect:?}");
+        assert!((effect.hedges_g.unwrap() - 8.0 / 7.0).abs() < 1e-12, "{effect:?}");
         assert_eq!(
             (effect.mean, effect.rank_biserial, effect.rank_biserial_interval),
             (2.0, Some(1.0), None)
@@ -106,13 +108,13 @@ mod tests {
     #[test]
     fn equal_differences_have_no_standardized_effect() {
         let effect = PairedEffect::of(&[0.3, 0.3, 0.3, 0.3], 1).unwrap();
-        assert_eq!((effect.g, effect.mean_interval), (None, None));
+        assert_eq!((effect.hedges_g, effect.mean_interval), (None, None));
         assert_eq!(PairedEffect::of(&[0.0; 4], 1).unwrap().rank_biserial, None);
         assert_eq!(PairedEffect::of(&[], 1), None);
-        assert_eq!(PairedEffect::of(&[2.0], 1).unwrap().g, None);
+        assert_eq!(PairedEffect::of(&[2.0], 1).unwrap().hedges_g, None);
         // Large values that all gain the same; rounding was taken for a spread, and g was 1e10.
         let gain = PairedDifferences::of(&[[1e6, 1e6 + 0.1], [2e6, 2e6 + 0.1], [3e6, 3e6 + 0.1]]);
-        assert_eq!(PairedEffect::of_differences(&gain, 1).unwrap().g, None);
+        assert_eq!(PairedEffect::of_differences(&gain, 1).unwrap().hedges_g, None);
     }
 
     #[test]

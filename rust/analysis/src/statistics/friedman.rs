@@ -1,6 +1,6 @@
 use super::{
-    Chance, StatisticsError, check_finite,
-    ranks::{Ranks, TIED, largest},
+    PValueMethod, StatisticsError, check_finite,
+    ranks::{Ranks, TIE_TOLERANCE, max_abs},
 };
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -8,9 +8,9 @@ use std::collections::BTreeMap;
 
 const TEST: &str = "Friedman's test";
 /// More sets of rank sums than this are not enumerated.
-const MOST_STATES: usize = 20_000;
+const MAX_STATES: usize = 20_000;
 /// More orders of one person's values than this are not enumerated.
-const MOST_ORDERS: usize = 720;
+const MAX_PERMUTATIONS: usize = 720;
 
 /// Friedman's test that conditions do not differ, with Kendall's coefficient of concordance.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -24,7 +24,8 @@ pub struct Friedman {
     /// Chance of as large a statistic if the conditions did not differ.
     pub p: f64,
     /// How that chance was found.
-    pub chance: Chance,
+    #[serde(rename = "chance")]
+    pub p_method: PValueMethod,
     /// Kendall's W, 0 to 1: how much people agree about the order of the conditions.
     pub kendalls_w: f64,
     /// Mean rank of each condition; rank 1 is the smallest value.
@@ -44,27 +45,27 @@ pub fn friedman(rows: &[Vec<f64>]) -> Result<Friedman, StatisticsError> {
     let RankSums { ranks, sums, statistic } = RankSums::of(rows)?;
     let (n, conditions) = (rows.len() as f64, sums.len());
     let degrees = (conditions - 1) as f64;
-    let exact = chance_of_rank_sums(&ranks, squared(&sums));
+    let exact = exact_rank_sum_p(&ranks, sum_of_squares(&sums));
     let approximate = || ChiSquared::new(degrees).map_or(f64::NAN, |chi| chi.sf(statistic));
     Ok(Friedman {
         n: rows.len(),
         statistic,
         degrees_of_freedom: conditions - 1,
         p: exact.unwrap_or_else(approximate),
-        chance: if exact.is_some() { Chance::Exact } else { Chance::Approximate },
+        p_method: if exact.is_some() { PValueMethod::Exact } else { PValueMethod::Asymptotic },
         kendalls_w: statistic / (n * degrees),
         mean_ranks: sums.iter().map(|sum| *sum as f64 / 2.0 / n).collect(),
     })
 }
 
 /// Kendall's W alone, without the count of all orders; none where there is none.
-pub(super) fn concordance(rows: &[Vec<f64>]) -> Option<f64> {
+pub(super) fn kendalls_w(rows: &[Vec<f64>]) -> Option<f64> {
     let RankSums { sums, statistic, .. } = RankSums::of(rows).ok()?;
     Some(statistic / (rows.len() * (sums.len() - 1)) as f64)
 }
 
 /// The chance by the chi square distribution alone; none where there is none.
-pub(crate) fn friedman_quick(rows: &[Vec<f64>]) -> Option<f64> {
+pub(crate) fn friedman_asymptotic_p(rows: &[Vec<f64>]) -> Option<f64> {
     let RankSums { sums, statistic, .. } = RankSums::of(rows).ok()?;
     Some(ChiSquared::new((sums.len() - 1) as f64).ok()?.sf(statistic))
 }
@@ -82,9 +83,9 @@ struct RankSums {
 impl RankSums {
     fn of(rows: &[Vec<f64>]) -> Result<Self, StatisticsError> {
         let conditions = rows.first().map_or(0, Vec::len);
-        for (what, least, got) in [("people", 2, rows.len()), ("conditions", 3, conditions)] {
-            if got < least {
-                return Err(StatisticsError::TooFew { test: TEST, what, least, got });
+        for (what, min_count, got) in [("people", 2, rows.len()), ("conditions", 3, conditions)] {
+            if got < min_count {
+                return Err(StatisticsError::TooFew { test: TEST, what, least: min_count, got });
             }
         }
         for (row, values) in rows.iter().enumerate() {
@@ -93,7 +94,7 @@ impl RankSums {
             }
             check_finite(row, values)?;
         }
-        let of = |row: &Vec<f64>| Ranks::of(row, TIED * largest(row.iter().copied()));
+        let of = |row: &Vec<f64>| Ranks::of(row, TIE_TOLERANCE * max_abs(row.iter().copied()));
         let ranks: Vec<Ranks> = rows.iter().map(of).collect();
         let (n, k) = (rows.len() as f64, conditions as f64);
         let ties: f64 = ranks.iter().map(|row| row.ties).sum();
@@ -103,13 +104,13 @@ impl RankSums {
         }
         let sums: Vec<u64> = (0..conditions).map(|j| ranks.iter().map(|row| row.doubled[j]).sum()).collect();
         // Sums are doubled, so their squares are fourfold.
-        let squares = squared(&sums) as f64 / 4.0;
+        let squares = sum_of_squares(&sums) as f64 / 4.0;
         let statistic = (12.0 / (n * k * (k + 1.0)) * squares - 3.0 * n * (k + 1.0)) / spread;
         Ok(Self { ranks, sums, statistic: statistic.max(0.0) })
     }
 }
 
-fn squared(sums: &[u64]) -> u64 {
+fn sum_of_squares(sums: &[u64]) -> u64 {
     sums.iter().map(|sum| sum * sum).sum()
 }
 
@@ -117,31 +118,32 @@ fn squared(sums: &[u64]) -> u64 {
 /// many to count.
 ///
 /// The sums are kept sorted: which condition has which does not matter to their squares, nor to what the next row can add.
-fn chance_of_rank_sums(ranks: &[Ranks], observed: u64) -> Option<f64> {
+fn exact_rank_sum_p(ranks: &[Ranks], observed: u64) -> Option<f64> {
     let conditions = ranks.first()?.doubled.len();
     let mut states = BTreeMap::from([(vec![0_u64; conditions], 1.0_f64)]);
     for row in ranks {
-        let orders = orders_of(&row.doubled)?;
+        let orders = distinct_permutations(&row.doubled)?;
         let weight = 1.0 / orders.len() as f64;
         let mut next = BTreeMap::new();
-        for (sums, chance) in &states {
+        for (sums, probability) in &states {
             for order in &orders {
                 let mut sums: Vec<u64> = sums.iter().zip(order).map(|(sum, rank)| sum + rank).collect();
                 sums.sort_unstable();
-                *next.entry(sums).or_insert(0.0) += chance * weight;
+                *next.entry(sums).or_insert(0.0) += probability * weight;
             }
         }
-        if next.len() > MOST_STATES {
+        if next.len() > MAX_STATES {
             return None;
         }
         states = next;
     }
-    let chance: f64 = states.iter().filter(|(sums, _)| squared(sums) >= observed).map(|(_, c)| c).sum();
-    Some(chance.min(1.0))
+    let p_value: f64 =
+        states.iter().filter(|(sums, _)| sum_of_squares(sums) >= observed).map(|(_, c)| c).sum();
+    Some(p_value.min(1.0))
 }
 
 /// All distinct orders of some ranks, in lexical order.
-fn orders_of(ranks: &[u64]) -> Option<Vec<Vec<u64>>> {
+fn distinct_permutations(ranks: &[u64]) -> Option<Vec<Vec<u64>>> {
     let mut order = ranks.to_vec();
     order.sort_unstable();
     let mut all = vec![order.clone()];
@@ -150,7 +152,7 @@ fn orders_of(ranks: &[u64]) -> Option<Vec<Vec<u64>>> {
         let swap = (pivot..order.len()).rev().find(|i| order[*i] > order[pivot - 1])?;
         order.swap(pivot - 1, swap);
         order[pivot..].reverse();
-        if all.len() >= MOST_ORDERS {
+        if all.len() >= MAX_PERMUTATIONS {
             return None;
         }
         all.push(order.clone());
@@ -169,7 +171,7 @@ mod tests {
         // By hand: sums 3, 6, 9; 12 / (3 3 4) 126 - 36 = 6; W = 6 / 6. Of 6^3 orders 6 agree wholly.
         assert!((test.statistic - 6.0).abs() < 1e-12 && (test.kendalls_w - 1.0).abs() < 1e-12);
         assert!((test.p - 6.0 / 216.0).abs() < 1e-12, "{test:?}");
-        assert_eq!((test.chance, test.mean_ranks), (Chance::Exact, vec![1.0, 2.0, 3.0]));
+        assert_eq!((test.p_method, test.mean_ranks), (PValueMethod::Exact, vec![1.0, 2.0, 3.0]));
     }
 
     #[test]
@@ -192,7 +194,7 @@ mod tests {
 
     #[test]
     fn what_cannot_be_compared_is_refused() {
-        let few = |what, least, got| StatisticsError::TooFew { test: TEST, what, least, got };
+        let few = |what, min_count, got| StatisticsError::TooFew { test: TEST, what, least: min_count, got };
         assert_eq!(friedman(&[]).unwrap_err(), few("people", 2, 0));
         assert_eq!(friedman(&[vec![1.0, 2.0], vec![1.0, 2.0]]).unwrap_err(), few("conditions", 3, 2));
         assert_eq!(
@@ -207,7 +209,7 @@ mod tests {
     #[test]
     fn many_people_are_left_to_the_chi_square_distribution() {
         let rows: Vec<Vec<f64>> = (0..200).map(|i| (0..5).map(|j| f64::from(i * j % 7)).collect()).collect();
-        assert_eq!(friedman(&rows).unwrap().chance, Chance::Approximate);
-        assert_eq!(friedman(&rows[..8]).unwrap().chance, Chance::Exact);
+        assert_eq!(friedman(&rows).unwrap().p_method, PValueMethod::Asymptotic);
+        assert_eq!(friedman(&rows[..8]).unwrap().p_method, PValueMethod::Exact);
     }
 }

@@ -1,13 +1,13 @@
 /// Chances of several tests of one question, corrected together so that the chance of any false alarm keeps the level.
 ///
 /// Source: Holm 1979, Scand J Stat 6:65. Presumes nothing on how the tests depend on each other.
-pub fn holm(chances: &[f64]) -> Vec<f64> {
-    let mut order: Vec<usize> = (0..chances.len()).collect();
-    order.sort_by(|a, b| chances[*a].total_cmp(&chances[*b]));
-    let mut corrected = vec![0.0; chances.len()];
+pub fn holm(p_values: &[f64]) -> Vec<f64> {
+    let mut order: Vec<usize> = (0..p_values.len()).collect();
+    order.sort_by(|a, b| p_values[*a].total_cmp(&p_values[*b]));
+    let mut corrected = vec![0.0; p_values.len()];
     let mut largest: f64 = 0.0;
-    for (place, index) in order.into_iter().enumerate() {
-        largest = largest.max(chances[index] * (chances.len() - place) as f64).min(1.0);
+    for (rank, index) in order.into_iter().enumerate() {
+        largest = largest.max(p_values[index] * (p_values.len() - rank) as f64).min(1.0);
         corrected[index] = largest;
     }
     corrected
@@ -15,9 +15,9 @@ pub fn holm(chances: &[f64]) -> Vec<f64> {
 
 /// [`holm`] over all pairs of conditions that a study compares. A pair without a test (nobody differs, or nobody has both values) counts
 /// as one with p = 1: whether a pair is compared is decided before the data are seen, so it cannot fall out of the correction.
-pub fn holm_of_pairs(chances: &[Option<f64>]) -> Vec<Option<f64>> {
-    let all: Vec<f64> = chances.iter().map(|chance| chance.unwrap_or(1.0)).collect();
-    holm(&all).into_iter().zip(chances).map(|(corrected, tested)| tested.map(|_| corrected)).collect()
+pub fn holm_of_pairs(p_values: &[Option<f64>]) -> Vec<Option<f64>> {
+    let all: Vec<f64> = p_values.iter().map(|p_value| p_value.unwrap_or(1.0)).collect();
+    holm(&all).into_iter().zip(p_values).map(|(corrected, tested)| tested.map(|_| corrected)).collect()
 }
 
 #[cfg(test)]

@@ -1,14 +1,14 @@
-use super::{Chance, StatisticsError, check_finite, wilcoxon::PairedDifferences};
+use super::{PValueMethod, StatisticsError, check_finite, wilcoxon::PairedDifferences};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
 /// Up to so many differences every choice of signs is tried.
-const MOST_EXACT: usize = 20;
+const MAX_EXACT_DIFFERENCES: usize = 20;
 /// Choices of signs that are drawn for more.
-const DRAWS: u32 = 100_000;
+const MONTE_CARLO_DRAWS: u32 = 100_000;
 /// Two sums that differ by less than this share of what they could be are equal: they were added in another order.
-const SAME: f64 = 1e-12;
+const TIE_TOLERANCE: f64 = 1e-12;
 
 /// Permutation test of the mean of paired differences, two-sided.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -20,7 +20,8 @@ pub struct PermutationTest {
     /// Chance of a mean as far from zero, if each difference were as likely to have the other sign.
     pub p: f64,
     /// How that chance was found.
-    pub chance: Chance,
+    #[serde(rename = "chance")]
+    pub p_method: PValueMethod,
 }
 
 /// The test of `differences`, by the signs that they could have. Drawn signs (more than 20 differences) come from `seed`.
@@ -49,15 +50,15 @@ fn test(differences: &[f64], tolerance: f64, seed: u64) -> Result<PermutationTes
         return Err(StatisticsError::TooFew { test, what, least: 1, got: 0 });
     }
     let sum: f64 = differences.iter().sum();
-    let most: f64 = differences.iter().map(|d| d.abs()).sum();
-    let limit = sum.abs() - (SAME * most).max(n as f64 * tolerance);
-    let exact = n <= MOST_EXACT;
+    let max_sum: f64 = differences.iter().map(|d| d.abs()).sum();
+    let limit = sum.abs() - (TIE_TOLERANCE * max_sum).max(n as f64 * tolerance);
+    let exact = n <= MAX_EXACT_DIFFERENCES;
     let p = if exact {
-        count_as_far(differences, 0.0, limit) as f64 / (1_u64 << n) as f64
+        count_as_extreme(differences, 0.0, limit) as f64 / (1_u64 << n) as f64
     } else {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut as_far = 0;
-        for _ in 0..DRAWS {
+        for _ in 0..MONTE_CARLO_DRAWS {
             let mut signs = 0_u64;
             let drawn: f64 = differences
                 .iter()
@@ -72,17 +73,19 @@ fn test(differences: &[f64], tolerance: f64, seed: u64) -> Result<PermutationTes
             as_far += u32::from(drawn.abs() >= limit);
         }
         // The choice that was observed is one of them (Phipson and Smyth 2010).
-        f64::from(as_far + 1) / f64::from(DRAWS + 1)
+        f64::from(as_far + 1) / f64::from(MONTE_CARLO_DRAWS + 1)
     };
-    let chance = if exact { Chance::Exact } else { Chance::Drawn };
-    Ok(PermutationTest { n, mean: sum / n as f64, p, chance })
+    let p_method = if exact { PValueMethod::Exact } else { PValueMethod::MonteCarlo };
+    Ok(PermutationTest { n, mean: sum / n as f64, p, p_method })
 }
 
 /// How many choices of signs for `rest` bring `sum` as far from zero as `limit`.
-fn count_as_far(rest: &[f64], sum: f64, limit: f64) -> u64 {
+fn count_as_extreme(rest: &[f64], sum: f64, limit: f64) -> u64 {
     match rest {
         [] => u64::from(sum.abs() >= limit),
-        [first, rest @ ..] => count_as_far(rest, sum + first, limit) + count_as_far(rest, sum - first, limit),
+        [first, rest @ ..] => {
+            count_as_extreme(rest, sum + first, limit) + count_as_extreme(rest, sum - first, limit)
+        }
     }
 }
 
@@ -94,7 +97,7 @@ mod tests {
     fn signs_are_counted_out_by_hand() {
         // Sums of 1, 2, 4 with all signs: 7, 5, 3, 1 and their negatives. As far as 5: four of eight.
         let test = paired_permutation(&[-1.0, 2.0, 4.0], 1).unwrap();
-        assert_eq!((test.p, test.chance), (0.5, Chance::Exact));
+        assert_eq!((test.p, test.p_method), (0.5, PValueMethod::Exact));
         assert!((test.mean - 5.0 / 3.0).abs() < 1e-12);
         assert_eq!(paired_permutation(&[0.0, 0.0], 1).unwrap().p, 1.0);
     }

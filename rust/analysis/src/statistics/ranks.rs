@@ -3,16 +3,16 @@
 /// Values that differ by less than this share of the largest size are tied. The same quantity computed in two ways (12.345 - 11.584
 /// and 0.761) differs by rounding: a sum of n doubles is off by at most n 1.1e-16 of its size, and means here are of at most some
 /// thousands of values. No measure has twelve significant digits, so no real difference is lost.
-pub(super) const TIED: f64 = 1e-12;
+pub(super) const TIE_TOLERANCE: f64 = 1e-12;
 
 /// Whether `a` and `b` are equal but for rounding.
 pub fn tied(a: f64, b: f64) -> bool {
-    (a - b).abs() <= TIED * largest([a, b])
+    (a - b).abs() <= TIE_TOLERANCE * max_abs([a, b])
 }
 
-/// The size of the largest of `values`: what [`TIED`] is a share of.
-pub(super) fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
-    values.into_iter().fold(0.0, |most, value| value.abs().max(most))
+/// The size of the largest of `values`: what [`TIE_TOLERANCE`] is a share of.
+pub(super) fn max_abs(values: impl IntoIterator<Item = f64>) -> f64 {
+    values.into_iter().fold(0.0, |max, value| value.abs().max(max))
 }
 
 /// Ranks of some values, doubled so that shared ones are whole numbers.
@@ -60,7 +60,7 @@ mod tests {
 
     #[test]
     fn values_that_differ_by_rounding_are_tied_and_a_chain_of_close_values_is_not() {
-        let ranks = Ranks::of(&[0.761_000_000_000_001, 0.5, 0.760_999_999_999_999_2], TIED);
+        let ranks = Ranks::of(&[0.761_000_000_000_001, 0.5, 0.760_999_999_999_999_2], TIE_TOLERANCE);
         assert_eq!((ranks.doubled, ranks.ties), (vec![5, 2, 5], 6.0));
         assert_eq!(Ranks::of(&[0.0, 0.75, 1.5, 2.25], 1.0).doubled, [3, 3, 7, 7]);
     }

@@ -1,13 +1,13 @@
 use super::{
-    Chance, StatisticsError, check_finite,
-    ranks::{Ranks, TIED, largest},
+    PValueMethod, StatisticsError, check_finite,
+    ranks::{Ranks, TIE_TOLERANCE, max_abs},
 };
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 const TEST: &str = "Wilcoxon's signed-rank test";
 /// More differences than this are left to the normal distribution.
-const MOST_EXACT: usize = 50;
+const MAX_EXACT_DIFFERENCES: usize = 50;
 
 /// Wilcoxon's signed-rank test of paired differences, two-sided.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -23,9 +23,11 @@ pub struct Wilcoxon {
     /// Chance of a sum as far from its middle, if differences were symmetric about zero.
     pub p: f64,
     /// How that chance was found.
-    pub chance: Chance,
+    #[serde(rename = "chance")]
+    pub p_method: PValueMethod,
     /// The smallest chance that so many differences can have: above the level, the test can show nothing.
-    pub least_p: f64,
+    #[serde(rename = "least_p")]
+    pub min_p: f64,
 }
 
 impl Wilcoxon {
@@ -45,7 +47,7 @@ impl Wilcoxon {
 /// # Errors
 /// No difference that is not zero; a value that is not finite.
 pub fn wilcoxon(differences: &[f64]) -> Result<Wilcoxon, StatisticsError> {
-    test(differences, TIED * largest(differences.iter().copied()))
+    test(differences, TIE_TOLERANCE * max_abs(differences.iter().copied()))
 }
 
 /// The test of the second value of each pair less the first.
@@ -67,17 +69,16 @@ fn test(differences: &[f64], tolerance: f64) -> Result<Wilcoxon, StatisticsError
     let SignedRanks { ranks, plus, minus } =
         SignedRanks::of(differences, tolerance).ok_or(StatisticsError::AllEqual { test: TEST })?;
     let n = ranks.doubled.len();
-    let exact = n <= MOST_EXACT;
-    let p =
-        if exact { exact_chance(&ranks.doubled, plus.min(minus)) } else { normal_chance(n, &ranks, plus) };
+    let exact = n <= MAX_EXACT_DIFFERENCES;
+    let p = if exact { exact_p(&ranks.doubled, plus.min(minus)) } else { normal_p(n, &ranks, plus) };
     Ok(Wilcoxon {
         n,
         zeros: differences.len() - n,
         w_plus: plus as f64 / 2.0,
         w_minus: minus as f64 / 2.0,
         p,
-        chance: if exact { Chance::Exact } else { Chance::Approximate },
-        least_p: 2.0 * 0.5_f64.powi(n as i32),
+        p_method: if exact { PValueMethod::Exact } else { PValueMethod::Asymptotic },
+        min_p: 2.0 * 0.5_f64.powi(n as i32),
     })
 }
 
@@ -97,7 +98,7 @@ pub(super) struct PairedDifferences {
 
 impl PairedDifferences {
     pub(super) fn of(pairs: &[[f64; 2]]) -> Self {
-        let tolerance = TIED * largest(pairs.iter().flatten().copied());
+        let tolerance = TIE_TOLERANCE * max_abs(pairs.iter().flatten().copied());
         let difference = |[a, b]: &[f64; 2]| if (b - a).abs() <= tolerance { 0.0 } else { b - a };
         Self { values: pairs.iter().map(difference).collect(), tolerance }
     }
@@ -130,25 +131,25 @@ impl SignedRanks {
     }
 }
 
-/// Twice the chance of a doubled sum of `least` or less, at most one.
-fn exact_chance(doubled: &[u64], least: u64) -> f64 {
+/// Twice the chance of a doubled sum of `min_sum` or less, at most one.
+fn exact_p(doubled: &[u64], min_sum: u64) -> f64 {
     let total: u64 = doubled.iter().sum();
-    let mut chances = vec![0.0; total as usize + 1];
-    chances[0] = 1.0;
+    let mut probabilities = vec![0.0; total as usize + 1];
+    probabilities[0] = 1.0;
     let mut reached = 0;
     for rank in doubled {
         let rank = *rank as usize;
         for sum in (0..=reached).rev() {
-            let half = chances[sum] / 2.0;
-            chances[sum] = half;
-            chances[sum + rank] += half;
+            let half = probabilities[sum] / 2.0;
+            probabilities[sum] = half;
+            probabilities[sum + rank] += half;
         }
         reached += rank;
     }
-    (2.0 * chances[..=least as usize].iter().sum::<f64>()).min(1.0)
+    (2.0 * probabilities[..=min_sum as usize].iter().sum::<f64>()).min(1.0)
 }
 
-fn normal_chance(n: usize, ranks: &Ranks, plus: u64) -> f64 {
+fn normal_p(n: usize, ranks: &Ranks, plus: u64) -> f64 {
     let n = n as f64;
     let variance = (n * (n + 1.0) * (2.0 * n + 1.0) - ranks.ties / 2.0) / 24.0;
     let z = (plus as f64 / 2.0 - n * (n + 1.0) / 4.0) / variance.sqrt();
@@ -163,7 +164,7 @@ mod tests {
     fn five_differences_to_one_side_are_one_chance_in_sixteen() {
         let test = wilcoxon(&[1.0, 2.0, 3.0, 4.0, 5.0, 0.0]).unwrap();
         assert_eq!((test.n, test.zeros, test.w_plus, test.w_minus), (5, 1, 15.0, 0.0));
-        assert_eq!((test.p, test.least_p, test.rank_biserial()), (0.0625, 0.0625, 1.0));
+        assert_eq!((test.p, test.min_p, test.rank_biserial()), (0.0625, 0.0625, 1.0));
     }
 
     #[test]

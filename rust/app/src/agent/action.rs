@@ -1,17 +1,18 @@
 //! What a program does: as a person, by gestures and looks; or in the place of a control method, by speeds.
 
 use super::AgentError;
-use crate::trial::OwnParts;
+use crate::trial::CustomParts;
 use nalgebra::Vector6;
-use proact_arm::{ArmModel, Chain, ChainPoses, damped_step_within};
+use proact_arm::{ArmModel, Chain, ChainPoses, damped_step_within_limits};
 use proact_control::{
-    HandCommand, MethodEntry, MethodProgram, MethodRegistry, MotionCommand, OutputLine, ports::MethodProcess,
+    HandCommand, MethodEntry, MethodProgram, MethodRegistry, MethodResponse, MotionCommand,
+    ports::MethodProcess,
 };
 use proact_participants::Participant;
-use proact_testbed::{ConfigError, Session, TrialConfig};
+use proact_testbed::{ConfigError, RunningTrial, TrialConfig};
 use proact_types::{
-    DisplayFrame, Gesture, Intention, JointVector, MethodAnswer, MethodHelp, MethodInfo, MethodStyle, Needs,
-    Point, SimTime, TaskGoal, TrunkPosture, Vector, joints, zeros,
+    Command, DisplayFrame, Intention, JointVector, MethodAnswer, MethodHelp, MethodInfo, MethodNeeds,
+    MethodStyle, Point, SimTime, TaskGoal, TrunkPosture, Vector, joints, zeros,
 };
 use std::{
     str::FromStr,
@@ -21,18 +22,18 @@ use std::{
 /// What stands for the program of a method whose place an agent takes. A replay takes its answers from the log.
 const AGENT_COMMAND: &str = "proact:agent";
 /// Ticks from one control step to the next.
-const CONTROL_TICKS: u64 = 10;
+const CONTROL_PERIOD_TICKS: u64 = 10;
 /// The same in seconds.
-const CONTROL_SECS: f64 = 0.01;
+const CONTROL_PERIOD_SECS: f64 = 0.01;
 /// Speeds of the hand at an action of one, m/s and rad/s. ASSUMED: what joints of 0.5 rad/s and an arm of 0.6 m come to.
-const LINEAR_SPEED: f64 = 0.2;
-const ANGULAR_SPEED: f64 = 0.5;
+const MAX_LINEAR_SPEED_M_PER_S: f64 = 0.2;
+const MAX_ANGULAR_SPEED_RAD_PER_S: f64 = 0.5;
 /// Damping of the step from hand to joints, the square of a lambda of 0.05. ASSUMED: slows within a few degrees of a singularity.
-const DAMPING: f64 = 0.0025;
+const IK_DAMPING: f64 = 0.0025;
 /// An action for the hand beyond this closes it, below its negative opens it; between them it stays as it was told last.
 const HAND_THRESHOLD: f64 = 1.0 / 3.0;
 /// Where nothing has a target of its own, as many places along each side of where objects may be put down.
-const GRID: usize = 3;
+const PLACE_GRID_SIZE: usize = 3;
 
 /// What an action is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,9 +75,9 @@ impl FromStr for ActionLevel {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ActionKind {
     /// For each number, the choices among which it is the place, from 0.
-    Choices(Vec<Vec<String>>),
+    Discrete(Vec<Vec<String>>),
     /// Numbers from -1 to 1.
-    Numbers(Vec<String>),
+    Continuous(Vec<String>),
 }
 
 /// An action that cannot be.
@@ -119,41 +120,43 @@ pub enum ActionError {
 
 /// Where the eye looks.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Look {
+enum AgentGaze {
     Ahead,
     Object(usize),
     Place(Point),
-    Asked,
+    TaskGoal,
 }
 
 /// What the agent asks for now.
 #[derive(Debug)]
-struct Asked {
-    gesture: Gesture,
-    look: Look,
+struct AgentCommand {
+    gesture: Command,
+    gaze: AgentGaze,
     speeds: JointVector,
     hand: Option<HandCommand>,
 }
 
 /// Between the agent and those who act for it within a tick: all in one thread, one after the other.
 #[derive(Clone)]
-struct Board(Arc<Mutex<Asked>>);
+struct SharedCommand(Arc<Mutex<AgentCommand>>);
 
-impl Board {
-    fn open(&self) -> MutexGuard<'_, Asked> {
+impl SharedCommand {
+    fn lock(&self) -> MutexGuard<'_, AgentCommand> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl Participant for Board {
+impl Participant for SharedCommand {
     fn step(&mut self, frame: &DisplayFrame) -> Intention {
-        let asked = self.open();
-        let at = match asked.look {
-            Look::Ahead => None,
-            Look::Object(index) => frame.objects.get(index).map(|pose| Point::from(pose.translation.vector)),
-            Look::Place(point) => Some(point),
-            Look::Asked => match &frame.asked {
-                Some(TaskGoal::Disc { centre, .. } | TaskGoal::Ball { centre, .. }) => Some(*centre),
+        let agent_command = self.lock();
+        let at = match agent_command.gaze {
+            AgentGaze::Ahead => None,
+            AgentGaze::Object(index) => {
+                frame.objects.get(index).map(|pose| Point::from(pose.translation.vector))
+            }
+            AgentGaze::Place(point) => Some(point),
+            AgentGaze::TaskGoal => match &frame.task_goal {
+                Some(TaskGoal::Disc { center, .. } | TaskGoal::Ball { center, .. }) => Some(*center),
                 Some(TaskGoal::Posture { .. }) | None => None,
             },
         };
@@ -162,7 +165,7 @@ impl Participant for Board {
         let gaze_direction =
             ray.and_then(|ray| ray.try_normalize(1e-9)).unwrap_or(head.rotation * Vector::x());
         Intention {
-            gesture: asked.gesture,
+            gesture: agent_command.gesture,
             gaze_direction,
             eyes_open: true,
             trunk: TrunkPosture::default(),
@@ -171,74 +174,79 @@ impl Participant for Board {
     }
 }
 
-impl MethodProcess for Board {
+impl MethodProcess for SharedCommand {
     fn ask(&mut self, now: SimTime, _line: &str) -> MethodAnswer {
-        let mut asked = self.open();
-        let motion = Some(MotionCommand::Velocity(asked.speeds.clone()));
-        let line = OutputLine { time: now, motion, hand: asked.hand.take(), ..OutputLine::default() };
+        let mut agent_command = self.lock();
+        let motion = Some(MotionCommand::Velocity(agent_command.speeds.clone()));
+        let line = MethodResponse {
+            time: now,
+            motion,
+            hand: agent_command.hand.take(),
+            ..MethodResponse::default()
+        };
         serde_json::to_string(&line).map_err(|error| error.to_string()).into()
     }
 }
 
 /// True if the tick after `now` brings a step of the control method.
 pub(super) fn is_control_tick(now: SimTime) -> bool {
-    (now.0 + 1).is_multiple_of(CONTROL_TICKS)
+    (now.0 + 1).is_multiple_of(CONTROL_PERIOD_TICKS)
 }
 
 /// Turns actions into what a person or a method does.
-pub(super) struct Driver {
+pub(super) struct ActionDecoder {
     level: ActionLevel,
     kind: ActionKind,
     /// Choices of looks, in their order.
-    looks: Vec<Look>,
+    gaze_choices: Vec<AgentGaze>,
     chain: Chain,
-    grasp_centre: Point,
+    grasp_center: Point,
     /// Of the hand, in `world`: linear, then angular.
     twist: Vector6<f64>,
     /// Told last.
-    hand: Option<HandCommand>,
-    board: Board,
+    last_hand_command: Option<HandCommand>,
+    shared_command: SharedCommand,
 }
 
-impl Driver {
+impl ActionDecoder {
     /// At `level`, before the trial of `config`, which then says what drives it; and what takes part in the trial for the agent.
     pub(super) fn new(
         level: ActionLevel,
         methods: &MethodRegistry,
         model: &ArmModel,
         config: &mut TrialConfig,
-    ) -> Result<(Self, OwnParts), AgentError> {
-        let asked = Asked {
-            gesture: Gesture::NoMotion,
-            look: Look::Ahead,
+    ) -> Result<(Self, CustomParts), AgentError> {
+        let agent_command = AgentCommand {
+            gesture: Command::NoMotion,
+            gaze: AgentGaze::Ahead,
             speeds: zeros(model.arm_count()),
             hand: None,
         };
-        let board = Board(Arc::new(Mutex::new(asked)));
+        let board = SharedCommand(Arc::new(Mutex::new(agent_command)));
         let as_person = match level {
             ActionLevel::Gesture | ActionLevel::Selection => {
                 check_method(level, &config.method_entry(methods)?)?;
                 true
             }
             ActionLevel::JointSpeed | ActionLevel::EndEffectorSpeed => {
-                *config = config.clone().by(&agent_method(level));
+                *config = config.clone().with_method(&agent_method(level));
                 false
             }
         };
         // Nobody looks: a gaze that rests would be that of a frozen eye tracker.
         config.gaze &= level == ActionLevel::Selection;
-        let (kind, looks) = kind_of(level, model, config)?;
+        let (kind, gaze_choices) = action_space(level, model, config)?;
         let driver = Self {
             level,
             kind,
-            looks,
+            gaze_choices,
             chain: Chain::new(model),
-            grasp_centre: Point::from(model.widest_grasp().centre),
+            grasp_center: Point::from(model.widest_grasp().center),
             twist: Vector6::zeros(),
-            hand: None,
-            board: board.clone(),
+            last_hand_command: None,
+            shared_command: board.clone(),
         };
-        let own = OwnParts {
+        let own = CustomParts {
             method: (!as_person).then(|| Box::new(board.clone()) as Box<dyn MethodProcess>),
             participant: Some(Box::new(board)),
             decoder: None,
@@ -252,38 +260,39 @@ impl Driver {
     }
 
     /// Takes an action, from the next tick on.
-    pub(super) fn take(&mut self, action: &[f64]) -> Result<(), ActionError> {
+    pub(super) fn apply_action(&mut self, action: &[f64]) -> Result<(), ActionError> {
         self.check(action)?;
-        let mut asked = self.board.open();
+        let mut agent_command = self.shared_command.lock();
         // The check has shown that they are places.
         let chosen = |index: usize| action[index] as usize;
         match self.level {
-            ActionLevel::Gesture => asked.gesture = Gesture::ALL[chosen(0)],
+            ActionLevel::Gesture => agent_command.gesture = Command::ALL[chosen(0)],
             ActionLevel::Selection => {
-                asked.look = self.looks[chosen(0)];
-                asked.gesture = Gesture::ALL[chosen(1)];
+                agent_command.gaze = self.gaze_choices[chosen(0)];
+                agent_command.gesture = Command::ALL[chosen(1)];
             }
             ActionLevel::JointSpeed => {
                 let limits = self.chain.limits().iter();
-                asked.speeds = limits.zip(action).map(|(limits, share)| limits.velocity * share).collect();
+                agent_command.speeds =
+                    limits.zip(action).map(|(limits, share)| limits.velocity * share).collect();
             }
             ActionLevel::EndEffectorSpeed => {
                 self.twist = Vector6::from_fn(|row, _| {
-                    action[row] * if row < 3 { LINEAR_SPEED } else { ANGULAR_SPEED }
+                    action[row] * if row < 3 { MAX_LINEAR_SPEED_M_PER_S } else { MAX_ANGULAR_SPEED_RAD_PER_S }
                 });
             }
         }
         if let (ActionLevel::JointSpeed | ActionLevel::EndEffectorSpeed, Some(hand)) =
             (self.level, action.last())
         {
-            let told = match *hand {
+            let hand_command = match *hand {
                 share if share > HAND_THRESHOLD => Some(HandCommand::Close),
                 share if share < -HAND_THRESHOLD => Some(HandCommand::Open),
-                _ => self.hand,
+                _ => self.last_hand_command,
             };
             // Said once: a command that is repeated would begin the motion again.
-            if told != self.hand {
-                (self.hand, asked.hand) = (told, told);
+            if hand_command != self.last_hand_command {
+                (self.last_hand_command, agent_command.hand) = (hand_command, hand_command);
             }
         }
         Ok(())
@@ -303,7 +312,7 @@ impl Driver {
             expected,
         };
         match &self.kind {
-            ActionKind::Choices(choices) => {
+            ActionKind::Discrete(choices) => {
                 let heads = [["look", "gesture"].as_slice(), &["gesture"]];
                 let names = heads[usize::from(choices.len() == 1)];
                 length(names.to_vec())?;
@@ -315,7 +324,7 @@ impl Driver {
                     }
                 }
             }
-            ActionKind::Numbers(names) => {
+            ActionKind::Continuous(names) => {
                 length(names.iter().map(String::as_str).collect())?;
                 if let Some(index) = action.iter().position(|got| !(-1.0..=1.0).contains(got)) {
                     return Err(number(index, &names[index], "a number from -1 to 1".to_owned()));
@@ -326,26 +335,33 @@ impl Driver {
     }
 
     /// Before a control step: the joint speeds by which the hand moves as it was asked to.
-    pub(super) fn command(&mut self, session: &Session) {
+    pub(super) fn update_joint_speeds(&mut self, trial: &RunningTrial) {
         if self.level != ActionLevel::EndEffectorSpeed {
             return;
         }
-        let testbed = session.testbed();
+        let testbed = trial.testbed();
         let angles = &testbed.targets()[..self.chain.joint_count()];
         let mut poses = ChainPoses::default();
-        self.chain.place(angles, &mut poses);
-        let mut columns = self.chain.jacobian(&poses, &(poses.tip * self.grasp_centre));
+        self.chain.link_poses_into(angles, &mut poses);
+        let mut columns = self.chain.jacobian(&poses, &(poses.tip * self.grasp_center));
         let base_from_world = testbed.plant().state().world_from_base.rotation.inverse();
         let (linear, angular) = (self.twist.fixed_rows::<3>(0), self.twist.fixed_rows::<3>(3));
         let (linear, angular) = (base_from_world * linear, base_from_world * angular);
         let shift =
-            Vector6::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z) * CONTROL_SECS;
+            Vector6::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z) * CONTROL_PERIOD_SECS;
         let limits = self.chain.limits();
         let slowest = limits.iter().map(|limits| limits.velocity).fold(f64::INFINITY, f64::min);
         let mut next = joints(angles);
-        damped_step_within(&mut next, limits, &mut columns, &shift, DAMPING, slowest * CONTROL_SECS);
-        let speeds = next.iter().zip(angles).map(|(next, now)| (next - now) / CONTROL_SECS).collect();
-        self.board.open().speeds = speeds;
+        damped_step_within_limits(
+            &mut next,
+            limits,
+            &mut columns,
+            &shift,
+            IK_DAMPING,
+            slowest * CONTROL_PERIOD_SECS,
+        );
+        let speeds = next.iter().zip(angles).map(|(next, now)| (next - now) / CONTROL_PERIOD_SECS).collect();
+        self.shared_command.lock().speeds = speeds;
     }
 }
 
@@ -356,13 +372,13 @@ fn agent_method(level: ActionLevel) -> MethodEntry {
     let info = MethodInfo {
         name: name.to_owned(),
         title: "speeds from a program".to_owned(),
-        needs: Needs::default(),
+        needs: MethodNeeds::default(),
         style: MethodStyle::Jogging,
         help: MethodHelp::default(),
     };
     let program =
         MethodProgram { info: Some(info.clone()), ..MethodProgram::new(vec![AGENT_COMMAND.to_owned()]) };
-    MethodEntry::outside(info, program)
+    MethodEntry::external(info, program)
 }
 
 fn check_method(level: ActionLevel, method: &MethodEntry) -> Result<(), ActionError> {
@@ -380,22 +396,25 @@ fn check_method(level: ActionLevel, method: &MethodEntry) -> Result<(), ActionEr
 }
 
 /// What actions at `level` are in the trial of `config`, and the looks among which they choose.
-fn kind_of(
+fn action_space(
     level: ActionLevel,
     model: &ArmModel,
     config: &TrialConfig,
-) -> Result<(ActionKind, Vec<Look>), AgentError> {
-    let gestures = || Gesture::ALL.map(|gesture| gesture.ros_name().to_owned()).to_vec();
+) -> Result<(ActionKind, Vec<AgentGaze>), AgentError> {
+    let gestures = || Command::ALL.map(|command| command.ros_name().to_owned()).to_vec();
     let with_hand = |mut names: Vec<String>| {
         names.push("hand".to_owned());
-        ActionKind::Numbers(names)
+        ActionKind::Continuous(names)
     };
     Ok(match level {
-        ActionLevel::Gesture => (ActionKind::Choices(vec![gestures()]), Vec::new()),
+        ActionLevel::Gesture => (ActionKind::Discrete(vec![gestures()]), Vec::new()),
         ActionLevel::Selection => {
-            let looks = looks(model, config)?;
-            let names = looks.iter().map(|(name, _)| name.clone()).collect();
-            (ActionKind::Choices(vec![names, gestures()]), looks.into_iter().map(|(_, look)| look).collect())
+            let gaze_choices = list_gaze_choices(model, config)?;
+            let names = gaze_choices.iter().map(|(name, _)| name.clone()).collect();
+            (
+                ActionKind::Discrete(vec![names, gestures()]),
+                gaze_choices.into_iter().map(|(_, gaze_choice)| gaze_choice).collect(),
+            )
         }
         ActionLevel::JointSpeed => {
             let name = |joint: &usize| model.joints[*joint].name.clone();
@@ -409,23 +428,33 @@ fn kind_of(
 }
 
 /// Where an eye can look: ahead, at an object, at a target or a place, at what is asked for.
-fn looks(model: &ArmModel, config: &TrialConfig) -> Result<Vec<(String, Look)>, ConfigError> {
+fn list_gaze_choices(
+    model: &ArmModel,
+    config: &TrialConfig,
+) -> Result<Vec<(String, AgentGaze)>, ConfigError> {
     let task = config.build_task(model)?;
     let scene = task.scene();
-    let mut looks = vec![("ahead".to_owned(), Look::Ahead), ("asked".to_owned(), Look::Asked)];
-    looks.extend(scene.ids().map(|id| (format!("object.{}", scene.name(id)), Look::Object(id.index()))));
-    looks.extend(
-        scene.targets.iter().map(|to| (format!("target.{}", scene.name(to.object)), Look::Place(to.centre))),
+    let mut gaze_choices =
+        vec![("ahead".to_owned(), AgentGaze::Ahead), ("asked".to_owned(), AgentGaze::TaskGoal)];
+    gaze_choices
+        .extend(scene.ids().map(|id| (format!("object.{}", scene.name(id)), AgentGaze::Object(id.index()))));
+    gaze_choices.extend(
+        scene
+            .targets
+            .iter()
+            .map(|to| (format!("target.{}", scene.name(to.object)), AgentGaze::Place(to.center))),
     );
     if scene.targets.is_empty() && !scene.objects.is_empty() {
-        let [min, max] = [scene.put_down.min, scene.put_down.max];
+        let [min, max] = [scene.place_region.min, scene.place_region.max];
         let at = |axis: usize, step: usize| {
-            min[axis] + (step as f64 + 0.5) / GRID as f64 * (max[axis] - min[axis])
+            min[axis] + (step as f64 + 0.5) / PLACE_GRID_SIZE as f64 * (max[axis] - min[axis])
         };
-        for (row, column) in (0..GRID).flat_map(|row| (0..GRID).map(move |column| (row, column))) {
+        for (row, column) in
+            (0..PLACE_GRID_SIZE).flat_map(|row| (0..PLACE_GRID_SIZE).map(move |column| (row, column)))
+        {
             let point = Point::new(at(0, row), at(1, column), scene.table_height);
-            looks.push((format!("place.{row}.{column}"), Look::Place(point)));
+            gaze_choices.push((format!("place.{row}.{column}"), AgentGaze::Place(point)));
         }
     }
-    Ok(looks)
+    Ok(gaze_choices)
 }

@@ -7,18 +7,18 @@ use serde::Serialize;
 use serde_json::Value;
 
 /// More memory than this a script does not get, bytes.
-const MOST_MEMORY: usize = 1 << 28;
+const MAX_SCRIPT_MEMORY_BYTES: usize = 1 << 28;
 /// Deep enough for the library's nested marks, bytes.
-const STACK: usize = 4 << 20;
+const SCRIPT_STACK_BYTES: usize = 4 << 20;
 /// Dots of a PNG for each unit of the SVG: 288 an inch.
-const DOTS: f32 = 3.0;
+const PNG_PIXELS_PER_SVG_UNIT: f32 = 3.0;
 /// Words and lines in a file, where nobody says what colour they have.
-const INK: &str = "#1a1a1a";
+const DEFAULT_TEXT_COLOR: &str = "#1a1a1a";
 const FONT: &str = "DejaVu Sans";
 
 /// What to draw. The fields are those of `figures.ts`.
 #[derive(Clone, Debug, Default, Serialize)]
-pub(super) struct Spec {
+pub(super) struct ChartSpec {
     pub(super) kind: &'static str,
     pub(super) rows: Vec<Value>,
     /// What is on the axes.
@@ -29,7 +29,8 @@ pub(super) struct Spec {
     /// Of what has a colour.
     pub(super) parts: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) most: Option<f64>,
+    #[serde(rename = "most")]
+    pub(super) axis_max: Option<f64>,
 }
 
 /// A figure that could not be drawn.
@@ -41,7 +42,7 @@ pub enum ChartError {
     Script(String),
     /// The SVG is not one.
     #[error("the figure cannot be made a picture: {0}")]
-    Picture(String),
+    InvalidSvg(String),
     /// No font.
     #[error("there is no font to write figures with; install one: apt-get install fonts-dejavu-core")]
     NoFont,
@@ -60,8 +61,8 @@ impl Charts {
     pub(super) fn new() -> Result<Self, ChartError> {
         let failed = |error: rquickjs::Error| ChartError::Script(error.to_string());
         let runtime = Runtime::new().map_err(failed)?;
-        runtime.set_memory_limit(MOST_MEMORY);
-        runtime.set_max_stack_size(STACK);
+        runtime.set_memory_limit(MAX_SCRIPT_MEMORY_BYTES);
+        runtime.set_max_stack_size(SCRIPT_STACK_BYTES);
         let context = Context::full(&runtime).map_err(failed)?;
         context.with(|ctx| {
             ctx.eval::<(), _>(FIGURES_SCRIPT)
@@ -78,7 +79,7 @@ impl Charts {
     }
 
     /// The SVG of a figure for a page, whose words and lines have the colour of the words around it.
-    pub(super) fn draw(&self, spec: &Spec) -> Result<String, ChartError> {
+    pub(super) fn draw(&self, spec: &ChartSpec) -> Result<String, ChartError> {
         let spec = proact_types::to_json(spec).map_err(|error| ChartError::Script(error.to_string()))?;
         self.context.with(|ctx| {
             let draw: Function<'_> =
@@ -88,15 +89,19 @@ impl Charts {
     }
 
     /// The same as a file of its own, and as a PNG on white.
-    pub(super) fn files(&self, svg: &str) -> Result<(String, Vec<u8>), ChartError> {
-        let svg = svg.replace("currentColor", INK);
-        let failed = |error: &dyn std::fmt::Display| ChartError::Picture(error.to_string());
+    pub(super) fn svg_and_png(&self, svg: &str) -> Result<(String, Vec<u8>), ChartError> {
+        let svg = svg.replace("currentColor", DEFAULT_TEXT_COLOR);
+        let failed = |error: &dyn std::fmt::Display| ChartError::InvalidSvg(error.to_string());
         let tree = usvg::Tree::from_str(&svg, &self.fonts).map_err(|error| failed(&error))?;
-        let [width, height] =
-            [tree.size().width(), tree.size().height()].map(|side| (side * DOTS).ceil() as u32);
+        let [width, height] = [tree.size().width(), tree.size().height()]
+            .map(|side| (side * PNG_PIXELS_PER_SVG_UNIT).ceil() as u32);
         let mut picture = tiny_skia::Pixmap::new(width, height).ok_or_else(|| failed(&"it has no size"))?;
         picture.fill(tiny_skia::Color::WHITE);
-        resvg::render(&tree, tiny_skia::Transform::from_scale(DOTS, DOTS), &mut picture.as_mut());
+        resvg::render(
+            &tree,
+            tiny_skia::Transform::from_scale(PNG_PIXELS_PER_SVG_UNIT, PNG_PIXELS_PER_SVG_UNIT),
+            &mut picture.as_mut(),
+        );
         let png = picture.encode_png().map_err(|error| failed(&error))?;
         Ok((svg, png))
     }
@@ -115,17 +120,17 @@ pub fn power_curve(points: &[(usize, String, f64)]) -> Result<(String, Vec<u8>),
     }
     let rows =
         points.iter().map(|(people, part, share)| serde_json::json!({"x": people, "y": share, "part": part}));
-    let spec = Spec {
+    let spec = ChartSpec {
         kind: "curve",
         rows: rows.collect(),
         x: "people".into(),
         y: "chance to find a difference".into(),
         parts,
-        most: Some(1.0),
-        ..Spec::default()
+        axis_max: Some(1.0),
+        ..ChartSpec::default()
     };
     let charts = Charts::new()?;
-    charts.files(&charts.draw(&spec)?)
+    charts.svg_and_png(&charts.draw(&spec)?)
 }
 
 /// How costs grow: lines of name, size and cost, on axes of equal ratios, as SVG and PNG. All numbers are above zero.
@@ -141,10 +146,16 @@ pub fn growth_curve(
     parts.dedup();
     let rows =
         points.iter().map(|(part, size, cost)| serde_json::json!({"x": size, "y": cost, "part": part}));
-    let spec =
-        Spec { kind: "growth", rows: rows.collect(), x: of.into(), y: cost.into(), parts, ..Spec::default() };
+    let spec = ChartSpec {
+        kind: "growth",
+        rows: rows.collect(),
+        x: of.into(),
+        y: cost.into(),
+        parts,
+        ..ChartSpec::default()
+    };
     let charts = Charts::new()?;
-    charts.files(&charts.draw(&spec)?)
+    charts.svg_and_png(&charts.draw(&spec)?)
 }
 
 #[cfg(test)]
@@ -152,14 +163,14 @@ mod tests {
     use super::*;
     use serde_json::json;
 
-    fn spec() -> Spec {
-        Spec {
+    fn spec() -> ChartSpec {
+        ChartSpec {
             kind: "strip",
             rows: (0..12).map(|i| json!({"x": if i % 2 == 0 { "A" } else { "D" }, "y": i})).collect(),
             x: "method".into(),
             y: "blocks <on> target".into(),
             order: vec!["A".into(), "D".into()],
-            ..Spec::default()
+            ..ChartSpec::default()
         }
     }
 
@@ -169,11 +180,11 @@ mod tests {
         let svg = charts.draw(&spec()).unwrap();
         assert_eq!(svg, charts.draw(&spec()).unwrap());
         assert!(svg.contains("blocks &lt;on&gt; target") && svg.contains("currentColor"), "{svg}");
-        let (file, png) = charts.files(&svg).unwrap();
+        let (file, png) = charts.svg_and_png(&svg).unwrap();
         assert!(!file.contains("currentColor") && png.starts_with(b"\x89PNG"));
-        let other = Spec { y: "another word".into(), ..spec() };
+        let other = ChartSpec { y: "another word".into(), ..spec() };
         assert_ne!(
-            charts.files(&charts.draw(&other).unwrap()).unwrap().1,
+            charts.svg_and_png(&charts.draw(&other).unwrap()).unwrap().1,
             png,
             "the words are in the picture"
         );
@@ -186,7 +197,7 @@ mod tests {
             [("strip", json!("A")), ("bars", json!("A")), ("lines", json!(1)), ("curve", json!(1))]
         {
             let rows = vec![json!({"x": x, "y": 0, "value": 0, "part": "A"})];
-            let spec = Spec { kind, rows, parts: vec!["A".into()], order: vec!["A".into()], ..spec() };
+            let spec = ChartSpec { kind, rows, parts: vec!["A".into()], order: vec!["A".into()], ..spec() };
             let svg = charts.draw(&spec).unwrap();
             // Without a length each tick is zero with as many digits as there are.
             assert!(!svg.contains(">0.0000") && svg.contains(">1.0<"), "{kind}: {svg}");
@@ -196,8 +207,8 @@ mod tests {
     #[test]
     fn what_cannot_be_drawn_is_an_error_and_the_next_one_is_drawn() {
         let charts = Charts::new().unwrap();
-        assert!(matches!(charts.draw(&Spec { kind: "none", ..spec() }), Err(ChartError::Script(_))));
+        assert!(matches!(charts.draw(&ChartSpec { kind: "none", ..spec() }), Err(ChartError::Script(_))));
         assert!(charts.draw(&spec()).is_ok());
-        assert!(matches!(charts.files("no picture"), Err(ChartError::Picture(_))));
+        assert!(matches!(charts.svg_and_png("no picture"), Err(ChartError::InvalidSvg(_))));
     }
 }

@@ -1,20 +1,24 @@
 //! From whatever was recorded to the same tables.
 
 use super::{
-    report_faults::{ReportFault, in_words, report_faults},
-    scores::{Rows, Source, append, compensation, empty, mark, score_all, trials_and_blocks},
+    implausible_cells::{ImplausibleCell, find_implausible_cells, in_words},
+    scores::{
+        ScoreSource, SourceScores, append, clear_result_cells, compensation, empty_score_tables, mark_flaw,
+        remove_trial, score_all, trials_and_blocks,
+    },
     summaries::{OUTCOMES, failed_notes, participant},
 };
 use crate::{
     batch::{BatchFolder, DESCRIPTION, Sweep},
     study::{
-        PLAN_FILE, STUDY_FILE, Study, look,
+        PLAN_FILE, STUDY_FILE, Study, open_view,
         tables::{self, columns, columns::TRIAL_KEY},
     },
 };
-use proact_analysis::table::{Cell, Column, Table};
+use proact_analysis::table::{Table, TableCell, TableColumn};
 use proact_control::MethodRegistry;
-use proact_recording::Trial;
+use proact_recording::{HASH_MISMATCH_TEXT, MANIFEST_FILE, RecordingError, TrialRecord, verify_manifest};
+use proact_testbed::TrialEnd;
 use std::{
     collections::{BTreeMap, BTreeSet},
     error::Error,
@@ -24,11 +28,11 @@ use std::{
 };
 
 /// Folders within folders are looked through so deep.
-const DEPTH: usize = 4;
+const MAX_FOLDER_DEPTH: usize = 4;
 
 /// What was recorded, as tables.
 #[derive(Clone, Debug)]
-pub struct Collected {
+pub struct AnalysisData {
     /// What it is called.
     pub title: String,
     /// The folder that records are named from.
@@ -38,12 +42,12 @@ pub struct Collected {
     /// What is missing, wrong or left out.
     pub notes: Vec<String>,
     /// Values that no arm and no person can produce.
-    pub faults: Vec<ReportFault>,
+    pub implausible_cells: Vec<ImplausibleCell>,
     /// All people are simulated, none is, or it is not known.
     pub simulated: Option<bool>,
 }
 
-impl Collected {
+impl AnalysisData {
     fn new(dir: &Path) -> Self {
         let name =
             dir.canonicalize().ok().and_then(|full| Some(full.file_name()?.to_string_lossy().into_owned()));
@@ -52,11 +56,11 @@ impl Collected {
             folder: dir.to_owned(),
             tables: BTreeMap::new(),
             notes: Vec::new(),
-            faults: Vec::new(),
+            implausible_cells: Vec::new(),
             simulated: None,
         };
         collected.add(trials_and_blocks());
-        collected.add(empty());
+        collected.add(empty_score_tables());
         collected
     }
 
@@ -64,7 +68,7 @@ impl Collected {
         self.tables.extend(tables.into_iter().map(|table| (table.name, table)));
     }
 
-    fn append(&mut self, name: &str, rows: impl IntoIterator<Item = Vec<Cell>>) {
+    fn append(&mut self, name: &str, rows: impl IntoIterator<Item = Vec<TableCell>>) {
         if let Some(table) = self.tables.get_mut(name) {
             append(table, rows);
         }
@@ -81,19 +85,25 @@ impl Collected {
 /// # Errors
 /// A folder with nothing to analyse, a plan or a table that cannot be read, a result with a key or an outcome that is unknown, a
 /// record in the folder of another trial. A single trial that cannot be read otherwise is a note.
-pub fn collect(
+pub fn collect_analysis_data(
     methods: &MethodRegistry,
     dir: &Path,
     jobs: usize,
     tell: &(dyn Fn(usize, usize) + Sync),
-) -> Result<Collected, Box<dyn Error>> {
-    let mut collected = Collected::new(dir);
+) -> Result<AnalysisData, Box<dyn Error>> {
+    let mut collected = AnalysisData::new(dir);
     let exported = dir.join("trials.csv").is_file();
-    let score = |sources: &[Source]| -> Vec<Rows> {
+    let score = |sources: &[ScoreSource]| -> Vec<SourceScores> {
         let count = sources.len();
-        let unscored = |error| Rows { notes: vec![format!("{error}; it is not scored")], ..Rows::default() };
         let scored = score_all(methods, sources, jobs, &|done| tell(done, count));
-        scored.into_iter().map(|rows| rows.unwrap_or_else(unscored)).collect()
+        let unscored = |source: &ScoreSource, error| SourceScores {
+            key: source.key().to_vec(),
+            excluded: true,
+            notes: vec![format!("{error}; the trial is left out")],
+            ..SourceScores::default()
+        };
+        let rows = sources.iter().zip(scored);
+        rows.map(|(source, rows)| rows.unwrap_or_else(|error| unscored(source, error))).collect()
     };
     let is_study = dir.join(STUDY_FILE).is_file() || dir.join(PLAN_FILE).is_file() && !exported;
     let all = if is_study {
@@ -102,25 +112,31 @@ pub fn collect(
         read_tables(dir, &mut collected)?;
         Vec::new()
     } else {
-        score(&found_in(dir)?)
+        score(&find_score_sources(dir)?)
     };
     let mut numbers: BTreeMap<String, i64> = BTreeMap::new();
     for mut rows in all {
-        if let Some(reason) = rows.refused {
+        if let Some(reason) = rows.fatal_error {
             return Err(reason.into());
         }
         collected.notes.append(&mut rows.notes);
-        let flaw = rows.flaw();
+        if rows.excluded {
+            if !rows.key.is_empty() {
+                remove_trial(collected.tables.values_mut(), &rows.key);
+            }
+            continue;
+        }
+        let (flaw, false_result) = (rows.flaw(), rows.has_result_mismatch());
         let Some(trial) = &mut rows.trial else {
-            put(&mut collected, &mut rows.scores);
-            mark_flaw(&mut collected, &rows.key, flaw);
+            append_scores(&mut collected, &mut rows.scores);
+            mark_flaws(&mut collected, &rows.key, flaw, false_result);
             continue;
         };
-        // A trial of its own gets its number here: how manyth of this participant under this condition.
-        let number = if trial[4] == Cell::Missing {
+        // A trial of its own gets its number here, among those of this participant under this condition.
+        let number = if trial[4] == TableCell::Missing {
             let number = numbers.entry(format!("{} {}", trial[0], trial[3])).or_default();
             *number += 1;
-            Cell::Whole(*number)
+            TableCell::Integer(*number)
         } else {
             trial[4].clone()
         };
@@ -130,8 +146,8 @@ pub fn collect(
         rows.key[4] = number;
         collected.append("trials", rows.trial);
         collected.append("blocks", rows.blocks);
-        put(&mut collected, &mut rows.scores);
-        mark_flaw(&mut collected, &rows.key, flaw);
+        append_scores(&mut collected, &mut rows.scores);
+        mark_flaws(&mut collected, &rows.key, flaw, false_result);
     }
     if is_study {
         collected.add([compensation(&collected.tables["measures"])]);
@@ -141,45 +157,49 @@ pub fn collect(
         return Err(format!("{}: there is no finished trial to analyse{notes}", dir.display()).into());
     }
     collected.notes.extend(failed_notes(&collected.tables["trials"]));
-    collected.faults = report_faults(&collected.tables);
-    let notes = in_words(&collected.faults);
+    collected.implausible_cells = find_implausible_cells(&collected.tables);
+    let notes = in_words(&collected.implausible_cells);
     collected.notes.splice(0..0, notes);
     Ok(collected)
 }
 
-fn put(collected: &mut Collected, scores: &mut [Vec<Vec<Cell>>; 4]) {
+fn append_scores(collected: &mut AnalysisData, scores: &mut [Vec<Vec<TableCell>>; 4]) {
     for (name, rows) in ["measures", "objects", "phases", "faults"].into_iter().zip(scores) {
         collected.append(name, std::mem::take(rows));
     }
 }
 
-fn mark_flaw(collected: &mut Collected, key: &[Cell], flaw: Option<String>) {
+fn mark_flaws(collected: &mut AnalysisData, key: &[TableCell], flaw: Option<String>, false_result: bool) {
     if let Some(flaw) = flaw {
-        mark(collected.tables.values_mut(), key, &flaw);
+        mark_flaw(collected.tables.values_mut(), key, &flaw);
+    }
+    if false_result {
+        clear_result_cells(collected.tables.values_mut(), key);
     }
 }
 
 fn study(
     methods: &MethodRegistry,
     dir: &Path,
-    collected: &mut Collected,
-    score: &dyn Fn(&[Source]) -> Vec<Rows>,
-) -> Result<Vec<Rows>, Box<dyn Error>> {
+    collected: &mut AnalysisData,
+    score: &dyn Fn(&[ScoreSource]) -> Vec<SourceScores>,
+) -> Result<Vec<SourceScores>, Box<dyn Error>> {
     let study = Study::open(dir, methods)?;
-    let look = look(&study)?;
+    let view = open_view(&study)?;
     collected.title = study.plan.name.clone();
-    collected.simulated = Some(look.simulated);
-    let counted = tables::counted_trials(&study, &look);
+    collected.simulated = Some(view.simulated);
+    let counted = tables::counted_trial_records(&study, &view);
     let planned = study.schedule.trials().count();
     if counted.len() < planned {
         let done = counted.len();
         collected.notes.push(format!("The study is not finished: {done} of {planned} planned trials count."));
     }
-    collected.notes.extend(tables::missing_answers(&study, &look));
-    let sources: Vec<Source> = counted.into_iter().map(|(key, dir)| Source::Counted { key, dir }).collect();
+    collected.notes.extend(tables::missing_answers(&study, &view));
+    let sources: Vec<ScoreSource> =
+        counted.into_iter().map(|(key, dir)| ScoreSource::StudyTrial { key, dir }).collect();
     // Both take their time, and neither needs the other.
     let (rows, made) = thread::scope(|scope| {
-        let made = scope.spawn(|| tables::readable_tables(&study, &look).map_err(|error| error.to_string()));
+        let made = scope.spawn(|| tables::readable_tables(&study, &view).map_err(|error| error.to_string()));
         (score(&sources), made.join())
     });
     let (tables, unread) = made.map_err(|_| "the tables of the study could not be made")??;
@@ -189,16 +209,16 @@ fn study(
 }
 
 /// Trials and bags in a folder, or the one that `dir` is, by name.
-fn found_in(dir: &Path) -> Result<Vec<Source>, Box<dyn Error>> {
+fn find_score_sources(dir: &Path) -> Result<Vec<ScoreSource>, Box<dyn Error>> {
     let is_bag = |path: &Path| path.extension().is_some_and(|ending| ending == "bag") && path.is_file();
     if is_bag(dir) {
-        return Ok(vec![Source::Bag { path: dir.to_owned() }]);
+        return Ok(vec![ScoreSource::Bag { path: dir.to_owned() }]);
     }
     let mut sources = Vec::new();
     let mut folders = vec![(dir.to_owned(), 0)];
     while let Some((folder, depth)) = folders.pop() {
-        if Trial::is_in(&folder) {
-            sources.push(Source::Loose { dir: folder });
+        if TrialRecord::exists_in(&folder) {
+            sources.push(ScoreSource::StandaloneTrial { dir: folder });
             continue;
         }
         let entries = fs::read_dir(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
@@ -206,15 +226,15 @@ fn found_in(dir: &Path) -> Result<Vec<Source>, Box<dyn Error>> {
             let entry = entry?;
             let path = entry.path();
             if is_bag(&path) {
-                sources.push(Source::Bag { path });
-            } else if entry.file_type()?.is_dir() && depth < DEPTH {
+                sources.push(ScoreSource::Bag { path });
+            } else if entry.file_type()?.is_dir() && depth < MAX_FOLDER_DEPTH {
                 folders.push((path, depth + 1));
             }
         }
     }
     sources.sort_by_key(|source| match source {
-        Source::Counted { dir, .. } | Source::Loose { dir } => dir.clone(),
-        Source::Bag { path } => path.clone(),
+        ScoreSource::StudyTrial { dir, .. } | ScoreSource::StandaloneTrial { dir } => dir.clone(),
+        ScoreSource::Bag { path } => path.clone(),
     });
     if sources.is_empty() {
         return Err(format!(
@@ -228,7 +248,7 @@ fn found_in(dir: &Path) -> Result<Vec<Source>, Box<dyn Error>> {
 }
 
 /// The tables that an export can have.
-const EXPORTED: &[(&str, &str, &[Column])] = &[
+const EXPORT_TABLES: &[(&str, &str, &[TableColumn])] = &[
     ("participants", "a participant of the plan", columns::PARTICIPANTS),
     ("sessions", "a session of a participant", columns::SESSIONS),
     ("trials", "a trial of the plan that counts", columns::TRIALS),
@@ -243,14 +263,26 @@ const EXPORTED: &[(&str, &str, &[Column])] = &[
 ];
 
 /// Reads exported tables, and those of scores where an analysis wrote them beside.
-fn read_tables(dir: &Path, collected: &mut Collected) -> Result<(), Box<dyn Error>> {
+fn read_tables(dir: &Path, collected: &mut AnalysisData) -> Result<(), Box<dyn Error>> {
+    match verify_manifest(dir) {
+        Err(RecordingError::Changed { files, .. }) if files.contains(HASH_MISMATCH_TEXT) => {
+            return Err(format!(
+                "{}: {files} since the export; export again, or remove {MANIFEST_FILE} if the change is yours",
+                dir.display()
+            )
+            .into());
+        }
+        // A copy may lack some of the files.
+        Ok(_) | Err(RecordingError::Changed { .. }) => {}
+        Err(error) => return Err(error.into()),
+    }
     // The tables of a batch have columns of what is varied too.
     let batch = dir.join(DESCRIPTION).is_file().then(|| BatchFolder::open(dir)).transpose()?;
-    let varied = batch.map_or(Ok(Sweep::default()), |batch| Sweep::read(&batch.description.vary))?;
+    let varied = batch.map_or(Ok(Sweep::default()), |batch| Sweep::parse(&batch.description.vary))?;
     let varied: Vec<&str> = varied.keys().collect();
-    let scores = empty();
-    let scored = scores.iter().map(|table| (table.name, table.row, table.columns));
-    for (name, row, columns) in EXPORTED.iter().copied().chain(scored) {
+    let scores = empty_score_tables();
+    let scored = scores.iter().map(|table| (table.name, table.row_meaning, table.columns));
+    for (name, row, columns) in EXPORT_TABLES.iter().copied().chain(scored) {
         let path = dir.join(format!("{name}.csv"));
         if path.is_file() {
             let table = read_table(&path, Table::new(name, row, columns), &varied)
@@ -265,15 +297,15 @@ fn read_tables(dir: &Path, collected: &mut Collected) -> Result<(), Box<dyn Erro
         );
     }
     if let Some(scores) = collected.table("scores") {
-        let lacks = |row: &Vec<Cell>| {
+        let missing_note = |row: &Vec<TableCell>| {
             let [form, condition, missing] =
-                ["form", "condition", "missing"].map(|name| scores.words(row, name));
+                ["form", "condition", "missing"].map(|name| scores.text(row, name));
             let about = if condition.is_empty() { condition } else { format!(" about {condition}") };
             let who = participant(scores, row);
             (!missing.is_empty())
                 .then(|| format!("{who}: {form}{about} lacks {}", missing.replace(',', ", ")))
         };
-        let notes: BTreeSet<String> = scores.rows.iter().filter_map(lacks).collect();
+        let notes: BTreeSet<String> = scores.rows.iter().filter_map(missing_note).collect();
         collected.notes.extend(notes);
     }
     let trials = &collected.tables["trials"];
@@ -283,24 +315,27 @@ fn read_tables(dir: &Path, collected: &mut Collected) -> Result<(), Box<dyn Erro
 }
 
 /// Tables and their columns of numbers that have no unit.
-const NUMBERS: [(&str, &str); 4] =
+const UNITLESS_NUMBER_COLUMNS: [(&str, &str); 4] =
     [("trials", "score"), ("trials", "position"), ("trials", "simulated"), ("scores", "value")];
 /// Tables whose columns are all measured, but for those that name what was measured.
-const MEASURED: [&str; 3] = ["measures", "objects", "phases"];
+const MEASURE_TABLES: [&str; 3] = ["measures", "objects", "phases"];
 
-fn is_number(table: &Table, column: &Column) -> bool {
+fn is_number(table: &Table, column: &TableColumn) -> bool {
     let names =
         TRIAL_KEY.iter().any(|key| key.name == column.name) || ["block", "phase"].contains(&column.name);
     !column.unit.is_empty()
-        || NUMBERS.contains(&(table.name, column.name))
-        || MEASURED.contains(&table.name) && !names
+        || UNITLESS_NUMBER_COLUMNS.contains(&(table.name, column.name))
+        || MEASURE_TABLES.contains(&table.name) && !names
 }
 
 /// Refuses words in a column of numbers and an unknown outcome, which the report would drop.
-fn check_cell(table: &Table, column: &Column, cell: &Cell) -> Result<(), String> {
-    let Cell::Words(words) = cell else { return Ok(()) };
+fn check_cell(table: &Table, column: &TableColumn, cell: &TableCell) -> Result<(), String> {
+    let TableCell::Text(words) = cell else { return Ok(()) };
     let outcomes = OUTCOMES.map(|(outcome, ..)| outcome);
     match (table.name, column.name) {
+        ("trials", "ended") if serde_json::from_value::<TrialEnd>(words.as_str().into()).is_err() => {
+            Err(format!("ended {words:?} is unknown, expected task, failed, abort, restart or interrupt"))
+        }
         ("blocks", "outcome") if !outcomes.contains(&words.as_str()) => {
             Err(format!("outcome {words:?} is unknown, expected one of {}", outcomes.join(", ")))
         }
@@ -315,9 +350,9 @@ fn check_cell(table: &Table, column: &Column, cell: &Cell) -> Result<(), String>
 fn read_table(path: &Path, mut table: Table, varied: &[&str]) -> Result<Table, Box<dyn Error>> {
     let mut reader = csv::Reader::from_path(path)?;
     let heads = reader.headers()?.clone();
-    let places: Vec<Option<usize>> =
+    let indices: Vec<Option<usize>> =
         table.columns.iter().map(|column| heads.iter().position(|head| head == column.name)).collect();
-    if places.iter().all(Option::is_none) {
+    if indices.iter().all(Option::is_none) {
         let known: Vec<&str> = table.columns.iter().map(|column| column.name).collect();
         return Err(format!("none of its columns is known, expected {}", known.join(", ")).into());
     }
@@ -329,9 +364,9 @@ fn read_table(path: &Path, mut table: Table, varied: &[&str]) -> Result<Table, B
     }
     for (number, record) in (2..).zip(reader.records()) {
         let record = record?;
-        let mut row = Vec::with_capacity(places.len());
-        for (column, place) in table.columns.iter().zip(&places) {
-            let cell = place.and_then(|place| record.get(place)).map_or(Cell::Missing, Cell::read);
+        let mut row = Vec::with_capacity(indices.len());
+        for (column, index) in table.columns.iter().zip(&indices) {
+            let cell = index.and_then(|index| record.get(index)).map_or(TableCell::Missing, TableCell::parse);
             check_cell(&table, column, &cell).map_err(|error| format!("line {number}: {error}"))?;
             row.push(cell);
         }

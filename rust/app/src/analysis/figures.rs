@@ -1,15 +1,15 @@
 //! The figures of the report.
 
 use super::{
-    Collected,
-    charts::Spec,
-    questionnaires::{ranking, rated, scored},
-    summaries::{self, OUTCOMES, Ordered, block_key, conditions, on_target, participant},
+    AnalysisData,
+    charts::ChartSpec,
+    questionnaires::{parse_ranking, ratings_by_item, scores_by_form},
+    summaries::{self, NaturalSortKey, OUTCOMES, block_key, conditions, on_target, participant},
 };
 use proact_analysis::{
-    statistics::bootstrap,
+    statistics::bootstrap_interval,
     summary::SampleSummary,
-    table::{Cell, Table},
+    table::{Table, TableCell},
 };
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
@@ -20,17 +20,17 @@ pub(super) struct Figure {
     pub(super) name: &'static str,
     pub(super) title: &'static str,
     pub(super) caption: String,
-    pub(super) spec: Spec,
+    pub(super) spec: ChartSpec,
 }
 
 /// All figures for which there are data.
-pub(super) fn figures(collected: &Collected, seed: u64) -> Vec<Figure> {
+pub(super) fn figures(collected: &AnalysisData, seed: u64) -> Vec<Figure> {
     let order = conditions(collected);
     let all = [
         success(collected, &order),
-        fates(collected, &order),
+        block_outcomes(collected, &order),
         over_trials(collected, &order),
-        learning(collected, &order, seed),
+        learning_curve(collected, &order, seed),
         durations(collected, &order, "pick"),
         durations(collected, &order, "place"),
         accuracy(collected, &order),
@@ -46,11 +46,18 @@ pub(super) fn figures(collected: &Collected, seed: u64) -> Vec<Figure> {
     all.into_iter().flatten().filter(|figure| !figure.spec.rows.is_empty()).collect()
 }
 
-fn strip(order: &[String], y: &str, rows: Vec<Value>) -> Spec {
-    Spec { kind: "strip", rows, x: "method".into(), y: y.into(), order: order.to_vec(), ..Spec::default() }
+fn strip(order: &[String], y: &str, rows: Vec<Value>) -> ChartSpec {
+    ChartSpec {
+        kind: "strip",
+        rows,
+        x: "method".into(),
+        y: y.into(),
+        order: order.to_vec(),
+        ..ChartSpec::default()
+    }
 }
 
-fn success(collected: &Collected, order: &[String]) -> Option<Figure> {
+fn success(collected: &AnalysisData, order: &[String]) -> Option<Figure> {
     let trials = collected.table("trials")?;
     let found = summaries::values(trials, "score", |_| true);
     let rows = found.into_iter().map(|v| json!({"x": v.condition, "y": v.value})).collect();
@@ -62,17 +69,17 @@ fn success(collected: &Collected, order: &[String]) -> Option<Figure> {
     })
 }
 
-fn fates(collected: &Collected, order: &[String]) -> Option<Figure> {
+fn block_outcomes(collected: &AnalysisData, order: &[String]) -> Option<Figure> {
     let blocks = collected.table("blocks")?;
     let mut names = BTreeSet::new();
     let mut people = BTreeMap::new();
     for row in &blocks.rows {
-        let outcome = blocks.words(row, "outcome");
+        let outcome = blocks.text(row, "outcome");
         let Some((_, part, letter)) = OUTCOMES.iter().find(|(name, ..)| *name == outcome) else { continue };
-        let trial = format!("{:>3} {}", blocks.words(row, "trial"), blocks.words(row, "block"));
+        let trial = format!("{:>3} {}", blocks.text(row, "trial"), blocks.text(row, "block"));
         names.insert(trial.clone());
-        let who = Ordered::of(participant(blocks, row));
-        let cell = json!({"x": trial, "y": who.name, "facet": blocks.words(row, "condition"), "part": part, "letter": letter});
+        let who = NaturalSortKey::of(participant(blocks, row));
+        let cell = json!({"x": trial, "y": who.name, "facet": blocks.text(row, "condition"), "part": part, "letter": letter});
         people.entry(who).or_insert_with(Vec::new).push(cell);
     }
     // Each row once under each condition keeps the panels in their order.
@@ -83,37 +90,36 @@ fn fates(collected: &Collected, order: &[String]) -> Option<Figure> {
         title: "Fate of each block",
         caption: "A cell a block: a row a participant, a panel a method, trials from left to right."
             .to_owned(),
-        spec: Spec {
+        spec: ChartSpec {
             kind: "grid",
             rows,
             x: String::new(),
             y: String::new(),
             order: names.into_iter().collect(),
             parts: OUTCOMES.iter().map(|(_, part, _)| (*part).to_owned()).collect(),
-            most: None,
+            axis_max: None,
         },
     })
 }
 
-fn lines(order: &[String], rows: Vec<Value>) -> Spec {
+fn lines(order: &[String], rows: Vec<Value>) -> ChartSpec {
     let (x, y) = ("trial".into(), "score".into());
-    Spec { kind: "lines", rows, x, y, parts: order.to_vec(), ..Spec::default() }
+    ChartSpec { kind: "lines", rows, x, y, parts: order.to_vec(), ..ChartSpec::default() }
 }
 
-fn over_trials(collected: &Collected, order: &[String]) -> Option<Figure> {
+fn over_trials(collected: &AnalysisData, order: &[String]) -> Option<Figure> {
     let trials = collected.table("trials")?;
-    let mut rows: Vec<(Ordered, f64, Value)> = Vec::new();
+    let mut rows: Vec<(NaturalSortKey, f64, Value)> = Vec::new();
     for row in &trials.rows {
         let (Some(trial), Some(score)) = (trials.number(row, "trial"), trials.number(row, "score")) else {
             continue;
         };
-        let who = Ordered::of(participant(trials, row));
-        let point =
-            json!({"x": trial, "y": score, "part": trials.words(row, "condition"), "facet": who.name});
+        let who = NaturalSortKey::of(participant(trials, row));
+        let point = json!({"x": trial, "y": score, "part": trials.text(row, "condition"), "facet": who.name});
         rows.push((who, trial, point));
     }
     rows.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    let people: BTreeSet<&Ordered> = rows.iter().map(|(who, ..)| who).collect();
+    let people: BTreeSet<&NaturalSortKey> = rows.iter().map(|(who, ..)| who).collect();
     // More panels than this are no figure.
     if people.len() > 12 || rows.iter().all(|(_, trial, _)| *trial == 1.0) {
         return None;
@@ -127,22 +133,22 @@ fn over_trials(collected: &Collected, order: &[String]) -> Option<Figure> {
     })
 }
 
-fn learning(collected: &Collected, order: &[String], seed: u64) -> Option<Figure> {
+fn learning_curve(collected: &AnalysisData, order: &[String], seed: u64) -> Option<Figure> {
     let trials = collected.table("trials")?;
     let mut scores: BTreeMap<(String, i64), Vec<f64>> = BTreeMap::new();
     for row in &trials.rows {
         let (Some(trial), Some(score)) = (trials.number(row, "trial"), trials.number(row, "score")) else {
             continue;
         };
-        scores.entry((trials.words(row, "condition"), trial as i64)).or_default().push(score);
+        scores.entry((trials.text(row, "condition"), trial as i64)).or_default().push(score);
     }
     if scores.keys().all(|(_, trial)| *trial == 1) {
         return None;
     }
     let rows = scores.into_iter().filter_map(|((condition, trial), own)| {
         let mean = SampleSummary::of(&own)?.mean;
-        let of = |places: &[usize]| Some(places.iter().map(|place| own[*place]).sum::<f64>() / places.len() as f64);
-        let interval = bootstrap(own.len(), seed, of);
+        let of = |indices: &[usize]| Some(indices.iter().map(|index| own[*index]).sum::<f64>() / indices.len() as f64);
+        let interval = bootstrap_interval(own.len(), seed, of);
         Some(json!({"x": trial, "y": mean, "part": condition, "low": interval.map(|i| i.low), "high": interval.map(|i| i.high)}))
     });
     Some(Figure {
@@ -153,7 +159,7 @@ fn learning(collected: &Collected, order: &[String], seed: u64) -> Option<Figure
     })
 }
 
-fn durations(collected: &Collected, order: &[String], action: &'static str) -> Option<Figure> {
+fn durations(collected: &AnalysisData, order: &[String], action: &'static str) -> Option<Figure> {
     let objects = collected.table("objects")?;
     let (seconds, with) = (format!("{action}_s"), format!("{action}_with_method"));
     let mut counts: BTreeMap<(String, bool), usize> = BTreeMap::new();
@@ -162,7 +168,7 @@ fn durations(collected: &Collected, order: &[String], action: &'static str) -> O
         let (Some(secs), Some(used)) = (objects.number(row, &seconds), objects.number(row, &with)) else {
             continue;
         };
-        let (condition, used) = (objects.words(row, "condition"), used == 1.0);
+        let (condition, used) = (objects.text(row, "condition"), used == 1.0);
         *counts.entry((condition.clone(), used)).or_default() += 1;
         let facet = if used { "with the method" } else { "without the method" };
         rows.push(json!({"x": condition, "y": secs, "facet": facet}));
@@ -186,7 +192,7 @@ fn durations(collected: &Collected, order: &[String], action: &'static str) -> O
     })
 }
 
-fn accuracy(collected: &Collected, order: &[String]) -> Option<Figure> {
+fn accuracy(collected: &AnalysisData, order: &[String]) -> Option<Figure> {
     let objects = collected.table("objects")?;
     let there = on_target(collected);
     let found =
@@ -201,11 +207,11 @@ fn accuracy(collected: &Collected, order: &[String]) -> Option<Figure> {
     })
 }
 
-fn compensation(collected: &Collected, order: &[String]) -> Option<Figure> {
+fn compensation(collected: &AnalysisData, order: &[String]) -> Option<Figure> {
     let phases = collected.table("phases")?;
     let mut rows = Vec::new();
     for (phase, facet) in [("pick", "picks"), ("place", "places")] {
-        let found = summaries::values(phases, "shoulder_path_m", |row| phases.words(row, "phase") == phase);
+        let found = summaries::values(phases, "shoulder_path_m", |row| phases.text(row, "phase") == phase);
         rows.extend(found.into_iter().map(|v| json!({"x": v.condition, "y": v.value, "facet": facet})));
     }
     Some(Figure {
@@ -217,17 +223,17 @@ fn compensation(collected: &Collected, order: &[String]) -> Option<Figure> {
 }
 
 /// Means of several columns as parts of a bar.
-fn shares(
+fn stacked_means(
     table: &Table,
     order: &[String],
     facet: &str,
     columns: &[(&str, &str)],
-    wanted: impl Fn(&[Cell]) -> bool,
+    wanted: impl Fn(&[TableCell]) -> bool,
 ) -> Vec<Value> {
     let mut rows = Vec::new();
     for condition in order {
         for (column, part) in columns {
-            let own = |row: &[Cell]| wanted(row) && table.words(row, "condition") == *condition;
+            let own = |row: &[TableCell]| wanted(row) && table.text(row, "condition") == *condition;
             let found: Vec<f64> =
                 summaries::values(table, column, own).into_iter().map(|v| v.value).collect();
             if let Some(summary) = SampleSummary::of(&found) {
@@ -238,7 +244,7 @@ fn shares(
     rows
 }
 
-fn gaze(collected: &Collected, order: &[String]) -> Option<Figure> {
+fn gaze(collected: &AnalysisData, order: &[String]) -> Option<Figure> {
     const COLUMNS: [(&str, &str); 6] = [
         ("gaze_object", "object"),
         ("gaze_target", "target"),
@@ -249,7 +255,7 @@ fn gaze(collected: &Collected, order: &[String]) -> Option<Figure> {
     ];
     let phases = collected.table("phases")?;
     let rows = [("pick", "picks"), ("place", "places")].into_iter().flat_map(|(phase, facet)| {
-        shares(phases, order, facet, &COLUMNS, |row| phases.words(row, "phase") == phase)
+        stacked_means(phases, order, facet, &COLUMNS, |row| phases.text(row, "phase") == phase)
     });
     Some(Figure {
         name: "gaze",
@@ -257,49 +263,54 @@ fn gaze(collected: &Collected, order: &[String]) -> Option<Figure> {
         caption:
             "Mean shares of the time with a known gaze; what is missing to one were looks shorter than 80 ms."
                 .to_owned(),
-        spec: Spec {
+        spec: ChartSpec {
             kind: "bars",
             rows: rows.collect(),
             x: "method".into(),
             y: "share of the time".into(),
             order: order.to_vec(),
             parts: COLUMNS.map(|(_, part)| part.to_owned()).to_vec(),
-            most: Some(1.0),
+            axis_max: Some(1.0),
         },
     })
 }
 
 /// A measure of the gestures, a dot a trial; their units differ, so that each has a figure.
-fn of_gestures(collected: &Collected, order: &[String], column: &str, y: &str) -> Option<Spec> {
+fn gesture_measure_chart(
+    collected: &AnalysisData,
+    order: &[String],
+    column: &str,
+    y: &str,
+) -> Option<ChartSpec> {
     let measures = collected.table("measures")?;
     let found = summaries::values(measures, column, |_| true);
     let rows = found.into_iter().map(|v| json!({"x": v.condition, "y": v.value})).collect();
     Some(strip(order, y, rows))
 }
 
-fn false_triggers(collected: &Collected, order: &[String]) -> Option<Figure> {
+fn false_triggers(collected: &AnalysisData, order: &[String]) -> Option<Figure> {
     Some(Figure {
         name: "false_triggers",
         title: "False triggers",
         caption: "Gestures of a trial that came and went within 200 ms between two spells of one other gesture: a dot a trial, beside quartiles and range."
             .to_owned(),
-        spec: of_gestures(collected, order, "false_triggers", "false triggers a trial")?,
+        spec: gesture_measure_chart(collected, order, "false_triggers", "false triggers a trial")?,
     })
 }
 
-fn gesture_to_motion(collected: &Collected, order: &[String]) -> Option<Figure> {
+fn gesture_to_motion(collected: &AnalysisData, order: &[String]) -> Option<Figure> {
     Some(Figure {
         name: "gesture_to_motion",
         title: "From gesture to motion",
         caption: "Median of a trial of the time from a gesture to the motion of the arm that followed: a dot a trial, beside quartiles and range."
             .to_owned(),
-        spec: of_gestures(collected, order, "gesture_to_motion_ms", "ms")?,
+        spec: gesture_measure_chart(collected, order, "gesture_to_motion_ms", "ms")?,
     })
 }
 
-fn ratings(collected: &Collected, order: &[String]) -> Option<Figure> {
+fn ratings(collected: &AnalysisData, order: &[String]) -> Option<Figure> {
     let mut rows = Vec::new();
-    let rated = rated(collected);
+    let rated = ratings_by_item(collected);
     // Those of long instruments are in their scores.
     let forms: BTreeMap<&String, usize> = rated.keys().fold(BTreeMap::new(), |mut forms, (form, _)| {
         *forms.entry(form).or_default() += 1;
@@ -319,9 +330,9 @@ fn ratings(collected: &Collected, order: &[String]) -> Option<Figure> {
     })
 }
 
-fn questionnaires(collected: &Collected, order: &[String]) -> Option<Figure> {
+fn questionnaires(collected: &AnalysisData, order: &[String]) -> Option<Figure> {
     let mut rows = Vec::new();
-    for (name, found) in scored(collected) {
+    for (name, found) in scores_by_form(collected) {
         rows.extend(found.iter().map(|v| json!({"x": v.condition, "y": v.value, "facet": name})));
     }
     Some(Figure {
@@ -332,66 +343,66 @@ fn questionnaires(collected: &Collected, order: &[String]) -> Option<Figure> {
     })
 }
 
-fn rankings(collected: &Collected, order: &[String]) -> Option<Figure> {
+fn rankings(collected: &AnalysisData, order: &[String]) -> Option<Figure> {
     let answers = collected.table("answers")?;
     let mut counts: BTreeMap<(String, String, usize), usize> = BTreeMap::new();
     for row in &answers.rows {
-        let Some(places) = ranking(&answers.words(row, "answer"), order) else { continue };
-        let item = answers.words(row, "item").replace('_', " ");
+        let Some(ranks) = parse_ranking(&answers.text(row, "answer"), order) else { continue };
+        let item = answers.text(row, "item").replace('_', " ");
         // Whoever shares the first place is first; behind two firsts comes the third.
         let mut before = 0;
-        for names in places {
+        for names in ranks {
             for name in &names {
                 *counts.entry((item.clone(), name.clone(), before + 1)).or_default() += 1;
             }
             before += names.len();
         }
     }
-    let part = |place: usize| format!("place {place}");
+    let part = |index: usize| format!("place {index}");
     let rows = counts.into_iter().map(
-        |((item, name, place), count)| json!({"x": name, "value": count, "part": part(place), "facet": item}),
+        |((item, name, index), count)| json!({"x": name, "value": count, "part": part(index), "facet": item}),
     );
     Some(Figure {
         name: "rankings",
         title: "Rankings",
         caption: "How many people put a method in which place; a shared place is the better one.".to_owned(),
-        spec: Spec {
+        spec: ChartSpec {
             kind: "bars",
             rows: rows.collect(),
             x: "method".into(),
             y: "people".into(),
             order: order.to_vec(),
             parts: (1..=order.len()).map(part).collect(),
-            most: None,
+            axis_max: None,
         },
     })
 }
 
-fn faults(collected: &Collected, order: &[String]) -> Option<Figure> {
+fn faults(collected: &AnalysisData, order: &[String]) -> Option<Figure> {
     let faults = collected.table("faults")?;
     let measures = collected.table("measures")?;
     let mut counts: BTreeMap<(String, String), usize> = BTreeMap::new();
     for row in &faults.rows {
-        let part = faults.words(row, "fault").replace('_', " ");
-        *counts.entry((part, faults.words(row, "condition"))).or_default() += 1;
+        let part = faults.text(row, "fault").replace('_', " ");
+        *counts.entry((part, faults.text(row, "condition"))).or_default() += 1;
     }
     let parts: BTreeSet<String> = counts.keys().map(|(part, _)| part.clone()).collect();
     let rows = counts.into_iter().map(|((part, condition), count)| {
-        let trials = measures.rows.iter().filter(|row| measures.words(row, "condition") == condition).count();
+        let trials = measures.rows.iter().filter(|row| measures.text(row, "condition") == condition).count();
         json!({"x": condition, "value": count as f64 / trials.max(1) as f64, "part": part})
     });
     Some(Figure {
         name: "faults",
         title: "What went wrong",
         caption: "Mean number of faults a trial, by kind.".to_owned(),
-        spec: Spec {
+        spec: ChartSpec {
             kind: "bars",
             rows: rows.collect(),
             x: "method".into(),
             y: "faults a trial".into(),
             order: order.to_vec(),
             parts: parts.into_iter().collect(),
-            most: None,
+            axis_max: None,
         },
     })
 }

@@ -6,7 +6,7 @@ use std::fmt::Write;
 const STYLE: &str = include_str!("report.css");
 
 /// A part of the report.
-pub(super) enum Part<'a> {
+pub(super) enum ReportSection<'a> {
     /// A table.
     Table(&'a ReportTable),
     /// A figure: its name, title, caption and SVG.
@@ -14,28 +14,28 @@ pub(super) enum Part<'a> {
 }
 
 /// What the page says first.
-pub(super) struct Head<'a> {
+pub(super) struct ReportHeader<'a> {
     pub(super) title: &'a str,
     /// Of what it was made.
-    pub(super) about: String,
+    pub(super) data_description: String,
     /// People are simulated: said in every part.
     pub(super) simulated: bool,
     pub(super) notes: &'a [String],
     /// What the statistics presumed.
-    pub(super) presumed: &'a [(String, Vec<String>)],
-    pub(super) replays: Replays<'a>,
+    pub(super) assumptions: &'a [(String, Vec<String>)],
+    pub(super) replays: ReplayLinks<'a>,
 }
 
 /// Where a trial is replayed.
 #[derive(Clone, Copy)]
-pub(super) enum Replays<'a> {
+pub(super) enum ReplayLinks<'a> {
     /// By a command: a record links to the words on it.
-    Elsewhere,
+    Command,
     /// By the server of the page, under the place of its record here.
     Served(&'a [String]),
 }
 
-fn escaped(text: &str) -> String {
+fn escape_html(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for letter in text.chars() {
         match letter {
@@ -50,13 +50,13 @@ fn escaped(text: &str) -> String {
 }
 
 /// The page.
-pub(super) fn page(head: &Head<'_>, parts: &[Part<'_>]) -> String {
-    let title = escaped(head.title);
+pub(super) fn page(head: &ReportHeader<'_>, parts: &[ReportSection<'_>]) -> String {
+    let title = escape_html(head.title);
     let mut out = format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" \
          content=\"width=device-width, initial-scale=1\">\n<meta name=\"color-scheme\" content=\"light dark\">\n\
          <title>{title}: report</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n<h1>{title}</h1>\n<p>{}</p>\n",
-        escaped(&head.about)
+        escape_html(&head.data_description)
     );
     let add = &mut out;
     let simulated = "Simulated participants: no evidence about people.";
@@ -65,27 +65,27 @@ pub(super) fn page(head: &Head<'_>, parts: &[Part<'_>]) -> String {
     }
     if !head.notes.is_empty() {
         _ = writeln!(add, "<section class=\"notes\"><h2>What is missing or left out</h2><ul>");
-        head.notes.iter().for_each(|note| _ = writeln!(add, "<li>{}</li>", escaped(note)));
+        head.notes.iter().for_each(|note| _ = writeln!(add, "<li>{}</li>", escape_html(note)));
         _ = writeln!(add, "</ul></section>");
     }
     _ = writeln!(add, "<nav aria-label=\"Contents\"><ul>");
     for part in parts {
         let (id, title) = match part {
-            Part::Table(table) => (format!("table-{}", table.name), table.title.as_str()),
-            Part::Figure(name, title, ..) => (format!("figure-{name}"), *title),
+            ReportSection::Table(table) => (format!("table-{}", table.name), table.title.as_str()),
+            ReportSection::Figure(name, title, ..) => (format!("figure-{name}"), *title),
         };
-        let kind = if matches!(part, Part::Table(_)) { "table" } else { "figure" };
-        _ = writeln!(add, "<li><a href=\"#{id}\">{}</a> <small>{kind}</small></li>", escaped(title));
+        let kind = if matches!(part, ReportSection::Table(_)) { "table" } else { "figure" };
+        _ = writeln!(add, "<li><a href=\"#{id}\">{}</a> <small>{kind}</small></li>", escape_html(title));
     }
     _ = writeln!(add, "</ul></nav>");
     for part in parts {
         match part {
-            Part::Table(table) => self::table(add, table, head.replays),
-            Part::Figure(name, title, caption, svg) => {
+            ReportSection::Table(table) => self::table(add, table, head.replays),
+            ReportSection::Figure(name, title, caption, svg) => {
                 // One picture with a name, not its marks one by one.
                 let named = svg.replacen(
                     "<svg ",
-                    &format!("<svg role=\"img\" aria-label=\"{}\" ", escaped(title)),
+                    &format!("<svg role=\"img\" aria-label=\"{}\" ", escape_html(title)),
                     1,
                 );
                 let also = if head.simulated { format!(" {simulated}") } else { String::new() };
@@ -93,17 +93,17 @@ pub(super) fn page(head: &Head<'_>, parts: &[Part<'_>]) -> String {
                     add,
                     "<figure id=\"figure-{name}\" role=\"group\" aria-label=\"{0}\"><div class=\"scroll\">{named}</div>\
                      <figcaption><strong>{0}.</strong> {1}{also}</figcaption></figure>",
-                    escaped(title),
-                    escaped(caption)
+                    escape_html(title),
+                    escape_html(caption)
                 );
             }
         }
     }
-    if !head.presumed.is_empty() {
+    if !head.assumptions.is_empty() {
         _ = writeln!(add, "<section class=\"notes\"><h2>What the statistics presume</h2>");
-        for (measure, notes) in head.presumed {
-            _ = writeln!(add, "<h3>{}</h3><ul>", escaped(measure));
-            notes.iter().for_each(|note| _ = writeln!(add, "<li>{}</li>", escaped(note)));
+        for (measure, notes) in head.assumptions {
+            _ = writeln!(add, "<h3>{}</h3><ul>", escape_html(measure));
+            notes.iter().for_each(|note| _ = writeln!(add, "<li>{}</li>", escape_html(note)));
             _ = writeln!(add, "</ul>");
         }
         _ = writeln!(add, "</section>");
@@ -112,28 +112,28 @@ pub(super) fn page(head: &Head<'_>, parts: &[Part<'_>]) -> String {
     out
 }
 
-fn table(out: &mut String, table: &ReportTable, replays: Replays<'_>) {
-    let ReportTable { name, title, caption, head, rows } = table;
+fn table(out: &mut String, table: &ReportTable, replays: ReplayLinks<'_>) {
+    let ReportTable { name, title, caption, headers: head, rows } = table;
     _ = writeln!(
         out,
         "<section id=\"table-{name}\"><h2>{}</h2><div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{0}\"><table>\
          <thead><tr>",
-        escaped(title)
+        escape_html(title)
     );
-    head.iter().for_each(|cell| _ = write!(out, "<th scope=\"col\">{}</th>", escaped(cell)));
+    head.iter().for_each(|cell| _ = write!(out, "<th scope=\"col\">{}</th>", escape_html(cell)));
     _ = writeln!(out, "</tr></thead><tbody>");
     for row in rows {
         out.push_str("<tr>");
-        for (place, cell) in row.iter().enumerate() {
+        for (index, cell) in row.iter().enumerate() {
             let number = cell.starts_with(|c: char| c.is_ascii_digit() || c == '-' || c == '–' || c == '<');
             let class = match cell.chars().count() {
                 _ if number => " class=\"number\"",
                 ..=12 => " class=\"short\"",
                 _ => "",
             };
-            let shown = match head[place].as_str() {
+            let shown = match head[index].as_str() {
                 "record" if !cell.is_empty() => record(cell, replays),
-                _ => escaped(cell),
+                _ => escape_html(cell),
             };
             _ = write!(out, "<td{class}>{shown}</td>");
         }
@@ -142,42 +142,42 @@ fn table(out: &mut String, table: &ReportTable, replays: Replays<'_>) {
     _ = writeln!(
         out,
         "</tbody></table></div><p id=\"about-{name}\" class=\"caption\">{}</p></section>",
-        escaped(caption)
+        escape_html(caption)
     );
 }
 
 /// A record, as a link to its replay.
-fn record(record: &str, replays: Replays<'_>) -> String {
+fn record(record: &str, replays: ReplayLinks<'_>) -> String {
     let address = match replays {
-        Replays::Elsewhere => Some("#about-trials".to_owned()),
-        Replays::Served(records) => {
+        ReplayLinks::Command => Some("#about-trials".to_owned()),
+        ReplayLinks::Served(records) => {
             records.iter().position(|other| other == record).map(|number| format!("replay?trial={number}"))
         }
     };
-    let words = format!("<code>{}</code>", escaped(record));
+    let words = format!("<code>{}</code>", escape_html(record));
     address.map_or(words.clone(), |address| format!("<a href=\"{address}\">{words}</a>"))
 }
 
 /// The table for LaTeX, with rules of the package booktabs.
 pub(super) fn latex(table: &ReportTable) -> String {
     let line = |cells: &[String]| {
-        format!("{} \\\\\n", cells.iter().map(|cell| for_latex(cell)).collect::<Vec<_>>().join(" & "))
+        format!("{} \\\\\n", cells.iter().map(|cell| escape_latex(cell)).collect::<Vec<_>>().join(" & "))
     };
     let mut out = format!(
         "% \\usepackage{{booktabs}}\n\\begin{{table}}\n\\caption{{{}. {}}}\n\\label{{tab:{}}}\n\\begin{{tabular}}{{{}}}\n\\toprule\n",
-        for_latex(&table.title),
-        for_latex(&table.caption),
+        escape_latex(&table.title),
+        escape_latex(&table.caption),
         table.name,
-        "l".repeat(table.head.len())
+        "l".repeat(table.headers.len())
     );
-    out.push_str(&line(&table.head));
+    out.push_str(&line(&table.headers));
     out.push_str("\\midrule\n");
     table.rows.iter().for_each(|row| out.push_str(&line(row)));
     out.push_str("\\bottomrule\n\\end{tabular}\n\\end{table}\n");
     out
 }
 
-fn for_latex(text: &str) -> String {
+fn escape_latex(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for letter in text.chars() {
         match letter {
@@ -204,18 +204,18 @@ mod tests {
             name: "rankings",
             title: "A & B".to_owned(),
             caption: "50 % of x_1".to_owned(),
-            head: vec!["P".to_owned(), "why".to_owned()],
+            headers: vec!["P".to_owned(), "why".to_owned()],
             rows: vec![vec!["P1".to_owned(), "<script>alert(1)</script> \\input{x}".to_owned()]],
         };
-        let head = Head {
+        let head = ReportHeader {
             title: "t<b>",
-            about: String::new(),
+            data_description: String::new(),
             simulated: true,
             notes: &[],
-            presumed: &[],
-            replays: Replays::Elsewhere,
+            assumptions: &[],
+            replays: ReplayLinks::Command,
         };
-        let page = page(&head, &[Part::Table(&table)]);
+        let page = page(&head, &[ReportSection::Table(&table)]);
         assert!(
             !page.contains("<script>") && page.contains("&lt;script&gt;") && page.contains("t&lt;b&gt;"),
             "{page}"
@@ -229,9 +229,9 @@ mod tests {
     #[test]
     fn a_record_links_to_its_replay_by_its_place_among_the_records() {
         let records = ["t/b".to_owned(), "t/a&b".to_owned()];
-        let served = Replays::Served(&records);
+        let served = ReplayLinks::Served(&records);
         assert_eq!(record("t/a&b", served), "<a href=\"replay?trial=1\"><code>t/a&amp;b</code></a>");
         assert_eq!(record("gone", served), "<code>gone</code>");
-        assert_eq!(record("t/b", Replays::Elsewhere), "<a href=\"#about-trials\"><code>t/b</code></a>");
+        assert_eq!(record("t/b", ReplayLinks::Command), "<a href=\"#about-trials\"><code>t/b</code></a>");
     }
 }

@@ -1,10 +1,10 @@
 //! The trials of a report, for the page that replays them.
 
 use super::{
-    Collected, WrittenReport,
+    AnalysisData, WrittenReport,
     summaries::{participant, records},
 };
-use crate::{Arm, film, film_of_bag};
+use crate::{Arm, bag_playback, record_playback, with_path};
 use proact_bridge::{RecordedTrial, TrialLibrary, TrialSummary};
 use proact_control::MethodRegistry;
 use proact_testbed::TrialConfig;
@@ -25,18 +25,18 @@ impl ReportLibrary {
     /// A trial without score or length, or with an invalid seed.
     pub fn new(
         methods: &MethodRegistry,
-        collected: &Collected,
+        collected: &AnalysisData,
         written: WrittenReport,
     ) -> Result<Self, String> {
         let table = &collected.tables["trials"];
-        let record = |row: &Vec<_>| table.words(row, "record");
+        let record = |row: &Vec<_>| table.text(row, "record");
         let number = |row: &Vec<_>, name| {
             table
                 .number(row, name)
                 .ok_or_else(|| format!("{}: the table of trials has no {name} of it", record(row)))
         };
         // A bag does not tell its seed.
-        let seed = |row: &Vec<_>| match table.words(row, "seed").as_str() {
+        let seed = |row: &Vec<_>| match table.text(row, "seed").as_str() {
             "" => Ok(None),
             seed => seed
                 .parse::<u64>()
@@ -48,11 +48,11 @@ impl ReportLibrary {
                 name: format!(
                     "{} {} trial {}",
                     participant(table, row),
-                    table.words(row, "condition"),
-                    table.words(row, "trial")
+                    table.text(row, "condition"),
+                    table.text(row, "trial")
                 ),
-                method: table.words(row, "method"),
-                setup: table.words(row, "setup"),
+                method: table.text(row, "method"),
+                setup: table.text(row, "setup"),
                 seed: seed(row)?,
                 seconds: number(row, "seconds")?,
                 // Counts of a task.
@@ -66,7 +66,7 @@ impl ReportLibrary {
         };
         let summaries: Vec<TrialSummary> = table.rows.iter().map(summary).collect::<Result<_, _>>()?;
         let trials = summaries.into_iter().zip(records(table).into_iter().map(path)).collect();
-        Ok(Self { methods: methods.clone(), trials, report: written.served })
+        Ok(Self { methods: methods.clone(), trials, report: written.served_html })
     }
 }
 
@@ -77,12 +77,12 @@ impl TrialLibrary for ReportLibrary {
 
     fn trial(&self, number: usize) -> Result<RecordedTrial, String> {
         let (summary, path) = self.trials.get(number).ok_or_else(|| format!("there is no trial {number}"))?;
-        let named = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
+        let named = |error: &dyn std::fmt::Display| with_path(path, error);
         let trial = if path.is_file() {
-            let arm = Arm::named(TrialConfig::DEFAULT_ARM).map_err(|error| named(&error))?;
-            film_of_bag::read(path, &arm)
+            let arm = Arm::load(TrialConfig::DEFAULT_ARM).map_err(|error| named(&error))?;
+            bag_playback::read_playback(path, &arm)
         } else {
-            film::recompute(&self.methods, path)
+            record_playback::recompute_playback(&self.methods, path)
         };
         let trial = trial.map_err(|error| named(&error))?;
         Ok(RecordedTrial { name: summary.name.clone(), ..trial })

@@ -1,25 +1,24 @@
 //! What people answered: ratings, rankings and scores.
 
 use super::{
-    Collected,
-    summaries::{Ordered, ReportTable, SUMMED_UP, Value, participant, summed_up},
+    AnalysisData,
+    summaries::{NaturalSortKey, ParticipantValue, ReportTable, SUMMARY_HEADERS, participant, summary_rows},
 };
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Ratings of conditions, by questionnaire and item: answers that are numbers.
-pub(super) fn rated(collected: &Collected) -> BTreeMap<(String, String), Vec<Value>> {
-    let mut rated: BTreeMap<(String, String), Vec<Value>> = BTreeMap::new();
+pub(super) fn ratings_by_item(collected: &AnalysisData) -> BTreeMap<(String, String), Vec<ParticipantValue>> {
+    let mut rated: BTreeMap<(String, String), Vec<ParticipantValue>> = BTreeMap::new();
     let Some(answers) = collected.table("answers") else { return rated };
     for row in &answers.rows {
-        let (Some(value), condition) = (answers.number(row, "answer"), answers.words(row, "condition"))
-        else {
+        let (Some(value), condition) = (answers.number(row, "answer"), answers.text(row, "condition")) else {
             continue;
         };
         if condition.is_empty() {
             continue;
         }
-        let key = (answers.words(row, "form"), answers.words(row, "item"));
-        rated.entry(key).or_default().push(Value {
+        let key = (answers.text(row, "form"), answers.text(row, "item"));
+        rated.entry(key).or_default().push(ParticipantValue {
             participant: participant(answers, row),
             condition,
             value,
@@ -28,10 +27,10 @@ pub(super) fn rated(collected: &Collected) -> BTreeMap<(String, String), Vec<Val
     rated
 }
 
-pub(super) fn ratings(collected: &Collected, conditions: &[String]) -> Option<ReportTable> {
+pub(super) fn ratings(collected: &AnalysisData, conditions: &[String]) -> Option<ReportTable> {
     let mut rows = Vec::new();
-    for ((form, item), found) in rated(collected) {
-        for mut row in summed_up(conditions, &found, 2) {
+    for ((form, item), found) in ratings_by_item(collected) {
+        for mut row in summary_rows(conditions, &found, 2) {
             row.insert(0, format!("{form}: {item}"));
             rows.push(row);
         }
@@ -41,45 +40,43 @@ pub(super) fn ratings(collected: &Collected, conditions: &[String]) -> Option<Re
         title: "Ratings".to_owned(),
         caption: "Answers on scales, by questionnaire and item; questions.csv of the export has their words."
             .to_owned(),
-        head: std::iter::once("Item").chain(SUMMED_UP).map(str::to_owned).collect(),
+        headers: std::iter::once("Item").chain(SUMMARY_HEADERS).map(str::to_owned).collect(),
         rows,
     })
 }
 
 /// Places of the conditions in a ranking such as `D=C,A,B`; none for other answers.
-pub(super) fn ranking(answer: &str, conditions: &[String]) -> Option<Vec<Vec<String>>> {
-    let places: Vec<Vec<String>> = answer
-        .split(',')
-        .map(|place| place.split('=').map(|name| name.trim().to_owned()).collect())
-        .collect();
-    let mut named: Vec<&String> = places.iter().flatten().collect();
+pub(super) fn parse_ranking(answer: &str, conditions: &[String]) -> Option<Vec<Vec<String>>> {
+    let ranks: Vec<Vec<String>> =
+        answer.split(',').map(|rank| rank.split('=').map(|name| name.trim().to_owned()).collect()).collect();
+    let mut named: Vec<&String> = ranks.iter().flatten().collect();
     named.sort();
     named.dedup();
     let all = named.len() == conditions.len() && named.iter().all(|name| conditions.contains(name));
-    (conditions.len() > 1 && all && places.iter().map(Vec::len).sum::<usize>() == conditions.len())
-        .then_some(places)
+    (conditions.len() > 1 && all && ranks.iter().map(Vec::len).sum::<usize>() == conditions.len())
+        .then_some(ranks)
 }
 
-pub(super) fn rankings(collected: &Collected, conditions: &[String]) -> Option<ReportTable> {
+pub(super) fn rankings(collected: &AnalysisData, conditions: &[String]) -> Option<ReportTable> {
     let answers = collected.table("answers")?;
     let mut items: Vec<String> = Vec::new();
-    let mut cells: BTreeMap<(Ordered, String), String> = BTreeMap::new();
+    let mut cells: BTreeMap<(NaturalSortKey, String), String> = BTreeMap::new();
     for row in &answers.rows {
-        let answer = answers.words(row, "answer");
-        let told = match ranking(&answer, conditions) {
-            Some(places) => places.iter().map(|place| place.join(" = ")).collect::<Vec<_>>().join(" > "),
+        let answer = answers.text(row, "answer");
+        let ranking = match parse_ranking(&answer, conditions) {
+            Some(ranks) => ranks.iter().map(|rank| rank.join(" = ")).collect::<Vec<_>>().join(" > "),
             // One last trial: which.
-            None if answers.words(row, "condition").is_empty() && conditions.contains(&answer) => answer,
+            None if answers.text(row, "condition").is_empty() && conditions.contains(&answer) => answer,
             None => continue,
         };
-        let item = answers.words(row, "item");
+        let item = answers.text(row, "item");
         if !items.contains(&item) {
             items.push(item.clone());
         }
-        cells.insert((Ordered::of(participant(answers, row)), item), told);
+        cells.insert((NaturalSortKey::of(participant(answers, row)), item), ranking);
     }
-    let people: BTreeSet<Ordered> = cells.keys().map(|(who, _)| who.clone()).collect();
-    let row = |who: &Ordered| {
+    let people: BTreeSet<NaturalSortKey> = cells.keys().map(|(who, _)| who.clone()).collect();
+    let row = |who: &NaturalSortKey| {
         let cell = |item: &String| {
             cells.get(&(who.clone(), item.clone())).cloned().unwrap_or_else(|| "–".to_owned())
         };
@@ -89,7 +86,7 @@ pub(super) fn rankings(collected: &Collected, conditions: &[String]) -> Option<R
         name: "rankings",
         title: "Rankings and choices".to_owned(),
         caption: "Best first; = between methods that share a place.".to_owned(),
-        head: std::iter::once("P".to_owned())
+        headers: std::iter::once("P".to_owned())
             .chain(items.iter().map(|item| item.replace('_', " ")))
             .collect(),
         rows: people.iter().map(row).collect(),
@@ -103,27 +100,27 @@ fn score_name(form: &str, score: &str) -> String {
 }
 
 /// Scores of questionnaires about conditions, by questionnaire and score.
-pub(super) fn scored(collected: &Collected) -> BTreeMap<String, Vec<Value>> {
-    let mut found: BTreeMap<String, Vec<Value>> = BTreeMap::new();
+pub(super) fn scores_by_form(collected: &AnalysisData) -> BTreeMap<String, Vec<ParticipantValue>> {
+    let mut found: BTreeMap<String, Vec<ParticipantValue>> = BTreeMap::new();
     let Some(scores) = collected.table("scores") else { return found };
     for row in &scores.rows {
-        let (Some(value), condition) = (scores.number(row, "value"), scores.words(row, "condition")) else {
+        let (Some(value), condition) = (scores.number(row, "value"), scores.text(row, "condition")) else {
             continue;
         };
         if !condition.is_empty() {
             found
-                .entry(score_name(&scores.words(row, "form"), &scores.words(row, "score")))
+                .entry(score_name(&scores.text(row, "form"), &scores.text(row, "score")))
                 .or_default()
-                .push(Value { participant: participant(scores, row), condition, value });
+                .push(ParticipantValue { participant: participant(scores, row), condition, value });
         }
     }
     found
 }
 
-pub(super) fn questionnaires(collected: &Collected, conditions: &[String]) -> Option<ReportTable> {
+pub(super) fn questionnaires(collected: &AnalysisData, conditions: &[String]) -> Option<ReportTable> {
     let mut rows = Vec::new();
-    for (name, found) in scored(collected) {
-        for mut row in summed_up(conditions, &found, 1) {
+    for (name, found) in scores_by_form(collected) {
+        for mut row in summary_rows(conditions, &found, 1) {
             row.insert(0, name.clone());
             rows.push(row);
         }
@@ -132,7 +129,7 @@ pub(super) fn questionnaires(collected: &Collected, conditions: &[String]) -> Op
         name: "questionnaires",
         title: "Questionnaires".to_owned(),
         caption: "Scores as each instrument defines them.".to_owned(),
-        head: std::iter::once("Score").chain(SUMMED_UP).map(str::to_owned).collect(),
+        headers: std::iter::once("Score").chain(SUMMARY_HEADERS).map(str::to_owned).collect(),
         rows,
     })
 }
@@ -150,10 +147,10 @@ mod tests {
     #[test]
     fn rankings_with_ties_are_read_and_other_answers_are_not() {
         let conditions = ["A", "B", "C", "D"].map(str::to_owned);
-        let places = ranking("D=C,A,B", &conditions).unwrap();
-        assert_eq!(places, [vec!["D", "C"], vec!["A"], vec!["B"]]);
+        let ranks = parse_ranking("D=C,A,B", &conditions).unwrap();
+        assert_eq!(ranks, [vec!["D", "C"], vec!["A"], vec!["B"]]);
         for other in ["D", "A,B,C", "A,B,C,C", "A,B,C,D,A", "3", ""] {
-            assert_eq!(ranking(other, &conditions), None, "{other}");
+            assert_eq!(parse_ranking(other, &conditions), None, "{other}");
         }
     }
 }

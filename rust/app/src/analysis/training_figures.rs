@@ -1,12 +1,12 @@
 //! Figures of a training: what is taken for what, and how far the gestures lie apart.
 
-use super::charts::{ChartError, Charts, Spec};
+use super::charts::{ChartError, ChartSpec, Charts};
 use proact_emg::{FeatureSpace, FeatureSpaceAxes};
-use proact_types::GestureName;
+use proact_types::Gesture;
 use serde_json::json;
 
 /// Dots of a gesture: more say no more, and make the file large.
-const MOST_DOTS: usize = 150;
+const MAX_POINTS_PER_GESTURE: usize = 150;
 
 /// A figure of a training.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,7 +18,7 @@ pub struct TrainingFigure {
     /// How it is to be read.
     pub caption: String,
     /// To be put into a page: words and lines have the colour of the words around it.
-    pub drawing: String,
+    pub inline_svg: String,
     /// The SVG as a file of its own.
     pub svg: String,
 }
@@ -28,19 +28,19 @@ pub struct TrainingFigure {
 /// # Errors
 /// [`ChartError`].
 pub fn training_figures(
-    judged: Option<(&[GestureName], &[Vec<usize>])>,
+    confusion_matrix: Option<(&[Gesture], &[Vec<usize>])>,
     space: &FeatureSpace,
 ) -> Result<Vec<TrainingFigure>, ChartError> {
     let charts = Charts::new()?;
-    let figure = |name, title, caption: String, spec: Spec| {
+    let figure = |name, title, caption: String, spec: ChartSpec| {
         let drawing = charts.draw(&spec)?;
         // A file says itself what it shows.
-        let told = format!("><title>{title}</title><desc>{caption}</desc>");
-        let svg = charts.files(&drawing)?.0.replacen('>', &told, 1);
-        Ok(TrainingFigure { name, title, caption, drawing, svg })
+        let title_and_caption = format!("><title>{title}</title><desc>{caption}</desc>");
+        let svg = charts.svg_and_png(&drawing)?.0.replacen('>', &title_and_caption, 1);
+        Ok(TrainingFigure { name, title, caption, inline_svg: drawing, svg })
     };
     let mut figures = Vec::new();
-    if let Some((classes, confusion)) = judged {
+    if let Some((classes, confusion)) = confusion_matrix {
         let windows: usize = confusion.iter().flatten().sum();
         figures.push(figure(
             "confusion",
@@ -56,26 +56,26 @@ pub fn training_figures(
     Ok(figures)
 }
 
-fn confusion_spec(classes: &[GestureName], confusion: &[Vec<usize>]) -> Spec {
-    let cell = |asked: &GestureName, row: &[usize], column: usize| {
+fn confusion_spec(classes: &[Gesture], confusion: &[Vec<usize>]) -> ChartSpec {
+    let cell = |truth: &Gesture, row: &[usize], column: usize| {
         let share = row[column] as f64 / row.iter().sum::<usize>().max(1) as f64;
         let letter = if row[column] == 0 { String::new() } else { format!("{:.0} %", 100.0 * share) };
-        json!({"x": classes[column], "y": asked, "value": share, "letter": letter})
+        json!({"x": classes[column], "y": truth, "value": share, "letter": letter})
     };
     let rows = classes.iter().zip(confusion).filter(|(_, row)| row.iter().any(|count| *count > 0));
-    Spec {
+    ChartSpec {
         kind: "confusion",
-        rows: rows.flat_map(|(asked, row)| (0..classes.len()).map(move |k| cell(asked, row, k))).collect(),
+        rows: rows.flat_map(|(truth, row)| (0..classes.len()).map(move |k| cell(truth, row, k))).collect(),
         x: "recognised".into(),
         y: "asked".into(),
         order: classes.iter().map(ToString::to_string).collect(),
-        most: Some(1.0),
-        ..Spec::default()
+        axis_max: Some(1.0),
+        ..ChartSpec::default()
     }
 }
 
 fn space_caption(space: &FeatureSpace) -> String {
-    let [first, second] = space.shares.map(|share| 100.0 * share);
+    let [first, second] = space.explained_variance_ratio.map(|share| 100.0 * share);
     let (axes, of) = match space.axes {
         FeatureSpaceAxes::LinearDiscriminants => (
             "first two linear discriminants, in standard deviations within a gesture",
@@ -86,49 +86,49 @@ fn space_caption(space: &FeatureSpace) -> String {
         }
     };
     format!(
-        "The windows of the training along the {axes}: {first:.0} % and {second:.0} % of the {of}. At most {MOST_DOTS} windows of a \
+        "The windows of the training along the {axes}: {first:.0} % and {second:.0} % of the {of}. At most {MAX_POINTS_PER_GESTURE} windows of a \
          gesture are drawn. They are those that were learnt from: gestures lie further apart here than they will."
     )
 }
 
-fn space_spec(space: &FeatureSpace) -> Spec {
-    let mut parts: Vec<GestureName> = space.gestures.clone();
+fn space_spec(space: &FeatureSpace) -> ChartSpec {
+    let mut parts: Vec<Gesture> = space.gestures.clone();
     parts.sort_unstable();
     parts.dedup();
     let mut rows = Vec::new();
     for part in &parts {
         let own: Vec<&[f64; 2]> =
             space.gestures.iter().zip(&space.points).filter(|(g, _)| *g == part).map(|(_, p)| p).collect();
-        let step = own.len().div_ceil(MOST_DOTS).max(1);
+        let step = own.len().div_ceil(MAX_POINTS_PER_GESTURE).max(1);
         rows.extend(own.iter().step_by(step).map(|[x, y]| json!({"x": x, "y": y, "part": part})));
     }
     let axis = |k: usize| match space.axes {
         FeatureSpaceAxes::LinearDiscriminants => format!("linear discriminant {}", k + 1),
         FeatureSpaceAxes::PrincipalComponents => format!("principal component {}", k + 1),
     };
-    Spec {
+    ChartSpec {
         kind: "cloud",
         rows,
         x: axis(0),
         y: axis(1),
         parts: parts.iter().map(ToString::to_string).collect(),
-        ..Spec::default()
+        ..ChartSpec::default()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proact_types::Gesture;
+    use proact_types::Command;
 
     #[test]
     fn both_figures_are_drawn_with_every_gesture_and_say_what_their_axes_are() {
-        let gestures: Vec<GestureName> =
-            [Gesture::HandClose, Gesture::HandOpen, Gesture::NoMotion].map(GestureName::from).into();
+        let gestures: Vec<Gesture> =
+            [Command::HandClose, Command::HandOpen, Command::NoMotion].map(Gesture::from).into();
         let confusion = vec![vec![9, 1, 0], vec![0, 10, 0], vec![0, 0, 10]];
         let space = FeatureSpace {
             axes: FeatureSpaceAxes::LinearDiscriminants,
-            shares: [0.75, 0.25],
+            explained_variance_ratio: [0.75, 0.25],
             gestures: (0..3000).map(|k| gestures[k % 3]).collect(),
             points: (0..3000).map(|k| [k as f64 % 3.0, (k as f64).sin()]).collect(),
         };
@@ -144,6 +144,6 @@ mod tests {
         }
         let dots = second.svg.matches("<path").count() + second.svg.matches("<circle").count();
         assert!((300..=600).contains(&dots), "{dots} dots");
-        assert!(!second.svg.contains("currentColor") && second.drawing.contains("currentColor"));
+        assert!(!second.svg.contains("currentColor") && second.inline_svg.contains("currentColor"));
     }
 }

@@ -1,6 +1,6 @@
 //! What a batch is, as its folder has it: another batch does not go into the same folder.
 
-use proact_recording::hash_of;
+use proact_recording::sha256_of_bytes;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -16,7 +16,8 @@ pub struct BatchDescription {
     /// What is varied, as the command line has it.
     pub vary: Vec<String>,
     /// The kind of people.
-    pub people: String,
+    #[serde(rename = "people")]
+    pub participant_kind: String,
     /// How many.
     pub participants: usize,
     /// Draws them.
@@ -26,7 +27,8 @@ pub struct BatchDescription {
     /// Into so many shards they are divided.
     pub shards: usize,
     /// Hash of the configurations of the first trials of all conditions in all cells.
-    pub configurations: String,
+    #[serde(rename = "configurations")]
+    pub config_hash: String,
     /// What the trials are no evidence of.
     pub note: String,
 }
@@ -36,26 +38,26 @@ pub struct BatchDescription {
 #[non_exhaustive]
 pub enum BatchError {
     /// It has another batch.
-    #[error("{} holds a batch of other {what}: {has}, and this one has {asked}; name another folder with --out", dir.display())]
-    Other {
+    #[error("{} holds a batch of other {what}: {found}, and this one has {requested}; name another folder with --out", dir.display())]
+    Mismatch {
         /// The folder.
         dir: PathBuf,
         /// Of what.
         what: &'static str,
         /// What the folder's has.
-        has: String,
+        found: String,
         /// What was asked for.
-        asked: String,
+        requested: String,
     },
     /// It has something else.
     #[error("{} is not empty, and holds no batch; name another folder with --out", dir.display())]
-    Foreign {
+    NotEmpty {
         /// The folder.
         dir: PathBuf,
     },
     /// It holds no batch.
     #[error("{} holds no batch: there is no {file} in it; run proact simulate with --out first", dir.display())]
-    None {
+    NotABatch {
         /// The folder.
         dir: PathBuf,
         /// What is missing.
@@ -63,7 +65,7 @@ pub enum BatchError {
     },
     /// Somebody else writes there.
     #[error("{} is being written by another program; wait for it, or end it", path.display())]
-    Busy {
+    Locked {
         /// The file.
         path: PathBuf,
     },
@@ -93,26 +95,26 @@ pub enum BatchError {
 }
 
 impl BatchDescription {
-    /// The first thing in which `self`, that of the folder, differs from `asked`: what, and both values.
-    pub(super) fn difference(&self, asked: &Self) -> Option<(&'static str, String, String)> {
+    /// The first thing in which `self`, that of the folder, differs from `requested`: what, and both values.
+    pub(super) fn difference(&self, requested: &Self) -> Option<(&'static str, String, String)> {
         let pairs = [
-            ("program version", self.program.clone(), asked.program.clone()),
-            ("trials", self.source.clone(), asked.source.clone()),
-            ("conditions", self.conditions.join(", "), asked.conditions.join(", ")),
-            ("varied values", self.vary.join(" "), asked.vary.join(" ")),
-            ("people", self.people.clone(), asked.people.clone()),
-            ("participants", self.participants.to_string(), asked.participants.to_string()),
-            ("seed", self.seed.to_string(), asked.seed.to_string()),
-            ("number of trials", self.trials.to_string(), asked.trials.to_string()),
-            ("number of shards", self.shards.to_string(), asked.shards.to_string()),
-            ("configuration", self.configurations.clone(), asked.configurations.clone()),
+            ("program version", self.program.clone(), requested.program.clone()),
+            ("trials", self.source.clone(), requested.source.clone()),
+            ("conditions", self.conditions.join(", "), requested.conditions.join(", ")),
+            ("varied values", self.vary.join(" "), requested.vary.join(" ")),
+            ("people", self.participant_kind.clone(), requested.participant_kind.clone()),
+            ("participants", self.participants.to_string(), requested.participants.to_string()),
+            ("seed", self.seed.to_string(), requested.seed.to_string()),
+            ("number of trials", self.trials.to_string(), requested.trials.to_string()),
+            ("number of shards", self.shards.to_string(), requested.shards.to_string()),
+            ("configuration", self.config_hash.clone(), requested.config_hash.clone()),
         ];
-        pairs.into_iter().find(|(_, has, asked)| has != asked)
+        pairs.into_iter().find(|(_, has, requested)| has != requested)
     }
 }
 
 /// One hash of many texts.
 pub(super) fn values_hash(texts: &[String]) -> String {
-    let hashes: Vec<String> = texts.iter().map(|text| hash_of(text.as_bytes())).collect();
-    hash_of(hashes.join("\n").as_bytes())
+    let hashes: Vec<String> = texts.iter().map(|text| sha256_of_bytes(text.as_bytes())).collect();
+    sha256_of_bytes(hashes.join("\n").as_bytes())
 }

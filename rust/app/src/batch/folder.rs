@@ -2,8 +2,8 @@
 
 use super::{BatchDescription, BatchError, BatchTrial};
 use crate::study::TrialScores;
-use proact_files::{make_folder, write_whole};
-use proact_recording::{FileLock, hash_of};
+use proact_files::{make_folder, write_atomically};
+use proact_recording::{FileLock, sha256_of_bytes};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use std::{
@@ -19,11 +19,11 @@ pub(crate) const DESCRIPTION: &str = "batch.json";
 /// Held while the folder is made and while shards are merged.
 const LOCK: &str = "batch.lock";
 /// More of a batch's description is none, bytes.
-const MOST_DESCRIPTION: u64 = 1 << 24;
+const MAX_DESCRIPTION_BYTES: u64 = 1 << 24;
 /// A trial is no longer line than this, bytes.
-const LONGEST_LINE: u64 = 1 << 28;
+const MAX_LINE_BYTES: u64 = 1 << 28;
 /// Hexadecimal digits of a line's checksum, which a blank follows.
-const CHECK: usize = 16;
+const CHECKSUM_DIGITS: usize = 16;
 
 /// A part of a batch: every `of`-th trial, from the `number`-th on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,22 +31,22 @@ pub struct Shard {
     /// Which, from 1.
     pub number: usize,
     /// Of how many.
-    pub of: usize,
+    pub count: usize,
 }
 
 impl Shard {
     /// The whole batch.
-    pub const WHOLE: Self = Self { number: 1, of: 1 };
+    pub const WHOLE: Self = Self { number: 1, count: 1 };
     /// More are most likely a slip.
-    pub const MOST: usize = 100_000;
+    pub const MAX_COUNT: usize = 100_000;
 
     /// Whether the trial in place `index` belongs to it.
-    pub fn holds(self, index: usize) -> bool {
-        index % self.of == self.number - 1
+    pub fn contains(self, index: usize) -> bool {
+        index % self.count == self.number - 1
     }
 
     fn file(self) -> String {
-        format!("shard-{}-of-{}.log", self.number, self.of)
+        format!("shard-{}-of-{}.log", self.number, self.count)
     }
 }
 
@@ -57,10 +57,12 @@ impl FromStr for Shard {
         let numbers =
             text.split_once('/').and_then(|(number, of)| Some((number.parse().ok()?, of.parse().ok()?)));
         match numbers {
-            Some((number, of)) if (1..=of).contains(&number) && of <= Self::MOST => Ok(Self { number, of }),
+            Some((number, of)) if (1..=of).contains(&number) && of <= Self::MAX_COUNT => {
+                Ok(Self { number, count: of })
+            }
             _ => Err(format!(
                 "{text:?} is no shard, expected K/N such as 2/8, with K from 1 to N and N at most {}",
-                Self::MOST
+                Self::MAX_COUNT
             )),
         }
     }
@@ -68,7 +70,7 @@ impl FromStr for Shard {
 
 impl fmt::Display for Shard {
     fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(to, "{}/{}", self.number, self.of)
+        write!(to, "{}/{}", self.number, self.count)
     }
 }
 
@@ -100,11 +102,11 @@ fn failed(path: &Path) -> impl FnOnce(io::Error) -> BatchError {
 }
 
 impl BatchFolder {
-    /// Makes the folder for the batch `asked`, or takes up the one that is there.
+    /// Makes the folder for the batch `requested`, or takes up the one that is there.
     ///
     /// # Errors
     /// [`BatchError`]: a folder of another batch, by what differs; one that is not empty and holds no batch.
-    pub fn take_up(dir: &Path, asked: BatchDescription) -> Result<Self, BatchError> {
+    pub fn open_or_resume(dir: &Path, requested: BatchDescription) -> Result<Self, BatchError> {
         make_folder(dir).map_err(|error| failed(dir)(error.into()))?;
         let path = dir.join(DESCRIPTION);
         let mut names = Vec::new();
@@ -114,17 +116,19 @@ impl BatchFolder {
         // A description that was begun is ours, and so is what a scheduler says of our script.
         let own = |name: &std::ffi::OsString| name.to_string_lossy().starts_with("batch.") || name == "slurm";
         if !path.is_file() && !names.iter().all(own) {
-            return Err(BatchError::Foreign { dir: dir.to_owned() });
+            return Err(BatchError::NotEmpty { dir: dir.to_owned() });
         }
-        let _lock = Self::locked(dir)?;
+        let _lock = Self::lock_dir(dir)?;
         if !path.is_file() {
-            let text = serde_json::to_string_pretty(&asked).map_err(|e| failed(&path)(e.into()))?;
-            write_whole(&path, text + "\n").map_err(|error| failed(&path)(error.into()))?;
-            return Ok(Self { dir: dir.to_owned(), description: asked });
+            let text = serde_json::to_string_pretty(&requested).map_err(|e| failed(&path)(e.into()))?;
+            write_atomically(&path, text + "\n").map_err(|error| failed(&path)(error.into()))?;
+            return Ok(Self { dir: dir.to_owned(), description: requested });
         }
         let found = Self::open(dir)?;
-        match found.description.difference(&asked) {
-            Some((what, has, asked)) => Err(BatchError::Other { dir: dir.to_owned(), what, has, asked }),
+        match found.description.difference(&requested) {
+            Some((what, has, requested)) => {
+                Err(BatchError::Mismatch { dir: dir.to_owned(), what, found: has, requested })
+            }
             None => Ok(found),
         }
     }
@@ -136,21 +140,21 @@ impl BatchFolder {
     pub fn open(dir: &Path) -> Result<Self, BatchError> {
         let path = dir.join(DESCRIPTION);
         let file = File::open(&path).map_err(|error| match error.kind() {
-            io::ErrorKind::NotFound => BatchError::None { dir: dir.to_owned(), file: DESCRIPTION },
+            io::ErrorKind::NotFound => BatchError::NotABatch { dir: dir.to_owned(), file: DESCRIPTION },
             _ => failed(&path)(error),
         })?;
         let mut text = String::new();
-        file.take(MOST_DESCRIPTION).read_to_string(&mut text).map_err(failed(&path))?;
+        file.take(MAX_DESCRIPTION_BYTES).read_to_string(&mut text).map_err(failed(&path))?;
         let description = serde_json::from_str(&text)
             .map_err(|error| BatchError::File { path, reason: format!("it describes no batch: {error}") })?;
         Ok(Self { dir: dir.to_owned(), description })
     }
 
     /// Alone in the folder, until it is dropped.
-    pub(super) fn locked(dir: &Path) -> Result<FileLock, BatchError> {
+    pub(super) fn lock_dir(dir: &Path) -> Result<FileLock, BatchError> {
         let path = dir.join(LOCK);
         let file = File::create(&path).map_err(failed(&path))?;
-        FileLock::hold(file).map_err(failed(&path))
+        FileLock::acquire(file).map_err(failed(&path))
     }
 
     /// Where the lines of a shard are.
@@ -165,7 +169,7 @@ pub struct ShardFile {
     file: FileLock,
     path: PathBuf,
     /// Whether each trial of the batch is over.
-    over: Vec<bool>,
+    completed: Vec<bool>,
     /// Lines that were damaged; their trials are run again.
     pub damaged: usize,
 }
@@ -175,46 +179,46 @@ impl ShardFile {
     ///
     /// # Errors
     /// [`BatchError`]: another program writes to it.
-    pub fn take_up(folder: &BatchFolder, shard: Shard) -> Result<Self, BatchError> {
+    pub fn open_or_resume(folder: &BatchFolder, shard: Shard) -> Result<Self, BatchError> {
         let path = folder.shard_path(shard);
         let file =
             OpenOptions::new().read(true).append(true).create(true).open(&path).map_err(failed(&path))?;
-        let file = match FileLock::try_hold(file) {
+        let file = match FileLock::try_acquire(file) {
             Ok(file) => file,
-            Err(TryLockError::WouldBlock) => return Err(BatchError::Busy { path }),
+            Err(TryLockError::WouldBlock) => return Err(BatchError::Locked { path }),
             Err(TryLockError::Error(error)) => return Err(failed(&path)(error)),
         };
         let mut over = vec![false; folder.description.trials];
         let scan = scan(&path, |index, _, _| over[index] = true, folder.description.trials, shard)?;
-        file.set_len(scan.good_end).map_err(failed(&path))?;
-        Ok(Self { file, path, over, damaged: scan.damaged })
+        file.set_len(scan.valid_bytes).map_err(failed(&path))?;
+        Ok(Self { file, path, completed: over, damaged: scan.damaged })
     }
 
     /// Whether the trial in place `index` is over.
-    pub fn is_over(&self, index: usize) -> bool {
-        self.over[index]
+    pub fn is_completed(&self, index: usize) -> bool {
+        self.completed[index]
     }
 
     /// How many trials are over.
     pub fn count(&self) -> usize {
-        self.over.iter().filter(|over| **over).count()
+        self.completed.iter().filter(|over| **over).count()
     }
 
     /// Keeps a trial: it is on the disk when this returns.
     pub(super) fn push(&mut self, line: &TrialLine) -> Result<(), BatchError> {
         let json = serde_json::to_string(line).map_err(|e| failed(&self.path)(e.into()))?;
-        let text = format!("{} {json}\n", &hash_of(json.as_bytes())[..CHECK]);
+        let text = format!("{} {json}\n", &sha256_of_bytes(json.as_bytes())[..CHECKSUM_DIGITS]);
         let written = self.file.write_all(text.as_bytes()).and_then(|()| self.file.sync_data());
         written.map_err(failed(&self.path))?;
-        self.over[line.index] = true;
+        self.completed[line.index] = true;
         Ok(())
     }
 }
 
 /// What was found in the file of a shard.
-pub(super) struct Scan {
+pub(super) struct ShardScan {
     /// Where its last whole line ends.
-    pub(super) good_end: u64,
+    pub(super) valid_bytes: u64,
     /// Whole lines that are none.
     pub(super) damaged: usize,
 }
@@ -225,39 +229,41 @@ pub(super) fn scan(
     mut tell: impl FnMut(usize, u64, usize),
     trials: usize,
     shard: Shard,
-) -> Result<Scan, BatchError> {
+) -> Result<ShardScan, BatchError> {
     /// All that is looked at.
     #[derive(Deserialize)]
-    struct Place {
+    struct TrialLineIndex {
         index: usize,
     }
     let mut reader = BufReader::new(File::open(path).map_err(failed(path))?);
-    let mut found = Scan { good_end: 0, damaged: 0 };
+    let mut found = ShardScan { valid_bytes: 0, damaged: 0 };
     let mut line = Vec::new();
     loop {
         line.clear();
-        let read = reader.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line).map_err(failed(path))?;
+        let read = reader.by_ref().take(MAX_LINE_BYTES).read_until(b'\n', &mut line).map_err(failed(path))?;
         if line.pop() != Some(b'\n') {
             return Ok(found);
         }
-        let json = checked(&line);
-        let index = json.and_then(|json| serde_json::from_slice(json).ok()).map(|Place { index }| index);
-        match index.filter(|index| *index < trials && shard.holds(*index)) {
+        let json = verify_checksum(&line);
+        let index =
+            json.and_then(|json| serde_json::from_slice(json).ok()).map(|TrialLineIndex { index }| index);
+        match index.filter(|index| *index < trials && shard.contains(*index)) {
             Some(index) => {
-                let start = found.good_end + CHECK as u64 + 1;
-                tell(index, start, line.len() - CHECK - 1);
+                let start = found.valid_bytes + CHECKSUM_DIGITS as u64 + 1;
+                tell(index, start, line.len() - CHECKSUM_DIGITS - 1);
             }
             None => found.damaged += 1,
         }
-        found.good_end += read as u64;
+        found.valid_bytes += read as u64;
     }
 }
 
 /// The JSON text behind a checksum that it has.
-fn checked(line: &[u8]) -> Option<&[u8]> {
-    let (check, json) = line.split_at_checked(CHECK + 1)?;
-    let expected = hash_of(json);
-    (check[..CHECK] == expected.as_bytes()[..CHECK] && check[CHECK] == b' ').then_some(json)
+fn verify_checksum(line: &[u8]) -> Option<&[u8]> {
+    let (check, json) = line.split_at_checked(CHECKSUM_DIGITS + 1)?;
+    let expected = sha256_of_bytes(json);
+    (check[..CHECKSUM_DIGITS] == expected.as_bytes()[..CHECKSUM_DIGITS] && check[CHECKSUM_DIGITS] == b' ')
+        .then_some(json)
 }
 
 /// The line whose JSON text is there.
@@ -283,12 +289,12 @@ mod tests {
             source: "plan".into(),
             conditions: vec!["A".into()],
             vary: vec![],
-            people: "competent".into(),
+            participant_kind: "competent".into(),
             participants: 4,
             seed: 1,
             trials: 4,
             shards: 2,
-            configurations: "00".into(),
+            config_hash: "00".into(),
             note: String::new(),
         }
     }
@@ -304,7 +310,7 @@ mod tests {
             trial: 1,
             seed: 7,
             arrangement: None,
-            history: crate::study::TrialHistory::default(),
+            history: crate::study::ParticipantHistory::default(),
         };
         TrialLine { index, trial, result: Map::new(), scores: TrialScores::default() }
     }
@@ -312,7 +318,7 @@ mod tests {
     #[test]
     fn a_shard_is_every_nth_trial() {
         let second: Shard = "2/3".parse().unwrap();
-        assert_eq!((0..7).filter(|index| second.holds(*index)).collect::<Vec<_>>(), [1, 4]);
+        assert_eq!((0..7).filter(|index| second.contains(*index)).collect::<Vec<_>>(), [1, 4]);
         assert_eq!(second.to_string(), "2/3");
         for wrong in ["0/3", "4/3", "1", "1/", "a/b", "1/100001", "-1/2"] {
             assert!(wrong.parse::<Shard>().unwrap_err().contains("expected K/N"), "{wrong}");
@@ -321,26 +327,29 @@ mod tests {
 
     #[test]
     fn a_folder_takes_its_own_batch_and_says_in_what_another_one_differs() {
-        let place = tempfile::tempdir().unwrap();
-        let dir = place.path().join("batch");
-        assert!(matches!(BatchFolder::open(&dir), Err(BatchError::None { .. })));
-        BatchFolder::take_up(&dir, description()).unwrap();
-        assert_eq!(BatchFolder::take_up(&dir, description()).unwrap().description, description());
+        let temp_dir = tempfile::tempdir().unwrap();
+        let dir = temp_dir.path().join("batch");
+        assert!(matches!(BatchFolder::open(&dir), Err(BatchError::NotABatch { .. })));
+        BatchFolder::open_or_resume(&dir, description()).unwrap();
+        assert_eq!(BatchFolder::open_or_resume(&dir, description()).unwrap().description, description());
         let others = [
             (BatchDescription { seed: 2, ..description() }, "other seed: 1, and this one has 2"),
             (BatchDescription { program: "2".into(), ..description() }, "other program version: 1"),
-            (BatchDescription { configurations: "01".into(), ..description() }, "other configuration"),
+            (BatchDescription { config_hash: "01".into(), ..description() }, "other configuration"),
             (BatchDescription { shards: 3, ..description() }, "other number of shards: 2"),
             (BatchDescription { source: "other".into(), ..description() }, "other trials: plan"),
         ];
         for (other, reason) in others {
-            let error = BatchFolder::take_up(&dir, other).unwrap_err().to_string();
+            let error = BatchFolder::open_or_resume(&dir, other).unwrap_err().to_string();
             assert!(error.contains(reason), "{error}");
         }
-        let foreign = place.path().join("foreign");
+        let foreign = temp_dir.path().join("foreign");
         fs::create_dir(&foreign).unwrap();
         fs::write(foreign.join("thesis.txt"), "all of it").unwrap();
-        assert!(matches!(BatchFolder::take_up(&foreign, description()), Err(BatchError::Foreign { .. })));
+        assert!(matches!(
+            BatchFolder::open_or_resume(&foreign, description()),
+            Err(BatchError::NotEmpty { .. })
+        ));
         assert_eq!(fs::read_dir(&foreign).unwrap().count(), 1, "nothing was put there");
         fs::write(dir.join(DESCRIPTION), "{\"seed\": 1").unwrap();
         assert!(BatchFolder::open(&dir).unwrap_err().to_string().contains("describes no batch"));
@@ -348,12 +357,12 @@ mod tests {
 
     #[test]
     fn a_torn_line_is_cut_off_and_a_damaged_one_does_not_count_wherever_it_is() {
-        let place = tempfile::tempdir().unwrap();
-        let folder = BatchFolder::take_up(place.path(), description()).unwrap();
-        let shard = Shard { number: 1, of: 2 };
+        let temp_dir = tempfile::tempdir().unwrap();
+        let folder = BatchFolder::open_or_resume(temp_dir.path(), description()).unwrap();
+        let shard = Shard { number: 1, count: 2 };
         let path = folder.shard_path(shard);
-        let mut file = ShardFile::take_up(&folder, shard).unwrap();
-        assert!(matches!(ShardFile::take_up(&folder, shard), Err(BatchError::Busy { .. })));
+        let mut file = ShardFile::open_or_resume(&folder, shard).unwrap();
+        assert!(matches!(ShardFile::open_or_resume(&folder, shard), Err(BatchError::Locked { .. })));
         file.push(&line(0)).unwrap();
         file.push(&line(2)).unwrap();
         drop(file);
@@ -362,8 +371,8 @@ mod tests {
         // At every byte at which a kill can have cut the second line.
         for end in first..whole.len() {
             fs::write(&path, &whole[..end]).unwrap();
-            let mut file = ShardFile::take_up(&folder, shard).unwrap();
-            assert_eq!((file.is_over(0), file.is_over(2), file.damaged), (true, false, 0), "{end}");
+            let mut file = ShardFile::open_or_resume(&folder, shard).unwrap();
+            assert_eq!((file.is_completed(0), file.is_completed(2), file.damaged), (true, false, 0), "{end}");
             file.push(&line(2)).unwrap();
             drop(file);
             assert_eq!(fs::read(&path).unwrap(), whole, "{end}");
@@ -373,18 +382,18 @@ mod tests {
             let mut bytes = whole.clone();
             bytes[at] ^= 0x11;
             fs::write(&path, &bytes).unwrap();
-            let file = ShardFile::take_up(&folder, shard).unwrap();
-            assert_eq!((file.is_over(0), file.is_over(2)), (false, true), "{at}");
+            let file = ShardFile::open_or_resume(&folder, shard).unwrap();
+            assert_eq!((file.is_completed(0), file.is_completed(2)), (false, true), "{at}");
             assert!(file.damaged >= 1);
         }
         // A trial of another shard, and one that the batch has not.
         for index in [1, 4] {
             fs::remove_file(&path).unwrap();
-            let mut file = ShardFile::take_up(&folder, shard).unwrap();
-            file.over.resize(5, false);
+            let mut file = ShardFile::open_or_resume(&folder, shard).unwrap();
+            file.completed.resize(5, false);
             file.push(&line(index)).unwrap();
             drop(file);
-            let file = ShardFile::take_up(&folder, shard).unwrap();
+            let file = ShardFile::open_or_resume(&folder, shard).unwrap();
             assert_eq!((file.count(), file.damaged), (0, 1));
         }
     }

@@ -3,14 +3,14 @@
 use super::{
     BatchError, BatchFolder, ScoreTally, Shard, Sweep,
     folder::{TrialLine, read_line, scan},
-    run::OF_THE_MACHINE,
+    run::MACHINE_DEPENDENT_KEYS,
     trial_list::label,
 };
 use crate::{
     analysis::{tables_of_scores, trials_and_blocks},
     study::{TrialScores, tables::trials::block_rows},
 };
-use proact_analysis::table::{Cell, Table};
+use proact_analysis::table::{Table, TableCell};
 use proact_files::OutputFile;
 use proact_testbed::TrialResult;
 use serde_json::{Value, json};
@@ -23,11 +23,11 @@ use std::{
 };
 
 /// All trials, one a line.
-const LINES: &str = "trials.jsonl";
+const TRIALS_FILE: &str = "trials.jsonl";
 
 /// What was put together.
 #[derive(Debug)]
-pub struct Merged {
+pub struct MergedBatch {
     /// All trials as JSON lines.
     pub lines: PathBuf,
     /// Tables as CSV, by name.
@@ -44,22 +44,22 @@ pub struct Merged {
 ///
 /// # Errors
 /// [`BatchError::Incomplete`] if trials are missing; a disk that refuses.
-pub fn merge(folder: &BatchFolder, all: bool) -> Result<Option<Merged>, Box<dyn Error>> {
+pub fn merge_shards(folder: &BatchFolder, all: bool) -> Result<Option<MergedBatch>, Box<dyn Error>> {
     // Of several shards that end at once, one puts them together, and the next finds the same.
-    let _lock = BatchFolder::locked(&folder.dir)?;
+    let _lock = BatchFolder::lock_dir(&folder.dir)?;
     let shards = folder.description.shards;
     let trials = folder.description.trials;
     // Where the line of each trial is.
-    let mut places: Vec<Option<(u64, usize)>> = vec![None; trials];
-    let shard = |index: usize| Shard { number: index % shards + 1, of: shards };
+    let mut sources: Vec<Option<(u64, usize)>> = vec![None; trials];
+    let shard = |index: usize| Shard { number: index % shards + 1, count: shards };
     for number in 1..=shards {
-        let shard = Shard { number, of: shards };
+        let shard = Shard { number, count: shards };
         let path = folder.shard_path(shard);
         if path.is_file() {
-            scan(&path, |index, start, length| places[index] = Some((start, length)), trials, shard)?;
+            scan(&path, |index, start, length| sources[index] = Some((start, length)), trials, shard)?;
         }
     }
-    let missing: Vec<usize> = (0..trials).filter(|index| places[*index].is_none()).collect();
+    let missing: Vec<usize> = (0..trials).filter(|index| sources[*index].is_none()).collect();
     if !missing.is_empty() {
         if !all {
             return Ok(None);
@@ -73,9 +73,9 @@ pub fn merge(folder: &BatchFolder, all: bool) -> Result<Option<Merged>, Box<dyn 
         return Err(BatchError::Incomplete { dir, missing, trials, shards }.into());
     }
     let mut files: BTreeMap<usize, File> = BTreeMap::new();
-    let mut out = Output::begin(folder)?;
-    for (index, place) in places.iter().enumerate() {
-        let Some((start, length)) = *place else { continue };
+    let mut out = MergeOutput::begin(folder)?;
+    for (index, source) in sources.iter().enumerate() {
+        let Some((start, length)) = *source else { continue };
         let shard = shard(index);
         let path = folder.shard_path(shard);
         if !files.contains_key(&shard.number) {
@@ -97,18 +97,18 @@ struct TableFile {
     columns: usize,
 }
 
-struct Output {
+struct MergeOutput {
     lines: BufWriter<OutputFile>,
     tables: BTreeMap<&'static str, TableFile>,
     conditions: Vec<String>,
     sweep: Sweep,
-    merged: Merged,
+    merged: MergedBatch,
 }
 
-impl Output {
+impl MergeOutput {
     fn begin(folder: &BatchFolder) -> Result<Self, Box<dyn Error>> {
-        let sweep = Sweep::read(&folder.description.vary)?;
-        let lines = folder.dir.join(LINES);
+        let sweep = Sweep::parse(&folder.description.vary)?;
+        let lines = folder.dir.join(TRIALS_FILE);
         let mut tables = BTreeMap::new();
         let mut paths = BTreeMap::new();
         let empty: Vec<Table> = trials_and_blocks().into_iter().chain(tables_of_scores()).collect();
@@ -120,7 +120,7 @@ impl Output {
             paths.insert((*name).to_owned(), path);
         }
         let file = OutputFile::create(&lines)?;
-        let merged = Merged {
+        let merged = MergedBatch {
             tables: paths,
             lines,
             tally: ScoreTally::default(),
@@ -133,7 +133,7 @@ impl Output {
 
     fn push(&mut self, line: TrialLine) -> Result<(), Box<dyn Error>> {
         let TrialLine { trial, mut result, scores, .. } = line;
-        for (key, value) in OF_THE_MACHINE.into_iter().zip([json!(0.0), json!(0.0), json!(null)]) {
+        for (key, value) in MACHINE_DEPENDENT_KEYS.into_iter().zip([json!(0.0), json!(0.0), json!(null)]) {
             result.insert(key.to_owned(), value);
         }
         let result: TrialResult = serde_json::from_value(Value::Object(result))?;
@@ -141,23 +141,28 @@ impl Output {
         let condition =
             self.conditions.get(trial.condition).ok_or("a trial of a condition that the batch has not")?;
         let label = label(condition, &values);
-        let key: Vec<Cell> = vec![
+        let key: Vec<TableCell> = vec![
             trial.participant.into(),
-            Cell::Missing,
+            TableCell::Missing,
             trial.session.clone().into(),
             label.as_str().into(),
             trial.trial.into(),
         ];
-        let arrangement = result.beside.get("arrangement").map(proact_analysis::table::word);
-        let mut write = |name: &str, row: &mut dyn Iterator<Item = Cell>| -> Result<(), Box<dyn Error>> {
+        let arrangement =
+            result.legacy_fields.get("arrangement").map(proact_analysis::table::serialized_name);
+        let mut write = |name: &str,
+                         row: &mut dyn Iterator<Item = TableCell>|
+         -> Result<(), Box<dyn Error>> {
             let Some(table) = self.tables.get_mut(name) else { return Ok(()) };
             // A trial that was computed here has no flaw, which is the last cell.
-            let cells =
-                row.chain(std::iter::once(Cell::Missing)).take(table.columns).map(|cell| cell.to_string());
+            let cells = row
+                .chain(std::iter::once(TableCell::Missing))
+                .take(table.columns)
+                .map(|cell| cell.to_string());
             table.writer.write_record(cells.chain(values.iter().map(|(_, value)| (*value).to_owned())))?;
             Ok(())
         };
-        let of_trial = |name: &str| -> Cell {
+        let of_trial = |name: &str| -> TableCell {
             match name {
                 "position" => trial.position.into(),
                 "arrangement" => arrangement.clone().into(),
@@ -166,7 +171,7 @@ impl Output {
                 "task" => result.task.as_str().into(),
                 "arm" => result.arm.as_str().into(),
                 "setup" => result.setup.as_str().into(),
-                "ended" => proact_analysis::table::word(&result.ended).into(),
+                "ended" => proact_analysis::table::serialized_name(&result.ended).into(),
                 "score" => result.counted_score().into(),
                 "score_name" => result.score_name.as_str().into(),
                 "seconds" => result.sim_seconds.into(),
@@ -174,7 +179,7 @@ impl Output {
                 "unsolved_ticks" => result.unsolved_ticks.into(),
                 "digest" => result.digest.as_str().into(),
                 "simulated" => true.into(),
-                _ => Cell::Missing,
+                _ => TableCell::Missing,
             }
         };
         let own = trials_and_blocks();
@@ -206,7 +211,7 @@ impl Output {
             "seed": trial.seed, "method": result.method, "task": result.task, "arm": result.arm, "setup": result.setup,
             "arrangement": arrangement, "score": result.counted_score(), "score_name": result.score_name, "seconds": result.sim_seconds,
             "ended": result.ended, "failure": result.failure(), "gesture_source": result.gesture_source, "unsolved_ticks": result.unsolved_ticks,
-            "result": result.result, "outcomes": result.beside.get("outcomes"), "digest": result.digest, "simulated": true,
+            "result": result.result, "outcomes": result.legacy_fields.get("outcomes"), "digest": result.digest, "simulated": true,
         });
         writeln!(self.lines, "{}", proact_types::to_json(&line)?)?;
         self.merged.tally.take(&label, trial.index, &result);
@@ -215,7 +220,7 @@ impl Output {
         Ok(())
     }
 
-    fn finish(self) -> Result<Merged, Box<dyn Error>> {
+    fn finish(self) -> Result<MergedBatch, Box<dyn Error>> {
         let Self { lines, tables, merged, .. } = self;
         lines.into_inner()?.finish()?;
         for table in tables.into_values() {

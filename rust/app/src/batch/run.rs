@@ -5,8 +5,8 @@ use super::{
     folder::{ShardFile, TrialLine},
 };
 use crate::{
-    study::{TrialDone, Worker, WorkerError},
-    threads::in_threads,
+    study::{FinishedTrial, TrialWorker, WorkerError},
+    threads::run_in_threads,
 };
 use proact_analysis::summary::SampleSummary;
 use proact_testbed::{TrialEnd, TrialResult};
@@ -22,16 +22,16 @@ use std::{
 };
 
 /// So often in a row a trial is begun again whose program ended before it did.
-const MOST_LOST: usize = 3;
+const MAX_WORKER_RESTARTS: usize = 3;
 /// What of a result hangs on the machine.
-pub(super) const OF_THE_MACHINE: [&str; 3] = ["wall_seconds", "real_time_factor", "trial_dir"];
+pub(super) const MACHINE_DEPENDENT_KEYS: [&str; 3] = ["wall_seconds", "real_time_factor", "trial_dir"];
 
 /// How trials are run.
-pub struct BatchPrograms<'a> {
+pub struct BatchRunOptions<'a> {
     /// So many at once.
     pub jobs: usize,
-    /// Starts a program that calls [`work`](crate::study::work).
-    pub worker: &'a (dyn Fn() -> Command + Sync),
+    /// Starts a program that calls [`run_worker`](crate::study::work).
+    pub worker_command: &'a (dyn Fn() -> Command + Sync),
     /// Raised by Ctrl-C or a request to end.
     pub interrupted: &'a AtomicBool,
 }
@@ -45,7 +45,7 @@ pub fn run_batch(
     batch: &Batch,
     pending: impl Iterator<Item = usize> + Send,
     keep: Option<&mut ShardFile>,
-    programs: &BatchPrograms<'_>,
+    programs: &BatchRunOptions<'_>,
     tell: impl FnMut(&BatchTrial, &TrialResult) + Send,
 ) -> Result<bool, Box<dyn Error>> {
     let pending = Mutex::new(pending);
@@ -57,16 +57,16 @@ pub fn run_batch(
         while !stopped() {
             let index = pending.lock().unwrap_or_else(PoisonError::into_inner).next();
             let Some(trial) = index.map(|index| batch.trial(index)) else { break };
-            let order = batch.order(&trial);
+            let order = batch.trial_job(&trial);
             let mut lost = 0;
             let done = loop {
                 let running = match &mut worker {
                     Some(running) => running,
-                    None => worker.insert(Worker::start(&mut (programs.worker)())?),
+                    None => worker.insert(TrialWorker::start(&mut (programs.worker_command)())?),
                 };
                 match running.run(&order, stopped) {
-                    Err(WorkerError::Gone { .. }) if stopped() => return Ok(()),
-                    Err(WorkerError::Gone { .. }) if lost < MOST_LOST => {
+                    Err(WorkerError::WorkerExited { .. }) if stopped() => return Ok(()),
+                    Err(WorkerError::WorkerExited { .. }) if lost < MAX_WORKER_RESTARTS => {
                         lost += 1;
                         worker = None;
                     }
@@ -77,7 +77,7 @@ pub fn run_batch(
                     Ok(done) => break done,
                 }
             };
-            let TrialDone { result, scores } = done;
+            let FinishedTrial { result, scores } = done;
             if result.ended == TrialEnd::Interrupt {
                 break;
             }
@@ -88,7 +88,7 @@ pub fn run_batch(
                 file.push(&TrialLine {
                     index: trial.index,
                     trial: trial.clone(),
-                    result: of_the_trial(&result)?,
+                    result: machine_independent_result(&result)?,
                     scores,
                 })?;
             }
@@ -96,14 +96,14 @@ pub fn run_batch(
         }
         Ok(())
     };
-    in_threads(programs.jobs, &failed, work)?;
+    run_in_threads(programs.jobs, &failed, work)?;
     Ok(!programs.interrupted.load(Ordering::Relaxed))
 }
 
 /// A result without what hangs on the machine.
-fn of_the_trial(result: &TrialResult) -> Result<Map<String, Value>, serde_json::Error> {
+fn machine_independent_result(result: &TrialResult) -> Result<Map<String, Value>, serde_json::Error> {
     let mut result: Map<String, Value> = serde_json::from_value(serde_json::to_value(result)?)?;
-    OF_THE_MACHINE.iter().for_each(|key| _ = result.remove(*key));
+    MACHINE_DEPENDENT_KEYS.iter().for_each(|key| _ = result.remove(*key));
     Ok(result)
 }
 
@@ -124,6 +124,12 @@ pub struct ConditionSummary {
     /// Why the first of them failed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub failure: Option<String>,
+    /// Trials that count although a part in another process did nothing in them.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub idle: usize,
+    /// What did nothing in the first of them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub idle_reason: Option<String>,
 }
 
 fn is_zero(count: &usize) -> bool {
@@ -131,10 +137,17 @@ fn is_zero(count: &usize) -> bool {
 }
 
 impl ConditionSummary {
+    /// One line about the trials that count although a part did nothing in them, if there are any.
+    pub fn idle_line(&self) -> Option<String> {
+        let Self { condition, idle, idle_reason, .. } = self;
+        let (all, reason) = (self.scores.map_or(0, |scores| scores.count), idle_reason.as_deref()?);
+        Some(format!("{condition}: {idle} of {all} trials that count: {reason}"))
+    }
+
     /// One line about the trials that failed, if any did.
     pub fn failed_line(&self) -> Option<String> {
         let Self { condition, failed, failure, .. } = self;
-        let all = failed + self.scores.map_or(0, |scores| scores.trials);
+        let all = failed + self.scores.map_or(0, |scores| scores.count);
         let reason = failure.as_deref()?;
         Some(format!("{condition}: {failed} of {all} trials failed and do not count: {reason}"))
     }
@@ -146,22 +159,25 @@ pub struct ScoreTally {
     conditions: Vec<ConditionScores>,
 }
 
-/// What came of a trial: its score, or why it failed.
-type Counted = Result<f64, String>;
+/// What came of a trial: its score and what did nothing in it, or why it failed.
+type ScoreOrFailure = Result<(f64, Option<String>), String>;
 
 /// Name of a condition and of its score, then place and outcome of each trial.
-type ConditionScores = (String, String, Vec<(usize, Counted)>);
+type ConditionScores = (String, String, Vec<(usize, ScoreOrFailure)>);
 
 impl ScoreTally {
     /// Takes the trial in place `index`.
     pub fn take(&mut self, condition: &str, index: usize, result: &TrialResult) {
-        let place = self.conditions.iter().position(|(name, ..)| name == condition);
-        let place = place.unwrap_or_else(|| {
+        let condition_index = self.conditions.iter().position(|(name, ..)| name == condition);
+        let condition_index = condition_index.unwrap_or_else(|| {
             self.conditions.push((condition.to_owned(), result.score_name.clone(), Vec::new()));
             self.conditions.len() - 1
         });
-        let counted = result.failure().map_or(Ok(result.score), |reason| Err(reason.to_owned()));
-        self.conditions[place].2.push((index, counted));
+        let counted = match result.failure() {
+            Some(reason) => Err(reason.to_owned()),
+            None => Ok((result.score, result.never_acted().map(str::to_owned))),
+        };
+        self.conditions[condition_index].2.push((index, counted));
     }
 
     /// Of each condition, in the order of their first trials.
@@ -170,15 +186,25 @@ impl ScoreTally {
         self.conditions.iter_mut().for_each(|(.., scores)| scores.sort_by_key(|(index, _)| *index));
         self.conditions.sort_by_key(|(.., scores)| scores.first().map(|(index, _)| *index));
         let summary = |(condition, score_name, trials): ConditionScores| {
-            let (mut scores, mut failures) = (Vec::new(), Vec::new());
+            let (mut scores, mut failures, mut idle) = (Vec::new(), Vec::new(), Vec::new());
             for (_, counted) in trials {
                 match counted {
-                    Ok(score) => scores.push(score),
+                    Ok((score, nothing)) => {
+                        scores.push(score);
+                        idle.extend(nothing);
+                    }
                     Err(reason) => failures.push(reason),
                 }
             }
-            let (scores, failed) = (SampleSummary::of(&scores), failures.len());
-            ConditionSummary { condition, score_name, scores, failed, failure: failures.into_iter().next() }
+            ConditionSummary {
+                condition,
+                score_name,
+                scores: SampleSummary::of(&scores),
+                failed: failures.len(),
+                failure: failures.into_iter().next(),
+                idle: idle.len(),
+                idle_reason: idle.into_iter().next(),
+            }
         };
         self.conditions.into_iter().map(summary).collect()
     }

@@ -1,7 +1,7 @@
 //! Batches on a cluster that Slurm schedules: a job array, of which each task runs a shard.
 
 use super::{BatchError, Shard};
-use proact_files::{make_folder, write_whole};
+use proact_files::{make_folder, write_atomically};
 use std::{
     fmt::Write,
     io,
@@ -21,7 +21,7 @@ pub struct SlurmJob {
     /// The program.
     pub program: PathBuf,
     /// Its words, without those that say which shard.
-    pub words: Vec<String>,
+    pub arguments: Vec<String>,
     /// Tasks of the array.
     pub shards: usize,
     /// Trials at once in each.
@@ -39,13 +39,13 @@ impl SlurmJob {
             "#!/bin/sh\n# A batch of proact: each task of the array runs a shard, and the one that ends last puts all of them in order.\n\
              # What was cut off goes on where it was when this is submitted again.\n\
              # {}\n#SBATCH --job-name=proact\n#SBATCH --array=1-{shards}\n#SBATCH --cpus-per-task={jobs}\n#SBATCH --output={}\n",
-            super::NO_EVIDENCE,
+            super::SIMULATED_DISCLAIMER,
             // Within its options Slurm takes a blank for an end, unless it is quoted.
-            quoted(&logs.display().to_string())
+            shell_quote(&logs.display().to_string())
         );
         self.options.iter().for_each(|option| _ = writeln!(script, "#SBATCH {option}"));
-        let words = self.words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ");
-        let program = quoted(&self.program.display().to_string());
+        let words = self.arguments.iter().map(|word| shell_quote(word)).collect::<Vec<_>>().join(" ");
+        let program = shell_quote(&self.program.display().to_string());
         _ = writeln!(
             script,
             "exec {program} {words} --jobs {jobs} --shard \"$SLURM_ARRAY_TASK_ID/{shards}\""
@@ -62,8 +62,8 @@ pub fn submit(job: &SlurmJob) -> Result<(PathBuf, String), BatchError> {
     let folder = job.dir.join(FOLDER);
     let path = folder.join(SCRIPT);
     let failed = |reason: String| BatchError::File { path: path.clone(), reason };
-    if !(1..=Shard::MOST).contains(&job.shards) {
-        return Err(failed(format!("{} tasks, expected 1 to {}", job.shards, Shard::MOST)));
+    if !(1..=Shard::MAX_COUNT).contains(&job.shards) {
+        return Err(failed(format!("{} tasks, expected 1 to {}", job.shards, Shard::MAX_COUNT)));
     }
     if let Some(option) = job.options.iter().find(|option| !option.starts_with('-') || option.contains('\n'))
     {
@@ -72,7 +72,7 @@ pub fn submit(job: &SlurmJob) -> Result<(PathBuf, String), BatchError> {
         )));
     }
     make_folder(&folder)
-        .and_then(|()| write_whole(&path, job.script()))
+        .and_then(|()| write_atomically(&path, job.script()))
         .map_err(|error| failed(error.to_string()))?;
     let number = sbatch(&path).map_err(&failed)?;
     Ok((path, number))
@@ -99,7 +99,7 @@ fn sbatch(script: &Path) -> Result<String, String> {
 }
 
 /// For a shell, one word.
-fn quoted(word: &str) -> String {
+fn shell_quote(word: &str) -> String {
     let plain = |letter: char| letter.is_ascii_alphanumeric() || "-_./=,:%+".contains(letter);
     if !word.is_empty() && word.chars().all(plain) {
         word.to_owned()
@@ -117,7 +117,7 @@ mod tests {
         let job = SlurmJob {
             dir: "/data/my batch".into(),
             program: "/opt/proact".into(),
-            words: [
+            arguments: [
                 "simulate",
                 "study1",
                 "--set",

@@ -1,7 +1,10 @@
 //! Values that are varied: a grid of cells, of which each is a whole batch.
 
+use crate::warn_of_renamed_keys;
+use proact_types::renamed_keys::{ConfigFile, rename_assignment};
+
 /// More cells than this are most likely a slip.
-const MOST_CELLS: usize = 10_000;
+const MAX_CELLS: usize = 10_000;
 
 /// Keys of a trial's configuration with the values that each takes, all with all. The last key changes first.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -13,30 +16,33 @@ impl Sweep {
     /// Reads `KEY=VALUE,VALUE`; commas within brackets, braces and quotes belong to a value.
     ///
     /// # Errors
-    /// What is none, a key or a value twice, too many cells.
-    pub fn read<S: AsRef<str>>(texts: &[S]) -> Result<Self, String> {
+    /// Invalid syntax, duplicate keys or values, or too many cells.
+    pub fn parse<S: AsRef<str>>(texts: &[S]) -> Result<Self, String> {
         let mut keys: Vec<(String, Vec<String>)> = Vec::new();
         for text in texts.iter().map(AsRef::as_ref) {
-            let wrong =
-                || format!("--vary {text:?} is none, expected KEY=VALUE,VALUE such as intent.sigma=0.03,0.1");
+            let wrong = || {
+                format!(
+                    "--sweep {text:?} is invalid, expected KEY=VALUE,VALUE such as intent.gaze_sigma=0.03,0.1"
+                )
+            };
             let (key, values) = text.split_once('=').ok_or_else(wrong)?;
-            let (key, values) = (key.trim().to_owned(), split(values));
+            let (key, values) = (present_name(key.trim())?, split_at_commas(values));
             if key.is_empty() || values.iter().any(String::is_empty) {
                 return Err(wrong());
             }
             if keys.iter().any(|(other, _)| *other == key) {
-                return Err(format!("--vary {key} is there twice, expected all its values in one"));
+                return Err(format!("--sweep {key} is there twice, expected all its values in one"));
             }
             if let Some(twice) = values.iter().enumerate().find(|(k, value)| values[..*k].contains(value)) {
-                return Err(format!("--vary {key} has the value {} twice", twice.1));
+                return Err(format!("--sweep {key} has the value {} twice", twice.1));
             }
             keys.push((key, values));
         }
         let cells = keys.iter().try_fold(1_usize, |cells, (_, values)| cells.checked_mul(values.len()));
         match cells {
-            Some(1..=MOST_CELLS) => Ok(Self { keys }),
+            Some(1..=MAX_CELLS) => Ok(Self { keys }),
             _ => Err(format!(
-                "--vary makes {} cells, expected at most {MOST_CELLS}",
+                "--sweep makes {} cells, expected at most {MAX_CELLS}",
                 cells.unwrap_or(usize::MAX)
             )),
         }
@@ -70,13 +76,23 @@ impl Sweep {
     }
 
     /// As the command line has it.
-    pub(crate) fn texts(&self) -> Vec<String> {
+    pub(crate) fn to_arguments(&self) -> Vec<String> {
         self.keys.iter().map(|(key, values)| format!("{key}={}", values.join(","))).collect()
     }
 }
 
+/// The present name of a key, with a warning if `key` is an old one. A key whose unit changed as well keeps its old name here; reading
+/// the configuration converts name and value together.
+fn present_name(key: &str) -> Result<String, String> {
+    let (name, _, used) = rename_assignment(key, toml::Value::Boolean(true), ConfigFile::Trial)
+        .map_err(|error| format!("--sweep {key}: {error}"))?;
+    warn_of_renamed_keys(&used);
+    let same_units = used.iter().all(|row| row.factor == 1.0);
+    Ok(if same_units { name } else { key.to_owned() })
+}
+
 /// At the commas that are in no brackets and no quotes.
-fn split(text: &str) -> Vec<String> {
+fn split_at_commas(text: &str) -> Vec<String> {
     let (mut depth, mut quoted) = (0_i32, false);
     let parts = text.split(|letter: char| {
         match letter {
@@ -96,12 +112,15 @@ mod tests {
 
     #[test]
     fn cells_are_all_values_with_all_and_the_last_key_changes_first() {
-        let sweep = Sweep::read(&["a.b=1, 2", "c=[1, 2],\"x,y\",z"]).unwrap();
+        let sweep = Sweep::parse(&["a.b=1, 2", "c=[1, 2],\"x,y\",z"]).unwrap();
         assert_eq!(sweep.cells(), 6);
         assert_eq!(sweep.cell(0), [("a.b", "1"), ("c", "[1, 2]")]);
         assert_eq!(sweep.cell(1), [("a.b", "1"), ("c", "\"x,y\"")]);
         assert_eq!(sweep.cell(5), [("a.b", "2"), ("c", "z")]);
-        let none = Sweep::read::<&str>(&[]).unwrap();
+        let old = Sweep::parse(&["intent.sigma=0.01,0.03"]).unwrap();
+        assert_eq!(old.cell(1), [("intent.gaze_sigma", "0.03")], "tables and labels have the present name");
+        assert!(Sweep::parse(&["intent.sigma=1", "intent.gaze_sigma=2"]).unwrap_err().contains("twice"));
+        let none = Sweep::parse::<&str>(&[]).unwrap();
         assert_eq!((none.cells(), none.cell(0)), (1, vec![]));
     }
 
@@ -114,11 +133,11 @@ mod tests {
             (vec!["sigma=1,1"], "the value 1 twice"),
             (vec!["sigma=1", "sigma=2"], "sigma is there twice"),
         ] {
-            let error = Sweep::read(&texts).unwrap_err();
+            let error = Sweep::parse(&texts).unwrap_err();
             assert!(error.contains(reason), "{texts:?}: {error}");
         }
         let many: Vec<String> = (0..101).map(|k| k.to_string()).collect();
         let many = [format!("a={}", many.join(",")), format!("b={}", many.join(","))];
-        assert!(Sweep::read(&many).unwrap_err().contains("10201 cells"));
+        assert!(Sweep::parse(&many).unwrap_err().contains("10201 cells"));
     }
 }

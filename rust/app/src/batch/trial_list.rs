@@ -4,11 +4,13 @@ use super::{BatchDescription, Sweep, description::values_hash};
 use crate::{
     Registry,
     method_process::read_method_file,
-    study::{People, Study, TrialHistory, TrialOrder, histories, person_values},
-    trial_choice::is_method_file,
+    study::{
+        ParticipantHistory, ParticipantKind, Study, TrialJob, participant_histories, participant_overrides,
+    },
+    trial_choice::is_external_method_file,
 };
-use proact_recording::hash_of;
-use proact_study::TrialChoice;
+use proact_recording::sha256_of_bytes;
+use proact_study::TrialOptions;
 use proact_types::Instruction;
 use serde::{Deserialize, Serialize};
 use std::{error::Error, path::Path};
@@ -16,9 +18,9 @@ use std::{error::Error, path::Path};
 /// Varies what people are told.
 const INSTRUCTION: &str = "instruction";
 /// More trials than this are most likely a slip.
-const MOST_TRIALS: usize = 1_000_000;
+const MAX_TRIALS: usize = 1_000_000;
 /// From the begin of a trial of a batch without a plan to the next, minutes: the longest that the paper's trials take, and a break.
-const TRIAL_MINUTES: f64 = 6.0;
+const DEFAULT_TRIAL_INTERVAL_MINUTES: f64 = 6.0;
 
 /// A trial of a batch. All numbers count from 1, but for `index`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -42,7 +44,7 @@ pub struct BatchTrial {
     /// Where the blocks stand, by the task's name for it; by the seed if left out.
     pub arrangement: Option<String>,
     /// What the participant has done before.
-    pub history: TrialHistory,
+    pub history: ParticipantHistory,
 }
 
 /// What a condition is called with the values of a cell.
@@ -56,13 +58,13 @@ pub(crate) fn label(condition: &str, values: &[(&str, &str)]) -> String {
 #[derive(Clone, Debug)]
 pub struct Batch {
     /// What is compared: a name, and what its trials are.
-    pub conditions: Vec<(String, TrialChoice)>,
+    pub conditions: Vec<(String, TrialOptions)>,
     /// What is varied.
     pub sweep: Sweep,
     /// Draws the people.
     pub seed: u64,
     /// Which kind they are of.
-    pub people: People,
+    pub participant_kind: ParticipantKind,
     /// How many.
     pub participants: usize,
     /// The trials of the first cell.
@@ -77,7 +79,7 @@ pub struct MethodsBatch {
     /// Methods by name, or the files of outside ones.
     pub methods: Vec<String>,
     /// What all trials have in common.
-    pub common: TrialChoice,
+    pub common: TrialOptions,
     /// People.
     pub participants: usize,
     /// Trials of each by each method.
@@ -93,24 +95,25 @@ impl Batch {
     /// Too many trials.
     pub fn of_study(
         study: &Study,
-        over: &TrialChoice,
-        people: People,
+        over: &TrialOptions,
+        people: ParticipantKind,
         sweep: Sweep,
     ) -> Result<Self, Box<dyn Error>> {
         let conditions = study.plan.conditions.iter().enumerate();
-        let conditions = conditions.map(|(k, own)| (own.name.clone(), over.over(&study.plan.choice(k))));
+        let conditions = conditions
+            .map(|(k, own)| (own.name.clone(), over.with_defaults_from(&study.plan.trial_options(k))));
         let mut batch = Self {
             conditions: conditions.collect(),
             sweep,
             seed: study.plan.seed,
-            people,
+            participant_kind: people,
             participants: study.plan.participants,
             rows: Vec::new(),
-            source: format!("plan {}", hash_of(study.plan_text.as_bytes())),
+            source: format!("plan {}", sha256_of_bytes(study.plan_text.as_bytes())),
         };
-        let choices: Vec<TrialChoice> = batch.conditions.iter().map(|(_, choice)| choice.clone()).collect();
+        let choices: Vec<TrialOptions> = batch.conditions.iter().map(|(_, choice)| choice.clone()).collect();
         for own in study.schedule.sessions.chunk_by(|a, b| a.participant == b.participant) {
-            for (condition, planned, history) in histories(&study.plan, own, &choices) {
+            for (condition, planned, history) in participant_histories(&study.plan, own, &choices) {
                 batch.rows.push(BatchTrial {
                     index: 0,
                     cell: 0,
@@ -125,18 +128,22 @@ impl Batch {
                 });
             }
         }
-        batch.checked()
+        batch.check_trial_count()
     }
 
     /// The trials of some methods.
     ///
     /// # Errors
     /// The file of a method that is none, a method twice, too many trials.
-    pub fn of_methods(list: &MethodsBatch, people: People, sweep: Sweep) -> Result<Self, Box<dyn Error>> {
+    pub fn of_methods(
+        list: &MethodsBatch,
+        people: ParticipantKind,
+        sweep: Sweep,
+    ) -> Result<Self, Box<dyn Error>> {
         let MethodsBatch { methods, common, participants, trials, seed } = list;
-        let mut conditions: Vec<(String, TrialChoice)> = Vec::new();
+        let mut conditions: Vec<(String, TrialOptions)> = Vec::new();
         for method in methods {
-            let file = is_method_file(method).then(|| std::path::absolute(method)).transpose()?;
+            let file = is_external_method_file(method).then(|| std::path::absolute(method)).transpose()?;
             let name = match &file {
                 Some(file) => read_method_file(Path::new(file))?.info().name.clone(),
                 None => method.clone(),
@@ -145,20 +152,20 @@ impl Batch {
                 return Err(format!("method {name:?} is there twice, expected each once").into());
             }
             let method = file.map_or_else(|| method.clone(), |file| file.display().to_string());
-            conditions.push((name, TrialChoice { method: Some(method), ..common.clone() }));
+            conditions.push((name, TrialOptions { method: Some(method), ..common.clone() }));
         }
         let mut rows = Vec::new();
         let all = conditions.len().saturating_mul(*participants).saturating_mul(*trials);
-        if all <= MOST_TRIALS {
+        if all <= MAX_TRIALS {
             for condition in 0..conditions.len() {
                 for participant in 1..=*participants {
                     for trial in 1..=*trials {
                         // Each method is met as the first one: nobody has learnt by another.
                         let before = trial - 1;
-                        let history = TrialHistory {
+                        let history = ParticipantHistory {
                             same_condition: before,
                             trials: before,
-                            minutes: before as f64 * TRIAL_MINUTES,
+                            minutes_since_session_start: before as f64 * DEFAULT_TRIAL_INTERVAL_MINUTES,
                             session: 1,
                             instruction: common.instruction.unwrap_or_default(),
                         };
@@ -181,15 +188,22 @@ impl Batch {
             }
         }
         let source = format!("{trials} trials of {participants} people by each method");
-        let batch =
-            Self { conditions, sweep, seed: *seed, people, participants: *participants, rows, source };
-        batch.checked()
+        let batch = Self {
+            conditions,
+            sweep,
+            seed: *seed,
+            participant_kind: people,
+            participants: *participants,
+            rows,
+            source,
+        };
+        batch.check_trial_count()
     }
 
-    fn checked(self) -> Result<Self, Box<dyn Error>> {
+    fn check_trial_count(self) -> Result<Self, Box<dyn Error>> {
         let count = self.rows.len().saturating_mul(self.sweep.cells());
-        if count == 0 || count > MOST_TRIALS {
-            return Err(format!("the batch has {count} trials, expected 1 to {MOST_TRIALS}").into());
+        if count == 0 || count > MAX_TRIALS {
+            return Err(format!("the batch has {count} trials, expected 1 to {MAX_TRIALS}").into());
         }
         if let Some(key) = self.sweep.keys().position(|key| key == INSTRUCTION) {
             for value in self.sweep.values(key) {
@@ -204,7 +218,7 @@ impl Batch {
         self.rows.len() * self.sweep.cells()
     }
 
-    /// The trial in a place, from 0, below [`Batch::count`].
+    /// The trial in a place, from 0, below [`Batch::count_sample`].
     pub fn trial(&self, index: usize) -> BatchTrial {
         let (cell, row) = (index / self.rows.len(), index % self.rows.len());
         let mut trial = BatchTrial { index, cell, ..self.rows[row].clone() };
@@ -221,9 +235,10 @@ impl Batch {
     }
 
     /// The trial as an order.
-    pub fn order(&self, trial: &BatchTrial) -> TrialOrder {
+    pub fn trial_job(&self, trial: &BatchTrial) -> TrialJob {
         let mut choice = self.conditions[trial.condition].1.clone();
-        let person = person_values(self.people, self.seed, trial.participant, &trial.history);
+        let person =
+            participant_overrides(self.participant_kind, self.seed, trial.participant, &trial.history);
         // What is asked for by name has the last word about a person.
         choice.set.splice(0..0, person);
         for (key, value) in self.sweep.cell(trial.cell) {
@@ -240,14 +255,14 @@ impl Batch {
                 _ => choice.set.push(format!("{key}={value}")),
             }
         }
-        TrialOrder {
-            choice,
+        TrialJob {
+            options: choice,
             seed: trial.seed,
             arrangement: trial.arrangement.clone(),
             dir: None,
             bag: String::new(),
-            place: None,
-            scored: true,
+            study_place: None,
+            with_scores: true,
         }
     }
 
@@ -261,7 +276,7 @@ impl Batch {
             for condition in 0..self.conditions.len() {
                 let first = self.rows.iter().find(|row| row.condition == condition);
                 let Some(first) = first.map(|first| BatchTrial { cell, ..first.clone() }) else { continue };
-                let made = self.order(&first).config(registry, None);
+                let made = self.trial_job(&first).config(registry, None);
                 let (arm, config) = made.map_err(|error| format!("{}: {error}", self.label(&first)))?;
                 // The arm's name does not say what is in its folder; the text of a task is in the configuration.
                 texts.push(format!("{}\n{}", config.to_toml()?, arm.pinned().hash.unwrap_or_default()));
@@ -271,14 +286,14 @@ impl Batch {
             program: env!("CARGO_PKG_VERSION").to_owned(),
             source: self.source.clone(),
             conditions: self.conditions.iter().map(|(name, _)| name.clone()).collect(),
-            vary: self.sweep.texts(),
-            people: self.people.to_string(),
+            vary: self.sweep.to_arguments(),
+            participant_kind: self.participant_kind.to_string(),
             participants: self.participants,
             seed: self.seed,
             trials: self.count(),
             shards,
-            configurations: values_hash(&texts),
-            note: super::NO_EVIDENCE.to_owned(),
+            config_hash: values_hash(&texts),
+            note: super::SIMULATED_DISCLAIMER.to_owned(),
         })
     }
 }

@@ -1,6 +1,6 @@
 use super::{Platform, TrialDigest, TrialEntry, TrialOutcome};
-use proact_files::write_whole;
-use proact_testbed::{Digest, Field, SpanDigest};
+use proact_files::write_atomically;
+use proact_testbed::{Digest, DigestField, SpanDigest};
 use proact_types::SimTime;
 use serde::Deserialize;
 use std::{
@@ -15,7 +15,7 @@ const LIST_FILE: &str = "trials.toml";
 /// How they ended, the same file for all platforms.
 const OUTCOMES_FILE: &str = "outcomes.jsonl";
 /// In the place of a hash: nothing was said of the field in this span.
-const NOTHING: &str = "-";
+const NO_HASH: &str = "-";
 
 /// Why committed digests cannot be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -31,8 +31,8 @@ pub enum DigestError {
         /// Why.
         source: io::Error,
     },
-    /// A file is not what `proact bless` writes.
-    #[error("{}, line {line}: {reason}; `./proact bless` writes the file anew", path.display())]
+    /// A file is not what `proact update-digests` writes.
+    #[error("{}, line {line}: {reason}; `./proact update-digests` writes the file anew", path.display())]
     Unreadable {
         /// Which file.
         path: PathBuf,
@@ -45,13 +45,13 @@ pub enum DigestError {
 
 /// The folder of committed digests.
 #[derive(Clone, Debug)]
-pub struct Store {
+pub struct DigestStore {
     dir: PathBuf,
 }
 
-impl Store {
+impl DigestStore {
     /// That of the repository at `root`.
-    pub fn of(root: &Path) -> Self {
+    pub fn in_repository(root: &Path) -> Self {
         Self { dir: root.join("tests/digests") }
     }
 
@@ -62,12 +62,13 @@ impl Store {
     pub fn trials(&self) -> Result<Vec<TrialEntry>, DigestError> {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
-        struct List {
+        struct TrialListFile {
             trial: Vec<TrialEntry>,
         }
         let path = self.dir.join(LIST_FILE);
         let text = self.read(LIST_FILE)?.unwrap_or_default();
-        let list: List = toml::from_str(&text).map_err(|error| unreadable(&path, 0, &error.to_string()))?;
+        let list: TrialListFile =
+            toml::from_str(&text).map_err(|error| unreadable(&path, 0, &error.to_string()))?;
         Ok(list.trial)
     }
 
@@ -83,7 +84,7 @@ impl Store {
         parse(&text).map(Some).map_err(|(line, reason)| wrong(line, &reason))
     }
 
-    /// How the trials ended when they were blessed; empty if they never were.
+    /// How the trials ended when the digests were updated; empty if they never were.
     ///
     /// # Errors
     /// [`DigestError`] for a malformed file.
@@ -107,7 +108,7 @@ impl Store {
         for (name, text) in
             [(platform.file_name(), print(platform, trials)), (OUTCOMES_FILE.into(), outcomes)]
         {
-            write_whole(&self.dir.join(&name), text)
+            write_atomically(&self.dir.join(&name), text)
                 .map_err(|error| self.io("write", &name, error.into()))?;
         }
         Ok(())
@@ -131,21 +132,21 @@ fn unreadable(path: &Path, line: usize, reason: &str) -> DigestError {
 }
 
 /// The hash of a field of which nothing was said in a span.
-fn nothing() -> String {
+fn no_hash() -> String {
     let empty = Digest::new("").end_tick(SimTime(1), true).and_then(|span| span.fields.into_iter().next());
     empty.expect("a last tick ends a span, which has a hash for each field")
 }
 
 fn print(platform: &Platform, trials: &[TrialDigest]) -> String {
-    let nothing = nothing();
-    let names: Vec<&str> = Field::ALL.iter().map(|field| field.name()).collect();
+    let nothing = no_hash();
+    let names: Vec<&str> = DigestField::ALL.iter().map(|field| field.name()).collect();
     let mut text = format!("platform {platform}\nfields {}\n", names.join(" "));
     let mut add = |line: &[&str]| writeln!(text, "{}", line.join(" ")).expect("text takes every line");
     for trial in trials {
         add(&["trial", &trial.outcome.trial, "configuration", &trial.configuration]);
         for span in &trial.spans {
             let hashes =
-                span.fields.iter().map(|hash| if *hash == nothing { NOTHING } else { hash.as_str() });
+                span.fields.iter().map(|hash| if *hash == nothing { NO_HASH } else { hash.as_str() });
             let tick = span.tick.0.to_string();
             add(&std::iter::once(tick.as_str()).chain(hashes).collect::<Vec<_>>());
         }
@@ -154,8 +155,8 @@ fn print(platform: &Platform, trials: &[TrialDigest]) -> String {
 }
 
 fn parse(text: &str) -> Result<BTreeMap<String, TrialDigest>, (usize, String)> {
-    let nothing = nothing();
-    let names: Vec<&str> = Field::ALL.iter().map(|field| field.name()).collect();
+    let nothing = no_hash();
+    let names: Vec<&str> = DigestField::ALL.iter().map(|field| field.name()).collect();
     let mut trials: BTreeMap<String, TrialDigest> = BTreeMap::new();
     let mut current = String::new();
     for (k, line) in text.lines().enumerate() {
@@ -177,13 +178,13 @@ fn parse(text: &str) -> Result<BTreeMap<String, TrialDigest>, (usize, String)> {
             }
             [tick, ref hashes @ ..] if hashes.len() == names.len() => {
                 let tick = tick.parse().map_err(|_| wrong("a span begins with its last tick"))?;
-                let hash = |hash: &&str| if *hash == NOTHING { nothing.clone() } else { (*hash).to_owned() };
+                let hash = |hash: &&str| if *hash == NO_HASH { nothing.clone() } else { (*hash).to_owned() };
                 let fields = hashes.iter().map(hash).collect();
                 let Some(trial) = trials.get_mut(&current) else {
                     return Err(wrong("a span before any trial"));
                 };
                 trial.outcome.ticks = tick;
-                trial.spans.push(SpanDigest { tick: SimTime(tick), fields, chain: String::new() });
+                trial.spans.push(SpanDigest { tick: SimTime(tick), fields, chain_hash: String::new() });
             }
             _ => return Err(wrong("neither a trial nor a span with a hash for each field")),
         }
@@ -197,7 +198,7 @@ mod tests {
 
     fn trial() -> TrialDigest {
         let mut digest = Digest::new("a");
-        digest.field(Field::Joints).number(0.5);
+        digest.field(DigestField::Joints).number(0.5);
         let spans = digest.end_tick(SimTime(1), true).into_iter().collect();
         let outcome = TrialOutcome { trial: "D".into(), ticks: 1, on_target: 0, blocks: vec![] };
         TrialDigest { outcome, configuration: "0123456789abcdef".into(), spans }
@@ -205,21 +206,21 @@ mod tests {
 
     #[test]
     fn digests_survive_their_file_without_the_chain() {
-        let place = tempfile::tempdir().unwrap();
-        fs::create_dir_all(place.path().join("tests/digests")).unwrap();
-        let (store, platform) = (Store::of(place.path()), Platform::here());
+        let temp_dir = tempfile::tempdir().unwrap();
+        fs::create_dir_all(temp_dir.path().join("tests/digests")).unwrap();
+        let (store, platform) = (DigestStore::in_repository(temp_dir.path()), Platform::current());
         assert!(store.digests(&platform).unwrap().is_none(), "an unknown platform");
         assert!(store.outcomes().unwrap().is_empty());
         let mut trial = trial();
         store.write(&platform, std::slice::from_ref(&trial)).unwrap();
-        trial.spans[0].chain.clear();
+        trial.spans[0].chain_hash.clear();
         assert_eq!(store.digests(&platform).unwrap().unwrap()["D"], trial);
         assert_eq!(store.outcomes().unwrap(), [trial.outcome]);
     }
 
     #[test]
     fn a_damaged_file_is_refused_with_its_line() {
-        let text = print(&Platform::here(), &[trial()]);
+        let text = print(&Platform::current(), &[trial()]);
         assert!(parse(&text).is_ok());
         for (from, to, line) in [
             ("input.emg ", "", 2),

@@ -16,7 +16,7 @@ pub struct Platform {
 
 impl Platform {
     /// That of this machine and of the libraries that this program has loaded.
-    pub fn here() -> Self {
+    pub fn current() -> Self {
         let mut parts = vec![processor(), libc(), format!("libm-{:08x}", libm_probe())];
         let versions = library_versions();
         parts.extend(LIBRARIES.map(|name| {
@@ -59,8 +59,8 @@ fn processor() -> String {
 
 /// Such as `glibc-2.36`.
 fn libc() -> String {
-    let asked = Command::new("getconf").arg("GNU_LIBC_VERSION").output();
-    let text = asked.ok().filter(|output| output.status.success()).map(|output| output.stdout);
+    let getconf = Command::new("getconf").arg("GNU_LIBC_VERSION").output();
+    let text = getconf.ok().filter(|output| output.status.success()).map(|output| output.stdout);
     let text = String::from_utf8(text.unwrap_or_default()).unwrap_or_default();
     let words: Vec<&str> = text.split_whitespace().collect();
     if words.is_empty() { "libc-unknown".to_owned() } else { words.join("-") }
@@ -88,8 +88,8 @@ mod tests {
     // Catches a key that changes from call to call, or that leaves a library out.
     #[test]
     fn the_platform_has_one_name_fit_for_a_file_with_every_library_in_it() {
-        let name = Platform::here().file_name();
-        assert_eq!(name, Platform::here().file_name());
+        let name = Platform::current().file_name();
+        assert_eq!(name, Platform::current().file_name());
         assert!(name.len() < 250 && !name.contains(['/', ':', ' ', '+', '~']), "{name}");
         for part in [ARCH, "libm-"].into_iter().chain(LIBRARIES) {
             assert!(name.contains(part), "{name} lacks {part}");

@@ -27,7 +27,7 @@ impl TrialEntry {
     fn config(&self) -> Result<TrialConfig, ConfigError> {
         let setup = Setup::named(&self.setup)?;
         let config = TrialConfig::new(&self.method, self.seed, setup).with_profile(&self.profile)?;
-        config.with_values(&self.set)
+        config.with_overrides(&self.set)
     }
 
     /// Runs the trial.
@@ -37,32 +37,32 @@ impl TrialEntry {
     pub fn run(&self) -> Result<TrialDigest, Box<dyn Error>> {
         let named = |error: &dyn Error| format!("trial {}: {error}", self.name);
         let config = self.config().map_err(|error| named(&error))?;
-        let assembled: Result<_, AssemblyError> = trial::simulated(config, &EmgOrigin::Synthetic);
-        let mut session = assembled.map_err(|error| named(&error))?.session;
-        let configuration = session.testbed().config().to_toml()?;
+        let assembled: Result<_, AssemblyError> = trial::simulated_trial(config, &EmgOrigin::Synthetic);
+        let mut trial = assembled.map_err(|error| named(&error))?.trial;
+        let configuration = trial.testbed().config().to_toml()?;
         let mut spans = Vec::new();
         loop {
-            let output = session.step(false).map_err(|error| named(&error))?.output;
-            spans.extend(output.span);
+            let output = trial.step(false).map_err(|error| named(&error))?.output;
+            spans.extend(output.span_digest);
             if output.finished {
                 break;
             }
         }
-        let testbed = session.testbed();
+        let testbed = trial.testbed();
         let blocks = &testbed.plant().state().objects;
         let scene = testbed.task().scene();
-        let result = session.result();
+        let result = trial.result();
         // What the task says of each object, in its order; of one that says nothing, all objects in theirs.
-        let told = proact_tasks::object_results(&result.result).map_err(|error| named(&error))?;
+        let object_results = proact_tasks::object_results(&result.result).map_err(|error| named(&error))?;
         let mut lines: Vec<(String, String)> =
-            told.into_iter().map(|line| (line.block, line.outcome.as_str().to_owned())).collect();
+            object_results.into_iter().map(|line| (line.block, line.outcome.as_str().to_owned())).collect();
         if lines.is_empty() {
             lines = scene.ids().map(|id| (scene.name(id), "-".to_owned())).collect();
         }
-        let block_end = |(name, outcome): (String, String)| BlockEnd {
-            place_mm: scene.named(&name).map_or([0; 3], |id| {
-                let place = blocks[id.index()].pose.translation.vector;
-                std::array::from_fn(|k| (place[k] * 1e3).round() as i64)
+        let block_end = |(name, outcome): (String, String)| BlockOutcome {
+            position_mm: scene.find_object(&name).map_or([0; 3], |id| {
+                let position = blocks[id.index()].pose.translation.vector;
+                std::array::from_fn(|k| (position[k] * 1e3).round() as i64)
             }),
             name,
             outcome,
@@ -102,17 +102,18 @@ pub struct TrialOutcome {
     /// What the task counts.
     pub on_target: u32,
     /// The objects in the order of the task.
-    pub blocks: Vec<BlockEnd>,
+    pub blocks: Vec<BlockOutcome>,
 }
 
 /// Where a block ended.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct BlockEnd {
+pub struct BlockOutcome {
     /// Such as `red1`.
     pub name: String,
     /// What became of it.
     pub outcome: String,
     /// Its centre, `world`, millimetres.
-    pub place_mm: [i64; 3],
+    #[serde(rename = "place_mm")]
+    pub position_mm: [i64; 3],
 }

@@ -1,13 +1,13 @@
 use crate::{
     Registry,
     batch::{Batch, BatchTrial, Sweep},
-    study::{People, Study, TrialOrder, population_values},
-    threads::in_threads,
+    study::{ParticipantKind, Study, TrialJob, population_overrides},
+    threads::run_in_threads,
     trial,
 };
 use proact_devices::EmgOrigin;
 use proact_participants::Population;
-use proact_study::TrialChoice;
+use proact_study::TrialOptions;
 use std::{
     error::Error,
     path::Path,
@@ -36,8 +36,14 @@ impl FitTrials {
         seed: u64,
         methods: &[&str],
     ) -> Result<Self, Box<dyn Error>> {
-        let study = Study::open_for(Path::new("study1"), &registry.methods, Some(participants), Some(seed))?;
-        let batch = Batch::of_study(&study, &TrialChoice::default(), People::Competent, Sweep::default())?;
+        let study = Study::open_with_participants(
+            Path::new("study1"),
+            &registry.methods,
+            Some(participants),
+            Some(seed),
+        )?;
+        let batch =
+            Batch::of_study(&study, &TrialOptions::default(), ParticipantKind::Competent, Sweep::default())?;
         let wanted = |trial: &BatchTrial| methods.contains(&batch.conditions[trial.condition].0.as_str());
         let trials: Vec<BatchTrial> =
             (0..batch.count()).map(|index| batch.trial(index)).filter(wanted).collect();
@@ -60,11 +66,11 @@ impl FitTrials {
     }
 
     /// The trial in a place as an order, with its person of `population`.
-    pub fn order(&self, place: usize, population: &Population) -> TrialOrder {
-        let trial = &self.trials[place];
-        let mut order = self.batch.order(trial);
-        let person = population_values(population, self.seed, trial.participant, &trial.history);
-        order.choice.set.splice(0..0, person);
+    pub fn trial_order(&self, index: usize, population: &Population) -> TrialJob {
+        let trial = &self.trials[index];
+        let mut order = self.batch.trial_job(trial);
+        let person = population_overrides(population, self.seed, trial.participant, &trial.history);
+        order.options.set.splice(0..0, person);
         order
     }
 }
@@ -84,15 +90,15 @@ pub fn kinematic_scores(
 ) -> Result<Option<Vec<f64>>, Box<dyn Error>> {
     let scores = Mutex::new(vec![None; evaluation.count()]);
     let (next, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
-    in_threads(jobs, &failed, || {
+    run_in_threads(jobs, &failed, || {
         while !interrupted.load(Ordering::Relaxed) && !failed.load(Ordering::Relaxed) {
-            let place = next.fetch_add(1, Ordering::Relaxed);
-            if place >= evaluation.count() {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            if index >= evaluation.count() {
                 break;
             }
-            let score = kinematic_score(registry, &evaluation.order(place, population), interrupted)
-                .map_err(|error| format!("trial {}: {error}", place + 1))?;
-            scores.lock().unwrap_or_else(PoisonError::into_inner)[place] = score;
+            let score = kinematic_score(registry, &evaluation.trial_order(index, population), interrupted)
+                .map_err(|error| format!("trial {}: {error}", index + 1))?;
+            scores.lock().unwrap_or_else(PoisonError::into_inner)[index] = score;
             tell();
         }
         Ok(())
@@ -103,24 +109,24 @@ pub fn kinematic_scores(
 /// The score of a trial; none if it was interrupted.
 fn kinematic_score(
     registry: &Registry,
-    order: &TrialOrder,
+    order: &TrialJob,
     interrupted: &AtomicBool,
 ) -> Result<Option<f64>, Box<dyn Error>> {
     let (arm, config) = order.config(registry, None)?;
-    let mut session = trial::kinematic(&registry.methods, &arm, config, &EmgOrigin::Synthetic)?;
-    while !session.step(false)?.output.finished {
-        if session.testbed().now().0.is_multiple_of(1000) && interrupted.load(Ordering::Relaxed) {
+    let mut trial = trial::kinematic_trial(&registry.methods, &arm, config, &EmgOrigin::Synthetic)?;
+    while !trial.step(false)?.output.finished {
+        if trial.testbed().now().0.is_multiple_of(1000) && interrupted.load(Ordering::Relaxed) {
             return Ok(None);
         }
     }
-    Ok(Some(session.result().score))
+    Ok(Some(trial.result().score))
 }
 
-/// How many of `scores` were 0, 1, ... up to `most`.
-pub(super) fn counted(scores: impl IntoIterator<Item = f64>, most: usize) -> Vec<usize> {
-    let mut counts = vec![0; most + 1];
+/// How many of `scores` were 0, 1, ... up to `max_score`.
+pub(super) fn count_scores(scores: impl IntoIterator<Item = f64>, max_score: usize) -> Vec<usize> {
+    let mut counts = vec![0; max_score + 1];
     for score in scores {
-        counts[(score.max(0.0).round() as usize).min(most)] += 1;
+        counts[(score.max(0.0).round() as usize).min(max_score)] += 1;
     }
     counts
 }

@@ -17,18 +17,18 @@ pub struct Parameter {
 /// What is fitted. All other values keep what their sources, or assumptions, say.
 pub const PARAMETERS: [Parameter; 5] = [
     Parameter {
-        name: "thinking_ms.median",
+        name: "decision_time_ms.median",
         start: 1000.0,
         low: 100.0,
         high: 6000.0,
-        value: |p| &mut p.thinking_ms.median,
+        value: |p| &mut p.decision_time_ms.median,
     },
     Parameter {
-        name: "thinking_ms.spread",
+        name: "decision_time_ms.log_sd",
         start: 0.9,
         low: 0.2,
         high: 1.6,
-        value: |p| &mut p.thinking_ms.spread,
+        value: |p| &mut p.decision_time_ms.log_sd,
     },
     Parameter {
         name: "confusions_per_min.median",
@@ -38,31 +38,31 @@ pub const PARAMETERS: [Parameter; 5] = [
         value: |p| &mut p.confusions_per_min.median,
     },
     Parameter {
-        name: "person.imagination_error",
+        name: "person.forward_model_relative_error",
         start: 0.05,
         low: 0.005,
         high: 0.3,
-        value: |p| &mut p.person.imagination_error,
+        value: |p| &mut p.person.forward_model_relative_error,
     },
     Parameter {
-        name: "person.wrong_direction",
+        name: "person.wrong_direction_probability",
         start: 0.02,
         low: 0.002,
         high: 0.3,
-        value: |p| &mut p.person.wrong_direction,
+        value: |p| &mut p.person.wrong_direction_probability,
     },
 ];
 
 impl Parameter {
     /// The value as the search has it: any number, of which 0 is half way between the bounds, by ratio.
-    pub fn coordinate(&self, value: f64) -> f64 {
+    pub fn to_coordinate(&self, value: f64) -> f64 {
         let share = (value / self.low).ln() / (self.high / self.low).ln();
         let share = share.clamp(1e-6, 1.0 - 1e-6);
         (share / (1.0 - share)).ln()
     }
 
     /// The value at `coordinate`, to three digits: what is written down is what was run.
-    pub fn at(&self, coordinate: f64) -> f64 {
+    pub fn from_coordinate(&self, coordinate: f64) -> f64 {
         let share = 1.0 / (1.0 + (-coordinate).exp());
         let value = self.low * (self.high / self.low).powf(share);
         let digit = 10_f64.powf(value.log10().floor() - 2.0);
@@ -85,7 +85,7 @@ pub fn population_at_start(from: &Population) -> Population {
 pub fn population_at(from: &Population, coordinates: &[f64]) -> Population {
     let mut population = *from;
     for (parameter, coordinate) in PARAMETERS.iter().zip(coordinates) {
-        *(parameter.value)(&mut population) = parameter.at(*coordinate);
+        *(parameter.value)(&mut population) = parameter.from_coordinate(*coordinate);
     }
     population
 }
@@ -99,10 +99,11 @@ mod tests {
         let mut population = Population::standard();
         for parameter in &PARAMETERS {
             let value = *(parameter.value)(&mut population);
-            let again = parameter.at(parameter.coordinate(value));
+            let again = parameter.from_coordinate(parameter.to_coordinate(value));
             assert!((again / value - 1.0).abs() < 0.01, "{}: {again} of {value}", parameter.name);
             assert!(
-                parameter.at(-50.0) >= parameter.low * 0.99 && parameter.at(50.0) <= parameter.high * 1.01
+                parameter.from_coordinate(-50.0) >= parameter.low * 0.99
+                    && parameter.from_coordinate(50.0) <= parameter.high * 1.01
             );
         }
         let coordinates = [0.0; PARAMETERS.len()];

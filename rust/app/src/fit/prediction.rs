@@ -1,9 +1,9 @@
-use super::{FITTED, FitTrials, evaluation::counted, kinematic_scores};
+use super::{FITTED_METHOD, FitTrials, evaluation::count_scores, hashed_text::hashed_text, kinematic_scores};
 use crate::{
     Registry,
-    paper::{PaperResults, kolmogorov},
-    study::{Worker, WorkerError},
-    threads::in_threads,
+    paper::{PaperResults, kolmogorov_distance},
+    study::{TrialWorker, WorkerError},
+    threads::run_in_threads,
 };
 use proact_participants::Population;
 use rand::{RngExt, SeedableRng};
@@ -20,16 +20,16 @@ use std::{
 };
 
 /// Studies that are drawn from the simulated people, or from the paper's counts, for the chance of an order.
-const DRAWN: usize = 10_000;
+const BOOTSTRAP_STUDIES: usize = 10_000;
 /// Draws them.
-const DRAW_SEED: u64 = 2407;
+const BOOTSTRAP_SEED: u64 = 2407;
 
 /// The three master seeds of a prediction by `population`: from a hash of its values, so that no fit can know them before it ends.
 ///
 /// # Errors
 /// Never, but for a population that is no TOML.
-pub fn seeds_of(population: &Population) -> Result<[u64; 3], Box<dyn Error>> {
-    let hash = proact_recording::hash_of(toml::to_string(population)?.as_bytes());
+pub fn master_seeds(population: &Population) -> Result<[u64; 3], Box<dyn Error>> {
+    let hash = proact_recording::sha256_of_bytes(hashed_text(population)?.as_bytes());
     let seed = |k: usize| hash.get(6 * k..6 * k + 6).and_then(|part| u64::from_str_radix(part, 16).ok());
     match (seed(0), seed(1), seed(2)) {
         (Some(a), Some(b), Some(c)) => Ok([a, b, c]),
@@ -43,7 +43,8 @@ pub struct StudyScores {
     /// Draws people and trials.
     pub seed: u64,
     /// With physics and planner.
-    pub whole_chain: bool,
+    #[serde(rename = "whole_chain")]
+    pub full_physics: bool,
     /// Person (from 1), method, number of the trial, score.
     pub trials: Vec<(usize, String, usize, f64)>,
 }
@@ -65,21 +66,21 @@ impl StudyScores {
         let population = Population::standard();
         let evaluation = FitTrials::of_study1(registry, participants, seed, &["A", "B", "C", "D"])?;
         let scores = match worker {
-            Some(worker) => whole_scores(&evaluation, &population, worker, jobs, interrupted, tell)?,
+            Some(worker) => full_physics_scores(&evaluation, &population, worker, jobs, interrupted, tell)?,
             None => kinematic_scores(registry, &evaluation, &population, jobs, interrupted, tell)?,
         };
         let Some(scores) = scores else { return Ok(None) };
         let rows = evaluation.rows().zip(scores);
         let trials = rows.map(|((person, method, number), score)| (person, method.to_owned(), number, score));
-        Ok(Some(Self { seed, whole_chain: worker.is_some(), trials: trials.collect() }))
+        Ok(Some(Self { seed, full_physics: worker.is_some(), trials: trials.collect() }))
     }
 
-    fn of<'a>(&'a self, method: &'a str) -> impl Iterator<Item = f64> + 'a {
+    fn method_scores<'a>(&'a self, method: &'a str) -> impl Iterator<Item = f64> + 'a {
         self.trials.iter().filter(move |(_, own, ..)| own == method).map(|(.., score)| *score)
     }
 }
 
-fn whole_scores(
+fn full_physics_scores(
     evaluation: &FitTrials,
     population: &Population,
     worker: &(dyn Fn() -> Command + Sync),
@@ -91,20 +92,20 @@ fn whole_scores(
     let scores = Mutex::new(vec![None; evaluation.count()]);
     let failed = AtomicBool::new(false);
     let stopped = || interrupted.load(Ordering::Relaxed) || failed.load(Ordering::Relaxed);
-    in_threads(jobs, &failed, || {
-        let mut running = Worker::start(&mut worker())?;
+    run_in_threads(jobs, &failed, || {
+        let mut running = TrialWorker::start(&mut worker())?;
         while !stopped() {
-            let place = next.fetch_add(1, Ordering::Relaxed);
-            if place >= evaluation.count() {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            if index >= evaluation.count() {
                 break;
             }
-            let mut order = evaluation.order(place, population);
-            order.scored = false;
+            let mut order = evaluation.trial_order(index, population);
+            order.with_scores = false;
             match running.run(&order, stopped) {
-                Err(WorkerError::Gone { .. }) if stopped() => return Ok(()),
+                Err(WorkerError::WorkerExited { .. }) if stopped() => return Ok(()),
                 Err(error) => return Err(error.into()),
                 Ok(done) => {
-                    scores.lock().unwrap_or_else(PoisonError::into_inner)[place] = Some(done.result.score);
+                    scores.lock().unwrap_or_else(PoisonError::into_inner)[index] = Some(done.result.score);
                 }
             }
             tell();
@@ -135,9 +136,11 @@ pub struct MethodPrediction {
     /// Most, and the paper's.
     pub max: [usize; 2],
     /// Share of trials with none, and the least and the largest that the paper's row admits.
-    pub none: [f64; 3],
+    #[serde(rename = "none")]
+    pub zero_fraction: [f64; 3],
     /// Share of trials with all, and the least and the largest that the paper's row admits.
-    pub all: [f64; 3],
+    #[serde(rename = "all")]
+    pub full_fraction: [f64; 3],
     /// Kolmogorov distance to the nearest and to the furthest distribution that the paper's row admits.
     pub distance: [f64; 2],
     /// How many trials had 0, 1, ... blocks.
@@ -150,20 +153,23 @@ pub struct StudyPrediction {
     /// By method.
     pub methods: Vec<MethodPrediction>,
     /// In what share of the studies as run both C and D are above both A and B.
-    pub order_in_studies: f64,
+    #[serde(rename = "order_in_studies")]
+    pub order_fraction_simulated: f64,
     /// ... and in what share of studies of eight people drawn with replacement from those simulated.
-    pub order_drawn: f64,
+    #[serde(rename = "order_drawn")]
+    pub order_fraction_bootstrap: f64,
     /// ... and of studies whose trials are drawn from the paper's counts, as if a person's trials had nothing in common.
-    pub order_of_paper: f64,
+    #[serde(rename = "order_of_paper")]
+    pub order_fraction_paper: f64,
 }
 
 /// Sums `studies` up beside the paper.
 pub fn predict(studies: &[StudyScores]) -> StudyPrediction {
     let paper = PaperResults::shipped().study1;
     let method = |(name, printed): (&String, &crate::paper::BlockCounts)| {
-        let scores: Vec<f64> = studies.iter().flat_map(|study| study.of(name)).collect();
-        let counts = counted(scores.iter().copied(), paper.most);
-        let admitted = paper.admitted(name);
+        let scores: Vec<f64> = studies.iter().flat_map(|study| study.method_scores(name)).collect();
+        let counts = count_scores(scores.iter().copied(), paper.max_blocks);
+        let admitted = paper.admissible_counts(name);
         let share =
             |counts: &[usize], k: usize| counts[k] as f64 / counts.iter().sum::<usize>().max(1) as f64;
         let range = |values: Vec<f64>| {
@@ -173,23 +179,23 @@ pub fn predict(studies: &[StudyScores]) -> StudyPrediction {
             let [low, high] = range(admitted.iter().map(|other| share(other, k)).collect());
             [share(&counts, k), low, high]
         };
-        let (mean, sd) = moments(&scores);
+        let (mean, sd) = mean_and_sd(&scores);
         MethodPrediction {
             method: name.clone(),
-            fitted: name == FITTED,
+            fitted: name == FITTED_METHOD,
             trials: scores.len(),
             mean: [mean, printed.mean],
             sd: [sd, printed.sd],
             min: [counts.iter().position(|n| *n > 0).unwrap_or_default(), printed.min],
             max: [counts.iter().rposition(|n| *n > 0).unwrap_or_default(), printed.max],
-            none: beside(0),
-            all: beside(paper.most),
-            distance: range(admitted.iter().map(|other| kolmogorov(&counts, other)).collect()),
+            zero_fraction: beside(0),
+            full_fraction: beside(paper.max_blocks),
+            distance: range(admitted.iter().map(|other| kolmogorov_distance(&counts, other)).collect()),
             counts,
         }
     };
     let methods = paper.methods.iter().map(method).collect();
-    let mut rng = ChaCha8Rng::seed_from_u64(DRAW_SEED);
+    let mut rng = ChaCha8Rng::seed_from_u64(BOOTSTRAP_SEED);
     let mut people: Vec<BTreeMap<&str, Vec<f64>>> = Vec::new();
     let mut in_order = 0;
     for study in studies {
@@ -198,49 +204,49 @@ pub fn predict(studies: &[StudyScores]) -> StudyPrediction {
             by_person.entry(*person).or_default().entry(method).or_default().push(*score);
         }
         let own: Vec<_> = by_person.into_values().collect();
-        in_order += usize::from(assisted_ahead(&own.iter().collect::<Vec<_>>()));
+        in_order += usize::from(assisted_methods_lead(&own.iter().collect::<Vec<_>>()));
         people.extend(own);
     }
-    let drawn = (0..DRAWN).filter(|_| {
+    let drawn = (0..BOOTSTRAP_STUDIES).filter(|_| {
         let study: Vec<_> =
             (0..paper.participants).map(|_| &people[rng.random_range(0..people.len())]).collect();
-        assisted_ahead(&study)
+        assisted_methods_lead(&study)
     });
-    let order_drawn = drawn.count() as f64 / DRAWN as f64;
+    let order_drawn = drawn.count() as f64 / BOOTSTRAP_STUDIES as f64;
     let trials = paper.participants * paper.trials_each;
     let pools: Vec<Vec<f64>> = ["A", "B", "C", "D"]
         .iter()
         .map(|name| {
-            let counts = paper.admitted(name).into_iter().next().unwrap_or_default();
+            let counts = paper.admissible_counts(name).into_iter().next().unwrap_or_default();
             counts.iter().enumerate().flat_map(|(k, n)| vec![k as f64; *n]).collect()
         })
         .collect();
-    let of_paper = (0..DRAWN).filter(|_| {
+    let of_paper = (0..BOOTSTRAP_STUDIES).filter(|_| {
         let mut mean =
             |pool: &Vec<f64>| -> f64 { (0..trials).map(|_| pool[rng.random_range(0..pool.len())]).sum() };
         let means: Vec<f64> = pools.iter().map(&mut mean).collect();
         means[2].min(means[3]) > means[0].max(means[1])
     });
-    let order_of_paper = of_paper.count() as f64 / DRAWN as f64;
+    let order_of_paper = of_paper.count() as f64 / BOOTSTRAP_STUDIES as f64;
     StudyPrediction {
         methods,
-        order_in_studies: in_order as f64 / studies.len().max(1) as f64,
-        order_drawn,
-        order_of_paper,
+        order_fraction_simulated: in_order as f64 / studies.len().max(1) as f64,
+        order_fraction_bootstrap: order_drawn,
+        order_fraction_paper: order_of_paper,
     }
 }
 
 /// Whether the means of C and D are above those of A and B.
-fn assisted_ahead(people: &[&BTreeMap<&str, Vec<f64>>]) -> bool {
+fn assisted_methods_lead(people: &[&BTreeMap<&str, Vec<f64>>]) -> bool {
     let mean = |method: &str| {
         let scores: Vec<f64> = people.iter().filter_map(|own| own.get(method)).flatten().copied().collect();
-        moments(&scores).0
+        mean_and_sd(&scores).0
     };
     mean("C").min(mean("D")) > mean("A").max(mean("B"))
 }
 
 /// Mean and standard deviation.
-fn moments(scores: &[f64]) -> (f64, f64) {
+fn mean_and_sd(scores: &[f64]) -> (f64, f64) {
     let count = scores.len() as f64;
     let mean = scores.iter().sum::<f64>() / count;
     let squares: f64 = scores.iter().map(|score| (score - mean).powi(2)).sum();
@@ -256,13 +262,13 @@ mod tests {
         let paper = PaperResults::shipped().study1;
         let mut trials = Vec::new();
         for method in ["A", "B", "C", "D"] {
-            let counts = &paper.admitted(method)[0];
+            let counts = &paper.admissible_counts(method)[0];
             let scores = counts.iter().enumerate().flat_map(|(k, n)| vec![k as f64; *n]);
             trials.extend(
                 scores.enumerate().map(|(k, score)| (k / 3 + 1, method.to_owned(), k % 3 + 1, score)),
             );
         }
-        let prediction = predict(&[StudyScores { seed: 1, whole_chain: false, trials }]);
+        let prediction = predict(&[StudyScores { seed: 1, full_physics: false, trials }]);
         for own in &prediction.methods {
             assert_eq!(own.distance[0], 0.0, "{own:?}");
             assert!(
@@ -271,16 +277,19 @@ mod tests {
             );
             assert_eq!((own.min[0], own.max[0]), (own.min[1], own.max[1]));
         }
-        assert_eq!(prediction.order_in_studies, 1.0);
-        assert!(prediction.order_drawn > 0.8 && prediction.order_of_paper > 0.98, "{prediction:?}");
+        assert_eq!(prediction.order_fraction_simulated, 1.0);
+        assert!(
+            prediction.order_fraction_bootstrap > 0.8 && prediction.order_fraction_paper > 0.98,
+            "{prediction:?}"
+        );
     }
 
     #[test]
     fn seeds_follow_from_the_people() {
         let population = Population::standard();
         let mut other = population;
-        other.thinking_ms.median *= 1.01;
-        assert_eq!(seeds_of(&population).unwrap(), seeds_of(&population).unwrap());
-        assert_ne!(seeds_of(&population).unwrap(), seeds_of(&other).unwrap());
+        other.decision_time_ms.median *= 1.01;
+        assert_eq!(master_seeds(&population).unwrap(), master_seeds(&population).unwrap());
+        assert_ne!(master_seeds(&population).unwrap(), master_seeds(&other).unwrap());
     }
 }

@@ -1,7 +1,8 @@
 use super::{
-    FITTED, FitJournal, FitTarget, FitTrials, PARAMETERS,
-    evaluation::{counted, kinematic_scores},
-    journal::Evaluated,
+    FITTED_METHOD, FitJournal, FitTarget, FitTrials, PARAMETERS,
+    evaluation::{count_scores, kinematic_scores},
+    hashed_text::hashed_text,
+    journal::FitEvaluation,
     population_at,
 };
 use crate::{Registry, paper::PaperResults};
@@ -18,10 +19,10 @@ use std::{
 };
 
 /// How far the corners of the first simplex are from where the search begins, in coordinates of [`Parameter`](super::Parameter).
-const FIRST_STEP: f64 = 0.7;
+const INITIAL_SIMPLEX_STEP: f64 = 0.7;
 /// What a coordinate adds to the objective by being off its beginning, per square: five values are more than five shares of trials
 /// can tell, and what they leave open stays where it was.
-const PULL: f64 = 0.002;
+const REGULARIZATION_WEIGHT: f64 = 0.002;
 /// Draws the people of the fit, and their trials.
 const FIT_SEED: u64 = 22;
 
@@ -39,7 +40,7 @@ pub struct FitOptions<'a> {
 
 /// What was found.
 #[derive(Clone, Debug)]
-pub struct Fitted {
+pub struct FitResult {
     /// The people.
     pub population: Population,
     /// Values of the parameters, in their order.
@@ -55,13 +56,13 @@ pub struct Fitted {
 /// What a fit tells of: trials that ended, and the smallest objective so far once an evaluation is over.
 pub type FitProgress<'a> = &'a (dyn Fn(usize, Option<f64>) + Sync);
 
-struct Problem<'a> {
+struct FitProblem<'a> {
     registry: &'a Registry,
     evaluation: &'a FitTrials,
     start: Population,
     origin: Vec<f64>,
     target: FitTarget,
-    most: usize,
+    max_score: usize,
     options: &'a FitOptions<'a>,
     journal: RefCell<&'a mut FitJournal>,
     progress: FitProgress<'a>,
@@ -70,29 +71,31 @@ struct Problem<'a> {
 
 /// The objective once all evaluations are spent, or the search was interrupted or failed. Not an error, on which this version of
 /// the crate argmin panics.
-const ENDED: f64 = 1e9;
+const TERMINATED_COST: f64 = 1e9;
 
-impl Problem<'_> {
-    fn objective(&self, evaluated: &Evaluated) -> f64 {
-        let counts = counted(evaluated.scores.iter().copied(), self.most);
-        let coordinates = PARAMETERS.iter().zip(&evaluated.values).map(|(own, value)| own.coordinate(*value));
-        let pull: f64 = coordinates.zip(&self.origin).map(|(x, x0)| PULL * (x - x0).powi(2)).sum();
+impl FitProblem<'_> {
+    fn objective(&self, evaluated: &FitEvaluation) -> f64 {
+        let counts = count_scores(evaluated.scores.iter().copied(), self.max_score);
+        let coordinates =
+            PARAMETERS.iter().zip(&evaluated.values).map(|(own, value)| own.to_coordinate(*value));
+        let pull: f64 =
+            coordinates.zip(&self.origin).map(|(x, x0)| REGULARIZATION_WEIGHT * (x - x0).powi(2)).sum();
         self.target.distance(&counts).powi(2) + pull
     }
 
-    fn failed(&self, error: &dyn Error) -> f64 {
+    fn record_failure(&self, error: &dyn Error) -> f64 {
         self.failure.replace(Some(error.to_string()));
-        ENDED
+        TERMINATED_COST
     }
 
-    fn best(&self) -> Option<Evaluated> {
+    fn best(&self) -> Option<FitEvaluation> {
         let journal = self.journal.borrow();
         let all = journal.evaluations().iter();
         all.min_by(|a, b| self.objective(a).total_cmp(&self.objective(b))).cloned()
     }
 }
 
-impl CostFunction for Problem<'_> {
+impl CostFunction for FitProblem<'_> {
     type Param = Vec<f64>;
     type Output = f64;
 
@@ -101,25 +104,25 @@ impl CostFunction for Problem<'_> {
         let values: Vec<f64> = PARAMETERS.iter().map(|own| *(own.value)(&mut population)).collect();
         let known = self.journal.borrow().scores(&values).map(<[f64]>::to_vec);
         if let Some(scores) = known {
-            return Ok(self.objective(&Evaluated { values, scores }));
+            return Ok(self.objective(&FitEvaluation { values, scores }));
         }
         if self.journal.borrow().evaluations().len() >= self.options.evaluations
             || self.failure.borrow().is_some()
         {
-            return Ok(ENDED);
+            return Ok(TERMINATED_COST);
         }
         let tell = || (self.progress)(1, None);
         let FitOptions { jobs, interrupted, .. } = *self.options;
         let scores =
             match kinematic_scores(self.registry, self.evaluation, &population, jobs, interrupted, &tell) {
                 Ok(Some(scores)) => scores,
-                Ok(None) => return Ok(ENDED),
-                Err(error) => return Ok(self.failed(&*error)),
+                Ok(None) => return Ok(TERMINATED_COST),
+                Err(error) => return Ok(self.record_failure(&*error)),
             };
-        let evaluated = Evaluated { values, scores };
+        let evaluated = FitEvaluation { values, scores };
         let cost = self.objective(&evaluated);
         if let Err(error) = self.journal.borrow_mut().push(evaluated) {
-            return Ok(self.failed(&error));
+            return Ok(self.record_failure(&error));
         }
         (self.progress)(0, self.best().map(|best| self.objective(&best)));
         Ok(cost)
@@ -139,37 +142,37 @@ pub fn fit(
     dir: &Path,
     options: &FitOptions<'_>,
     progress: FitProgress<'_>,
-) -> Result<Option<Fitted>, Box<dyn Error>> {
+) -> Result<Option<FitResult>, Box<dyn Error>> {
     let paper = PaperResults::shipped();
-    let evaluation = FitTrials::of_study1(registry, options.participants, FIT_SEED, &[FITTED])?;
+    let evaluation = FitTrials::of_study1(registry, options.participants, FIT_SEED, &[FITTED_METHOD])?;
     let of = format!(
         "{} {} people, seed {FIT_SEED}, from {}",
         env!("CARGO_PKG_VERSION"),
         options.participants,
-        proact_recording::hash_of(toml::to_string(start)?.as_bytes())
+        proact_recording::sha256_of_bytes(hashed_text(start)?.as_bytes())
     );
     proact_files::make_folder(dir)?;
-    let mut journal = FitJournal::take_up(&dir.join("journal.jsonl"), &of)?;
+    let mut journal = FitJournal::open_or_resume(&dir.join("journal.jsonl"), &of)?;
     for _ in 0..journal.evaluations().len() * evaluation.count() {
         progress(1, None);
     }
     let mut from = *start;
-    let origin: Vec<f64> = PARAMETERS.iter().map(|own| own.coordinate(*(own.value)(&mut from))).collect();
+    let origin: Vec<f64> = PARAMETERS.iter().map(|own| own.to_coordinate(*(own.value)(&mut from))).collect();
     let corner = |k: usize| {
         let mut corner = origin.clone();
         // Toward the middle of the bounds.
-        corner[k] += if corner[k] > 0.0 { -FIRST_STEP } else { FIRST_STEP };
+        corner[k] += if corner[k] > 0.0 { -INITIAL_SIMPLEX_STEP } else { INITIAL_SIMPLEX_STEP };
         corner
     };
     let mut simplex = vec![origin.clone()];
     simplex.extend((0..origin.len()).map(corner));
-    let problem = Problem {
+    let problem = FitProblem {
         registry,
         evaluation: &evaluation,
         start: *start,
         origin,
-        target: FitTarget::of(&paper),
-        most: paper.study1.most,
+        target: FitTarget::from_paper(&paper),
+        max_score: paper.study1.max_blocks,
         options,
         journal: RefCell::new(&mut journal),
         progress,
@@ -177,9 +180,9 @@ pub fn fit(
     };
     let solver = NelderMead::new(simplex).with_sd_tolerance(1e-4)?;
     // Each iteration takes an evaluation, a known one or a new one.
-    let most = options.evaluations as u64;
-    Executor::new(ByReference(&problem), solver)
-        .configure(|state| state.max_iters(most))
+    let max_evaluations = options.evaluations as u64;
+    Executor::new(FitProblemRef(&problem), solver)
+        .configure(|state| state.max_iters(max_evaluations))
         .timer(false)
         .run()?;
     if options.interrupted.load(Ordering::Relaxed) {
@@ -189,20 +192,20 @@ pub fn fit(
         return Err(failure.into());
     }
     let best = problem.best().ok_or("there was no evaluation")?;
-    let counts = counted(best.scores.iter().copied(), problem.most);
+    let counts = count_scores(best.scores.iter().copied(), problem.max_score);
     let mut population = *start;
     for (parameter, value) in PARAMETERS.iter().zip(&best.values) {
         *(parameter.value)(&mut population) = *value;
     }
     let distance = problem.target.distance(&counts);
     let evaluations = problem.journal.borrow().evaluations().len();
-    Ok(Some(Fitted { population, values: best.values, distance, counts, evaluations }))
+    Ok(Some(FitResult { population, values: best.values, distance, counts, evaluations }))
 }
 
 /// The executor takes what it runs; this lends it.
-struct ByReference<'a, 'b>(&'a Problem<'b>);
+struct FitProblemRef<'a, 'b>(&'a FitProblem<'b>);
 
-impl CostFunction for ByReference<'_, '_> {
+impl CostFunction for FitProblemRef<'_, '_> {
     type Param = Vec<f64>;
     type Output = f64;
 

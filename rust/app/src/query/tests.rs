@@ -78,8 +78,8 @@ fn inverse_kinematics_takes_angles_a_number_or_nothing_as_its_seed() {
         let solution = answer(question);
         assert_eq!(solution["status"], "ok");
         let reached = answer(json!({ "op": "fk", "q": solution["q"] }));
-        let apart = largest_difference(&numbers(&reached["position"]), &numbers(&target["position"]));
-        assert!(apart < 1.01e-8);
+        let difference = largest_difference(&numbers(&reached["position"]), &numbers(&target["position"]));
+        assert!(difference < 1.01e-8);
     }
     let far = answer(json!({ "op": "ik", "position": [2, 0, 0], "quaternion": [0, 0, 0, 1] }));
     assert_eq!(far, json!({ "status": "unreachable", "q": null }));
@@ -288,11 +288,11 @@ fn a_roadmap_ends_where_no_state_is_free() {
 
 #[test]
 fn a_plan_with_something_far_out_in_the_hand_is_answered() {
-    for metres in [900.0, 4.294967296e9, 1e20, 1e200] {
+    for meters in [900.0, 4.294967296e9, 1e20, 1e200] {
         let far =
-            json!([{ "shape": { "type": "box", "size": [0.1, 0.1, 0.1] }, "position": [metres, 0, 0] }]);
+            json!([{ "shape": { "type": "box", "size": [0.1, 0.1, 0.1] }, "position": [meters, 0, 0] }]);
         let line = json!({ "op": "plan", "start": STRAIGHT, "goal_q": vec![0.1; 7], "scene": "empty", "attached": far });
         let answer = answer(line).to_string();
-        assert!(answer.contains("\"status\"") || answer.contains("\"error\""), "{metres}: {answer}");
+        assert!(answer.contains("\"status\"") || answer.contains("\"error\""), "{meters}: {answer}");
     }
 }

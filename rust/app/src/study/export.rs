@@ -2,19 +2,19 @@
 
 use super::{
     STUDY_FILE, Study, TRIALS_FOLDER,
-    conductor::{LookOptions, StudyError, look, look_with},
-    tables::{armsym_files, check_places, counted_trials, tables},
+    conductor::{StudyError, StudyViewOptions, open_view, open_view_with},
+    tables::{armsym_files, check_answers, columns::TRIALS, counted_trial_records, faulty_records, tables},
 };
 use crate::analysis::score_study;
-use proact_analysis::table::{Cell, Table};
+use proact_analysis::table::{Table, TableCell};
 use proact_control::MethodRegistry;
-use proact_files::{OutputFile, check_claim, claim_folder, make_folder, write_whole};
+use proact_files::{OutputFile, check_output_dir_claim, claim_output_dir, make_folder, write_atomically};
 use proact_recording::{
     MANIFEST_FILE,
     journal::{Journal, JournalError},
-    seal, sha256,
+    sha256, verify_manifest, write_manifest,
 };
-use proact_study::{FormItem, Texts};
+use proact_study::{FormItem, TranslatedText};
 use std::{
     collections::BTreeMap,
     error::Error,
@@ -30,7 +30,9 @@ const TABLES_FOLDER: &str = "tables";
 const ARMSYM_FOLDER: &str = "armsym";
 /// What each column is: the first file of an export.
 const CODEBOOK: &str = "codebook.csv";
-const HOLDS: &str = "export";
+/// What each question is.
+const QUESTIONS: &str = "questions.csv";
+const DIR_CONTENT: &str = "export";
 /// All tables in one file of SQLite.
 const TABLES_FILE: &str = "tables.sqlite";
 
@@ -42,7 +44,7 @@ pub struct ExportOptions {
     /// Gaze and shoulder sample by sample too, which may tell who somebody is.
     pub raw: bool,
     /// The pseudonyms of the journal stay. Without it participants are called by their places in the plan.
-    pub keep_ids: bool,
+    pub keep_pseudonyms: bool,
     /// The events and joints of each trial as ArmSym writes them too, in the folder `armsym`.
     pub armsym: bool,
     /// With these methods trials are recomputed.
@@ -51,7 +53,7 @@ pub struct ExportOptions {
 
 /// What was written.
 #[derive(Clone, Debug)]
-pub struct Exported {
+pub struct ExportSummary {
     /// Where.
     pub folder: PathBuf,
     /// Rows of each table.
@@ -61,53 +63,96 @@ pub struct Exported {
 }
 
 /// Writes the tables of a study as far as it is: each as CSV, all in one SQLite file, with a codebook and hashes. Those in the
-/// study's own file are made anew as well.
+/// study's own file are made anew as well. `tell` hears how many trials of how many are computed again.
 ///
 /// # Errors
-/// A record that cannot be read, a folder that is not empty and is none of ours, a full disk.
-pub fn export(study: &Study, options: &ExportOptions) -> Result<Exported, Box<dyn Error>> {
+/// A record that cannot be read, a folder that is not empty and is not an earlier export, a full disk.
+pub fn export(
+    study: &Study,
+    options: &ExportOptions,
+    tell: &(dyn Fn(usize, usize) + Sync),
+) -> Result<ExportSummary, Box<dyn Error>> {
     let folder = options.out.clone().unwrap_or_else(|| study.folder.join(TABLES_FOLDER));
-    check_claim(&folder, CODEBOOK, HOLDS)?;
-    let numbered = |participant: usize| (!options.keep_ids).then(|| format!("P{participant:02}"));
-    let look = look_with(study, &LookOptions { rename: &numbered })?;
-    let mut made = tables(study, &look, options.raw)?;
-    let compensation = score_study(&options.methods, counted_trials(study, &look), &mut made)?;
+    check_output_dir_claim(&folder, CODEBOOK, DIR_CONTENT)?;
+    let numbered = |participant: usize| (!options.keep_pseudonyms).then(|| format!("P{participant:02}"));
+    let view = open_view_with(study, &StudyViewOptions { rename: &numbered })?;
+    let mut made = tables(study, &view, options.raw)?;
+    let compensation = score_study(&options.methods, counted_trial_records(study, &view), &mut made, tell)?;
     made.push(compensation);
-    claim(&folder)?;
+    claim_export_dir(&folder)?;
     // The codebook first: by it the next export knows the folder as its own, whatever ends this one.
     let mut texts =
-        vec![(CODEBOOK.to_owned(), codebook_csv(&made)?), ("questions.csv".to_owned(), questions(study)?)];
+        vec![(CODEBOOK.to_owned(), codebook_csv(&made)?), (QUESTIONS.to_owned(), questions(study)?)];
     for table in &made {
         texts.push((format!("{}.csv", table.name), table_csv(table)?));
     }
     texts.push((super::PLAN_FILE.to_owned(), study.plan_text.clone()));
     for (name, text) in texts {
-        write_whole(&folder.join(name), &text)?;
+        write_atomically(&folder.join(name), &text)?;
     }
     if options.armsym {
-        armsym_files(study, &look, &options.methods, |files| {
+        armsym_files(study, &view, &options.methods, |files| {
             let own = folder.join(ARMSYM_FOLDER).join(&files.subject).join(format!("trial_{}", files.trial));
             make_folder(&own)?;
-            write_whole(&own.join("trialdata.json"), &proact_types::to_json(&files.events)?)?;
-            Ok(write_whole(&own.join("Joint_Data.csv"), &files.joints)?)
+            write_atomically(&own.join("trialdata.json"), &proact_types::to_json(&files.events)?)?;
+            Ok(write_atomically(&own.join("Joint_Data.csv"), &files.joints)?)
         })?;
     }
     // SQLite makes files of its own beside the one that it writes.
     let scratch = folder.join(format!(".{TABLES_FILE}"));
     remove(&scratch)?;
     Journal::write_tables(&scratch, &made)?;
-    write_whole(&folder.join(TABLES_FILE), fs::read(&scratch)?)?;
+    write_atomically(&folder.join(TABLES_FILE), fs::read(&scratch)?)?;
     remove(&scratch)?;
-    seal(&folder)?;
-    let in_study_file = match put_into_study(study, &made) {
+    write_manifest(&folder)?;
+    let in_study_file = match write_tables_to_study_file(study, &made) {
         Err(StudyError::Journal(JournalError::InUse { .. } | JournalError::Missing { .. })) => false,
         done => done.map(|()| true)?,
     };
     let rows = made.iter().map(|table| (table.name.to_owned(), table.rows.len())).collect();
-    Ok(Exported { folder, rows, in_study_file })
+    Ok(ExportSummary { folder, rows, in_study_file })
 }
 
-fn put_into_study(study: &Study, tables: &[Table]) -> Result<(), StudyError> {
+/// The export in the study's own folder, if it is whole and of the journal and the plan as they are now, so that another one would
+/// write the same.
+///
+/// # Errors
+/// A journal that cannot be read.
+pub fn current_export(study: &Study) -> Result<Option<ExportSummary>, StudyError> {
+    let folder = study.folder.join(TABLES_FOLDER);
+    let same_plan =
+        fs::read_to_string(folder.join(super::PLAN_FILE)).is_ok_and(|text| text == study.plan_text);
+    if !same_plan || !matches!(verify_manifest(&folder), Ok(true)) {
+        return Ok(None);
+    }
+    let events = open_view(study)?.entries.len();
+    Ok(count_rows(&folder).filter(|rows| rows.get("events") == Some(&events)).map(|rows| ExportSummary {
+        folder,
+        rows,
+        in_study_file: true,
+    }))
+}
+
+/// Rows of each exported table in `folder`; none if a table cannot be read or has columns of another version.
+fn count_rows(folder: &Path) -> Option<BTreeMap<String, usize>> {
+    let mut found = BTreeMap::new();
+    for entry in fs::read_dir(folder).ok()? {
+        let path = entry.ok()?.path();
+        let file = path.file_name()?.to_str()?;
+        let Some(name) = file.strip_suffix(".csv").filter(|_| ![CODEBOOK, QUESTIONS].contains(&file)) else {
+            continue;
+        };
+        let mut reader = csv::Reader::from_path(&path).ok()?;
+        let is_ours = |head: &csv::StringRecord| head.iter().eq(TRIALS.iter().map(|column| column.name));
+        if name == "trials" && !is_ours(reader.headers().ok()?) {
+            return None;
+        }
+        found.insert(name.to_owned(), reader.records().count());
+    }
+    Some(found)
+}
+
+fn write_tables_to_study_file(study: &Study, tables: &[Table]) -> Result<(), StudyError> {
     let path = study.folder.join(STUDY_FILE);
     if !path.is_file() {
         return Err(JournalError::Missing { path }.into());
@@ -116,8 +161,8 @@ fn put_into_study(study: &Study, tables: &[Table]) -> Result<(), StudyError> {
 }
 
 /// Makes a folder, or takes one that an export wrote, of which what goes with its old state alone is removed.
-fn claim(folder: &Path) -> Result<(), Box<dyn Error>> {
-    claim_folder(folder, CODEBOOK, HOLDS)?;
+fn claim_export_dir(folder: &Path) -> Result<(), Box<dyn Error>> {
+    claim_output_dir(folder, CODEBOOK, DIR_CONTENT)?;
     // Without checksums until all is written again, and without samples that were not asked for this time.
     for name in [MANIFEST_FILE, "raw_gaze.csv", "raw_shoulder.csv"] {
         remove(&folder.join(name))?;
@@ -146,7 +191,7 @@ pub(crate) fn table_csv(table: &Table) -> Result<String, Box<dyn Error>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     writer.write_record(table.columns.iter().map(|column| column.name))?;
     for row in &table.rows {
-        writer.write_record(row.iter().map(Cell::to_string))?;
+        writer.write_record(row.iter().map(TableCell::to_string))?;
     }
     Ok(String::from_utf8(writer.into_inner()?)?)
 }
@@ -159,7 +204,7 @@ pub(crate) fn codebook_csv(tables: &[Table]) -> Result<String, Box<dyn Error>> {
         for column in table.columns {
             writer.write_record([
                 table.name,
-                table.row,
+                table.row_meaning,
                 column.name,
                 column.unit,
                 column.meaning,
@@ -176,8 +221,8 @@ fn questions(study: &Study) -> Result<String, Box<dyn Error>> {
     writer.write_record(["form", "item", "kind", "text", "answers", "source", "licence", "confirmed"])?;
     for form in study.forms.values() {
         for item in &form.items {
-            let (kind, text, answers) = asked(item);
-            let confirmed = form.confirmed.to_string();
+            let (kind, text, answers) = item_description(item);
+            let confirmed = form.wording_verified.to_string();
             writer.write_record([
                 &form.name,
                 item.key(),
@@ -185,14 +230,14 @@ fn questions(study: &Study) -> Result<String, Box<dyn Error>> {
                 text,
                 &answers,
                 &form.source,
-                &form.licence,
+                &form.license,
                 &confirmed,
             ])?;
         }
         for (first, second) in form.pairs() {
             let (key, answers) = (proact_study::pair_key(first, second), format!("{first} or {second}"));
             let text = "which of the two contributed more";
-            let confirmed = form.confirmed.to_string();
+            let confirmed = form.wording_verified.to_string();
             writer.write_record([
                 &form.name,
                 &key,
@@ -200,7 +245,7 @@ fn questions(study: &Study) -> Result<String, Box<dyn Error>> {
                 text,
                 &answers,
                 &form.source,
-                &form.licence,
+                &form.license,
                 &confirmed,
             ])?;
         }
@@ -209,27 +254,30 @@ fn questions(study: &Study) -> Result<String, Box<dyn Error>> {
 }
 
 /// The kind of an item, its question in English or the first language that there is, and what can be answered.
-fn asked(item: &FormItem) -> (&'static str, &str, String) {
+fn item_description(item: &FormItem) -> (&'static str, &str, String) {
     match item {
-        FormItem::Scale { text, low, high, least, most, step, .. } => {
-            let answers = format!("{least} ({}) to {most} ({}) by {step}", told(low), told(high));
-            ("scale", told(text), answers)
+        FormItem::Scale { text, low, high, min, max, step, .. } => {
+            let answers =
+                format!("{min} ({}) to {max} ({}) by {step}", preferred_text(low), preferred_text(high));
+            ("scale", preferred_text(text), answers)
         }
-        FormItem::Choice { text, options, several, .. } => {
+        FormItem::Choice { text, options, multiple: several, .. } => {
             let values: Vec<&str> = options.iter().map(|option| option.value.as_str()).collect();
             let kind = if *several { "choice of several" } else { "choice" };
-            (kind, told(text), values.join(", "))
+            (kind, preferred_text(text), values.join(", "))
         }
         FormItem::Ranking { text, .. } => {
-            ("ranking", told(text), "conditions by place, = between shared places".to_owned())
+            ("ranking", preferred_text(text), "conditions by place, = between shared places".to_owned())
         }
-        FormItem::Condition { text, .. } => ("condition", told(text), "a condition".to_owned()),
-        FormItem::Consent { text, version, .. } => ("consent", told(text), format!("version {version}")),
-        FormItem::Text { text, .. } => ("text", told(text), "free words".to_owned()),
+        FormItem::Condition { text, .. } => ("condition", preferred_text(text), "a condition".to_owned()),
+        FormItem::Consent { text, version, .. } => {
+            ("consent", preferred_text(text), format!("version {version}"))
+        }
+        FormItem::Text { text, .. } => ("text", preferred_text(text), "free words".to_owned()),
     }
 }
 
-pub(super) fn told(texts: &Texts) -> &str {
+pub(super) fn preferred_text(texts: &TranslatedText) -> &str {
     texts.get("en").or_else(|| texts.values().next()).map_or("", String::as_str)
 }
 
@@ -252,31 +300,60 @@ fn files(folder: &Path) -> io::Result<BTreeMap<String, PathBuf>> {
     Ok(found)
 }
 
+/// What an archive does with records that are missing, cannot be read, or are in the folder of another trial.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FaultyRecordPolicy {
+    /// It is not made.
+    Refuse,
+    /// It is made of what there is, and says what is wrong.
+    Accept,
+}
+
+/// An archive that was made.
+#[derive(Clone, Debug)]
+pub struct ArchiveSummary {
+    /// Number of files.
+    pub files: usize,
+    /// What is wrong with records of trials that count, a sentence each.
+    pub faulty_records: Vec<String>,
+}
+
 /// Puts the whole folder of a study into the new file `out`: plan, questionnaires, journal, records, models, tables, and hashes of
 /// all of it. The journal is as it was at one moment. What was written is read again and compared. `tell` hears of each file, with
 /// its number and how many there are.
 ///
 /// # Errors
-/// A record in the folder of another trial, a file that exists, a disk that is full, an archive that does not read back as it was
+/// Records that are `faulty`, by their names; a file that exists, a disk that is full, an archive that does not read back as it was
 /// written.
 pub fn archive(
     study: &Study,
     out: &Path,
+    faulty: FaultyRecordPolicy,
     mut tell: impl FnMut(usize, usize),
-) -> Result<usize, Box<dyn Error>> {
-    check_places(study, &look(study)?)?;
+) -> Result<ArchiveSummary, Box<dyn Error>> {
+    let view = open_view(study)?;
+    check_answers(study, &view)?;
+    let faulty_records = faulty_records(study, &view);
+    if faulty == FaultyRecordPolicy::Refuse && !faulty_records.is_empty() {
+        return Err(format!(
+            "records of the study are damaged, missing or misplaced; put them back, or archive what there is with \
+             --accept-damaged:\n  {}",
+            faulty_records.join("\n  ")
+        )
+        .into());
+    }
     let mut file = OutputFile::create_new(out)?;
-    let sums = fill(study, &mut file, out, &mut tell)?;
+    let sums = write_archive_entries(study, &mut file, out, &mut tell)?;
     file.rewind()
         .map_err(Box::from)
         .and_then(|()| check(&mut file, &sums))
         .map_err(|error: Box<dyn Error>| format!("{}: {error}", out.display()))?;
     file.finish()?;
-    Ok(sums.len())
+    Ok(ArchiveSummary { files: sums.len(), faulty_records })
 }
 
 /// Writes all files; their hashes by name.
-fn fill(
+fn write_archive_entries(
     study: &Study,
     file: &mut OutputFile,
     out: &Path,
@@ -291,7 +368,7 @@ fn fill(
     };
     found.retain(|name, path| !temporary(name) && fs::canonicalize(path).ok() != fs::canonicalize(out).ok());
     if study.folder.join(STUDY_FILE).is_file() {
-        Journal::read(&study.folder.join(STUDY_FILE))?.copy_to(&scratch)?;
+        Journal::open_read_only(&study.folder.join(STUDY_FILE))?.copy_to(&scratch)?;
         found.insert(STUDY_FILE.to_owned(), scratch.clone());
     }
     let prefix = &study.plan.name;

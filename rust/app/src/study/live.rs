@@ -3,33 +3,35 @@
 //! Every event and answer is on the disk before a page shows it. What is under way when the program ends is interrupted, and the
 //! next run finds it so.
 
+mod arm_activities;
 mod readiness;
-mod scenes;
 mod screen;
 mod state;
 mod steps;
 mod training;
 
 use super::conductor::{Conductor, StudyError};
-use crate::{Calibrations, LiveArmband, LivePerson, Registry, source::read_model, use_log::UseLog};
+use crate::{
+    Calibrations, LiveArmband, Registry, UserDevices, emg_model_file::read_model, usage_log::UsageLog,
+};
+pub use arm_activities::initial_page_content;
 use proact_bridge::{ClientInput, PageServer, StudyRequest, TrialStatus};
 use proact_devices::{SampleSource, SourceName};
 use proact_intent::GazeOffset;
 use proact_study::{Deviation, StepOutcome, StudyEvent};
-use proact_testbed::Session;
-use readiness::Heard;
-pub use scenes::opening;
-pub use state::OnScreen;
-use state::{StudyState, UnderWay, Wish};
+use proact_testbed::RunningTrial;
+use readiness::DeviceLiveness;
+pub use state::ScreenObserver;
+use state::{ActiveSession, ConductRequest, StudyState};
 use std::{
     error::Error,
     sync::{atomic::AtomicBool, mpsc::Receiver},
     time::{Duration, Instant},
 };
-use training::Trained;
+use training::TrainingOutcome;
 
 /// Opens what a person has connected, for the first session of a trial.
-pub type OpenPerson<'a> = Box<dyn FnMut(&Session) -> Result<LivePerson, Box<dyn Error>> + 'a>;
+pub type OpenUserDevices<'a> = Box<dyn FnMut(&RunningTrial) -> Result<UserDevices, Box<dyn Error>> + 'a>;
 
 /// What a participant wears and is tracked by.
 pub struct StudyEquipment<'a> {
@@ -38,13 +40,13 @@ pub struct StudyEquipment<'a> {
     /// The armband with its model, once there is one.
     pub armband: Option<LiveArmband>,
     /// Eye tracker, limb, feedback.
-    pub person: Option<LivePerson>,
+    pub user_devices: Option<UserDevices>,
     /// Where the person sits, as it was calibrated.
     pub calibrations: Calibrations,
     /// Opens them.
-    pub open_person: OpenPerson<'a>,
+    pub open_user_devices: OpenUserDevices<'a>,
     /// The log of use; none that is kept.
-    pub use_log: Option<UseLog>,
+    pub use_log: Option<UsageLog>,
 }
 
 /// A study with people.
@@ -53,14 +55,14 @@ pub struct LiveStudy<'a> {
     state: StudyState<'a>,
     equipment: StudyEquipment<'a>,
     gaze_offset: GazeOffset,
-    trained: Option<Trained>,
+    training: Option<TrainingOutcome>,
     /// For whom the armband's model was trained here; none for a model that was given.
-    fitted: Option<usize>,
+    armband_participant: Option<usize>,
     /// A source that nobody wears a model of.
     idle_source: Option<Box<dyn SampleSource>>,
-    heard: Heard,
+    device_liveness: DeviceLiveness,
     /// How the last trial went, in words.
-    before: String,
+    last_trial_summary: String,
 }
 
 /// How a step came to its end.
@@ -73,9 +75,9 @@ enum StepEnd {
     /// It is left out, for this reason.
     Skipped(String),
     /// A trial before it is done again, for this reason.
-    Redone(String),
+    RedoPrevious(String),
     /// The session goes on another time.
-    Left,
+    Postponed,
     /// The program ends.
     Interrupted,
 }
@@ -89,7 +91,7 @@ impl<'a> LiveStudy<'a> {
         page: &'a PageServer,
         mut equipment: StudyEquipment<'a>,
         console: Option<Receiver<ClientInput>>,
-        on_screen: OnScreen<'a>,
+        on_screen: ScreenObserver<'a>,
         interrupted: &'a AtomicBool,
     ) -> Self {
         let mut state = StudyState::new(conductor, page, console, on_screen, interrupted);
@@ -99,17 +101,17 @@ impl<'a> LiveStudy<'a> {
             state,
             equipment,
             gaze_offset: GazeOffset::default(),
-            trained: None,
-            fitted: None,
+            training: None,
+            armband_participant: None,
             idle_source: None,
-            heard: Heard::default(),
-            before: String::new(),
+            device_liveness: DeviceLiveness::default(),
+            last_trial_summary: String::new(),
         }
     }
 
     /// Says something to whoever conducts the study.
-    pub fn tell(&mut self, words: String) {
-        self.state.told = words;
+    pub fn set_message(&mut self, words: String) {
+        self.state.message = words;
     }
 
     /// Conducts sessions until the study is finished, which it returns, or the program is asked to end.
@@ -117,53 +119,53 @@ impl<'a> LiveStudy<'a> {
     /// # Errors
     /// A journal or record that cannot be written, a device that fails. Nothing that was shown as done is lost.
     pub fn run(mut self) -> Result<bool, Box<dyn Error>> {
-        let ended = self.conduct();
+        let ended = self.run_sessions();
         // What is under way counts as interrupted; a journal that refused to be written is told of, not this.
-        for spot in self.state.conductor.progress().open() {
-            if self.state.conductor.end(&spot, StepOutcome::Interrupted).is_err() {
+        for step_id in self.state.conductor.progress().open() {
+            if self.state.conductor.end(&step_id, StepOutcome::Interrupted).is_err() {
                 break;
             }
         }
-        self.state.under = None;
+        self.state.active_session = None;
         self.state.show();
         ended?;
         Ok(self.state.conductor.progress().finished())
     }
 
-    fn conduct(&mut self) -> Result<(), Box<dyn Error>> {
+    fn run_sessions(&mut self) -> Result<(), Box<dyn Error>> {
         // Pages learn what was asked of the gaze so far, before anything is.
         self.state.page.set_status(&TrialStatus::default());
         // What is connected is opened, and there is a scene to see, before anybody sits down.
         let first = self.state.conductor.study.schedule.trials().next().cloned();
-        first.map_or(Ok(()), |trial| self.prepare(&trial))?;
+        first.map_or(Ok(()), |trial| self.preview_trial(&trial))?;
         while !self.state.interrupted() {
-            if self.state.under.is_none() {
+            if self.state.active_session.is_none() {
                 if self.state.conductor.progress().finished() {
-                    return Ok(self.say_goodbye()?);
+                    return Ok(self.wait_after_last_session()?);
                 }
-                self.choose()?;
+                self.wait_for_session()?;
                 continue;
             }
             match self.next_step() {
-                Some(spot) => self.step(&spot)?,
+                Some(step_id) => self.step(&step_id)?,
                 None => self.end_session()?,
             }
         }
         Ok(())
     }
 
-    fn next_step(&self) -> Option<proact_study::Spot> {
-        let under = self.state.under.as_ref()?;
+    fn next_step(&self) -> Option<proact_study::StepId> {
+        let under = self.state.active_session.as_ref()?;
         let progress = self.state.conductor.progress();
         progress.next_step(progress.session(under.participant, &under.session)?)
     }
 
     /// Waits until a session is to begin.
-    fn choose(&mut self) -> Result<(), StudyError> {
-        self.state.now = None;
-        while self.state.under.is_none() && !self.state.interrupted() {
-            for wish in self.state.wait()? {
-                if let Wish::Ask(StudyRequest::Begin { id, new }) = wish {
+    fn wait_for_session(&mut self) -> Result<(), StudyError> {
+        self.state.current_step = None;
+        while self.state.active_session.is_none() && !self.state.interrupted() {
+            for request in self.state.wait()? {
+                if let ConductRequest::Experimenter(StudyRequest::Begin { id, new }) = request {
                     self.begin(id.as_deref().map(str::trim).filter(|id| !id.is_empty()), new)?;
                 }
             }
@@ -173,32 +175,32 @@ impl<'a> LiveStudy<'a> {
 
     fn begin(&mut self, id: Option<&str>, new: bool) -> Result<(), StudyError> {
         let planned = self.state.conductor.progress().next_participant();
-        let participant = match self.state.conductor.choose(id, new) {
+        let participant = match self.state.conductor.select_participant(id, new) {
             Ok(participant) => participant,
             Err(error @ StudyError::Journal(_)) => return Err(error),
             Err(error) => {
-                self.state.told = error.to_string();
+                self.state.message = error.to_string();
                 return Ok(());
             }
         };
         let session = self.state.conductor.begin_session(participant, false)?;
-        self.state.told.clear();
-        self.state.thanks = false;
-        self.state.under = Some(UnderWay { participant, session, notes: Vec::new() });
+        self.state.message.clear();
+        self.state.session_just_ended = false;
+        self.state.active_session = Some(ActiveSession { participant, session, notes: Vec::new() });
         // Whoever sat here before has other muscles and other eyes.
-        (self.trained, self.state.gaze, self.gaze_offset) = (None, None, GazeOffset::default());
-        self.before.clear();
-        if self.fitted.is_some_and(|other| other != participant) {
-            self.fitted = None;
+        (self.training, self.state.gaze_check, self.gaze_offset) = (None, None, GazeOffset::default());
+        self.last_trial_summary.clear();
+        if self.armband_participant.is_some_and(|other| other != participant) {
+            self.armband_participant = None;
             self.idle_source = self.equipment.armband.take().and_then(LiveArmband::into_source);
         }
         self.remember_training(participant);
-        if let (Some(spot), true) = (self.next_step(), planned != Some(participant)) {
+        if let (Some(step_id), true) = (self.next_step(), planned != Some(participant)) {
             // By the place in the plan: a reason is exported, a pseudonym is not.
             let expected = planned.map_or_else(String::new, |planned| planned.to_string());
             let reason = format!("the plan has participant {expected} next");
             self.state.conductor.write(StudyEvent::Deviated {
-                spot,
+                step_id,
                 deviation: Deviation::OtherOrder,
                 reason,
             })?;
@@ -208,7 +210,9 @@ impl<'a> LiveStudy<'a> {
 
     /// What was trained in this session before the program ended is still good: the person has the same muscles.
     fn remember_training(&mut self, participant: usize) {
-        let Some(session) = self.state.under.as_ref().map(|under| under.session.clone()) else { return };
+        let Some(session) = self.state.active_session.as_ref().map(|under| under.session.clone()) else {
+            return;
+        };
         let Ok(Some(last)) = self.state.conductor.last_training(participant, &session) else { return };
         let Some(at) = Instant::now().checked_sub(Duration::from_secs_f64(last.age_secs)) else { return };
         if let (Some(_), Some(model)) = (&self.equipment.source, &last.model) {
@@ -218,36 +222,40 @@ impl<'a> LiveStudy<'a> {
                 Ok(LiveArmband::start(source, model))
             });
             match opened {
-                Ok(armband) => (self.equipment.armband, self.fitted) = (Some(armband), Some(participant)),
+                Ok(armband) => {
+                    (self.equipment.armband, self.armband_participant) = (Some(armband), Some(participant))
+                }
                 // It is trained again then: the check before a trial says so.
                 Err(error) => {
-                    self.state.told = format!("the last model cannot be used: {error}");
+                    self.state.message = format!("the last model cannot be used: {error}");
                     return;
                 }
             }
         }
         let (accuracy, passed, model) = (last.accuracy, last.passed, last.model);
-        self.trained = Some(Trained { at, accuracy, passed, model });
+        self.training = Some(TrainingOutcome { at, accuracy, passed, model });
     }
 
     /// All steps are over: thanks, until the next session is asked for.
     fn end_session(&mut self) -> Result<(), StudyError> {
-        let id = self.state.under.as_ref().map(|under| self.state.conductor.label(under.participant));
-        self.state.told = format!("the session of {} is over", id.unwrap_or_default());
-        self.state.under = None;
-        self.state.now = None;
-        self.state.thanks = true;
+        let id =
+            self.state.active_session.as_ref().map(|under| self.state.conductor.label(under.participant));
+        self.state.message = format!("the session of {} is over", id.unwrap_or_default());
+        self.state.active_session = None;
+        self.state.current_step = None;
+        self.state.session_just_ended = true;
         self.state.show();
         Ok(())
     }
 
     /// The study is finished. Whoever was last still reads the page, which stays until the program is asked to end; a study that was
     /// finished before has nobody there.
-    fn say_goodbye(&mut self) -> Result<(), StudyError> {
-        if self.state.thanks {
-            self.state.told = "the study is finished: end the program to have its tables written".to_owned();
+    fn wait_after_last_session(&mut self) -> Result<(), StudyError> {
+        if self.state.session_just_ended {
+            self.state.message =
+                "the study is finished: end the program to have its tables written".to_owned();
         }
-        while self.state.thanks && !self.state.interrupted() {
+        while self.state.session_just_ended && !self.state.interrupted() {
             self.state.wait()?;
         }
         Ok(())

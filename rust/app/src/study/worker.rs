@@ -1,21 +1,23 @@
 //! Trials with simulated participants in programs of their own: the generators of physics and planner are a process's, so that
 //! trials side by side are processes side by side.
 //!
-//! A worker reads [`TrialOrder`]s from its standard input, one JSON object a line, and writes an answer for each to its standard
+//! A worker reads [`TrialJob`]s from its standard input, one JSON object a line, and writes an answer for each to its standard
 //! output. When its input ends, as it does when whoever ordered is killed, the trial under way ends too, and its record is closed.
 
 use crate::{
-    Arm, Audience, Recorder, Registry,
-    analysis::LiveTrace,
-    lines_of, run_to_end,
+    Arm, Recorder, Registry, RunOutputs,
+    analysis::LiveTraceBuilder,
+    read_lines,
+    renamed_key_warnings::silence_renamed_keys,
+    run_to_end,
     trial::{self, Assembly},
     trial_choice::{TrialContext, trial_config},
 };
-use proact_analysis::table::Cell;
+use proact_analysis::table::TableCell;
 use proact_devices::{EmgOrigin, FeedbackSinks};
 use proact_emg::EmgConfig;
-use proact_recording::StudyPlace;
-use proact_study::TrialChoice;
+use proact_recording::StudyTrialId;
+use proact_study::TrialOptions;
 use proact_testbed::{TrialConfig, TrialResult};
 use serde::{Deserialize, Serialize};
 use std::{
@@ -34,14 +36,15 @@ use std::{
 /// Where person and box are in a trial that says nothing.
 pub(super) const DEFAULT_SETUP: &str = "seated";
 /// How often it is looked whether the trial is to end.
-const LOOK: Duration = Duration::from_millis(50);
+const POLL_PERIOD: Duration = Duration::from_millis(50);
 
 /// A trial to be run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct TrialOrder {
+pub struct TrialJob {
     /// What it is made of.
-    pub choice: TrialChoice,
+    #[serde(rename = "choice")]
+    pub options: TrialOptions,
     /// Of every random stream.
     pub seed: u64,
     /// Where the blocks stand; by the seed if left out.
@@ -52,13 +55,15 @@ pub struct TrialOrder {
     pub bag: String,
     /// Where in a study the trial belongs.
     #[serde(default)]
-    pub place: Option<StudyPlace>,
+    #[serde(rename = "place")]
+    pub study_place: Option<StudyTrialId>,
     /// Whether it is scored as an analysis scores it.
     #[serde(default)]
-    pub scored: bool,
+    #[serde(rename = "scored")]
+    pub with_scores: bool,
 }
 
-impl TrialOrder {
+impl TrialJob {
     /// The arm and the configuration; `emg` are the settings of the EMG stage that assignments begin with.
     ///
     /// # Errors
@@ -77,7 +82,7 @@ impl TrialOrder {
             intent: None,
             emg,
         };
-        trial_config(&self.choice, context)
+        trial_config(&self.options, context)
     }
 }
 
@@ -86,19 +91,19 @@ impl TrialOrder {
 #[serde(deny_unknown_fields)]
 pub struct TrialScores {
     /// The trial's measures, a row.
-    pub measures: Vec<Vec<Cell>>,
+    pub measures: Vec<Vec<TableCell>>,
     /// Objects, a row each.
-    pub objects: Vec<Vec<Cell>>,
+    pub objects: Vec<Vec<TableCell>>,
     /// Picks and places.
-    pub phases: Vec<Vec<Cell>>,
+    pub phases: Vec<Vec<TableCell>>,
     /// What went wrong.
-    pub faults: Vec<Vec<Cell>>,
+    pub faults: Vec<Vec<TableCell>>,
 }
 
 /// A trial that is over.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct TrialDone {
+pub struct FinishedTrial {
     /// What came of it.
     pub result: TrialResult,
     /// What an analysis finds in it, if that was asked for.
@@ -108,8 +113,8 @@ pub struct TrialDone {
 /// What came of an order.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-enum Reply {
-    Result(Box<TrialDone>),
+enum TrialReply {
+    Result(Box<FinishedTrial>),
     Error(String),
 }
 
@@ -118,10 +123,10 @@ enum Reply {
 #[non_exhaustive]
 pub enum WorkerError {
     /// The program ended by itself, or was killed: another one may do better.
-    #[error("a program that ran a trial ended before the trial did ({how})")]
-    Gone {
+    #[error("a program that ran a trial ended before the trial did ({exit_status})")]
+    WorkerExited {
         /// As the system tells it.
-        how: String,
+        exit_status: String,
     },
     /// The trial cannot be run.
     #[error("{0}")]
@@ -132,20 +137,20 @@ pub enum WorkerError {
 ///
 /// # Errors
 /// Names that mean nothing; a native library or the disk refuses.
-pub fn simulated_trial(
+pub fn run_simulated_trial(
     registry: &Registry,
-    order: &TrialOrder,
+    order: &TrialJob,
     interrupted: &AtomicBool,
-) -> Result<TrialDone, Box<dyn Error>> {
+) -> Result<FinishedTrial, Box<dyn Error>> {
     let (arm, config) = order.config(registry, None)?;
-    let Assembly { session, classifier, plans, .. } =
-        trial::simulated_with(&registry.methods, &arm, config, &EmgOrigin::Synthetic, None)?;
-    let config = session.testbed().config().clone();
+    let Assembly { trial, classifier, plans, .. } =
+        trial::simulated_trial_with_model(&registry.methods, &arm, config, &EmgOrigin::Synthetic, None)?;
+    let config = trial.testbed().config().clone();
     let recorder = match &order.dir {
         Some(dir) => {
             let recorder = Recorder::create_in_study(
                 dir,
-                (order.bag.as_str(), order.place.clone()),
+                (order.bag.as_str(), order.study_place.clone()),
                 &config,
                 &arm,
                 classifier.as_ref(),
@@ -154,7 +159,7 @@ pub fn simulated_trial(
         }
         None => None,
     };
-    let mut nobody = Audience {
+    let mut nobody = RunOutputs {
         page: None,
         inputs: None,
         rosbridge: None,
@@ -162,25 +167,29 @@ pub fn simulated_trial(
         feedback: FeedbackSinks::default(),
         interrupted,
     };
-    let mut film = order.scored.then(|| LiveTrace::new(session.testbed()));
-    let result = run_to_end(session, recorder, &mut nobody, order.dir.as_deref(), |step, testbed| {
-        film.iter_mut().for_each(|film| film.take(step, testbed));
+    let mut trace_builder = order.with_scores.then(|| LiveTraceBuilder::new(trial.testbed()));
+    let result = run_to_end(trial, recorder, &mut nobody, order.dir.as_deref(), |step, testbed| {
+        trace_builder.iter_mut().for_each(|trace_builder| trace_builder.add_step(step, testbed));
     })?;
-    let scores = film.map(|film| film.scores(arm.model(), &result.result)).transpose()?;
-    Ok(TrialDone { result, scores })
+    let scores = trace_builder
+        .map(|trace_builder| trace_builder.finish_and_score(arm.model(), &result.result))
+        .transpose()?;
+    Ok(FinishedTrial { result, scores })
 }
 
 /// Does what is ordered, until `orders` end or `interrupted` is raised, which the end of `orders` does.
 ///
 /// # Errors
 /// Nobody reads the answers.
-pub fn work(
+pub fn run_worker(
     registry: &Registry,
     orders: impl BufRead + Send + 'static,
     answers: &mut impl Write,
     interrupted: &Arc<AtomicBool>,
 ) -> io::Result<()> {
-    let lines = lines_of(orders);
+    // Whoever ordered the trials has shown them.
+    silence_renamed_keys();
+    let lines = read_lines(orders);
     // The end of the orders has to end the trial under way, which does not look at them.
     let (handed, waiting) = channel();
     let ended = Arc::clone(interrupted);
@@ -194,9 +203,10 @@ pub fn work(
     });
     while let Ok(line) = waiting.recv() {
         let order = serde_json::from_str(&line).map_err(Box::<dyn Error>::from);
-        let reply = order
-            .and_then(|order| simulated_trial(registry, &order, interrupted))
-            .map_or_else(|error| Reply::Error(error.to_string()), |done| Reply::Result(Box::new(done)));
+        let reply = order.and_then(|order| run_simulated_trial(registry, &order, interrupted)).map_or_else(
+            |error| TrialReply::Error(error.to_string()),
+            |done| TrialReply::Result(Box::new(done)),
+        );
         serde_json::to_writer(&mut *answers, &reply)?;
         answers.write_all(b"\n")?;
         answers.flush()?;
@@ -206,15 +216,15 @@ pub fn work(
 
 /// A program that does what is ordered. It ends when this is dropped.
 #[derive(Debug)]
-pub struct Worker {
+pub struct TrialWorker {
     child: Child,
     /// Closed to have it end.
     orders: Option<ChildStdin>,
     answers: Receiver<String>,
 }
 
-impl Worker {
-    /// Starts `command`, a program that calls [`work`] on its standard input and output.
+impl TrialWorker {
+    /// Starts `command`, a program that calls [`run_worker`] on its standard input and output.
     ///
     /// # Errors
     /// The system refuses.
@@ -222,26 +232,26 @@ impl Worker {
         let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
         let orders = child.stdin.take();
         let output = child.stdout.take().ok_or_else(|| io::Error::other("the worker has no output"))?;
-        Ok(Self { child, orders, answers: lines_of(io::BufReader::new(output)) })
+        Ok(Self { child, orders, answers: read_lines(io::BufReader::new(output)) })
     }
 
     /// Has a trial run. If `ends` says so meanwhile, the trial ends, its record is closed, and this worker takes no more orders.
     ///
     /// # Errors
     /// [`WorkerError`].
-    pub fn run(&mut self, order: &TrialOrder, ends: impl Fn() -> bool) -> Result<TrialDone, WorkerError> {
+    pub fn run(&mut self, order: &TrialJob, ends: impl Fn() -> bool) -> Result<FinishedTrial, WorkerError> {
         let mut line = serde_json::to_vec(order).map_err(|error| WorkerError::Trial(error.to_string()))?;
         line.push(b'\n');
         let sent = self.orders.as_mut().map(|orders| orders.write_all(&line).and_then(|()| orders.flush()));
         if !matches!(sent, Some(Ok(()))) {
-            return Err(self.gone());
+            return Err(self.exit_error());
         }
         loop {
-            match self.answers.recv_timeout(LOOK) {
+            match self.answers.recv_timeout(POLL_PERIOD) {
                 Ok(answer) => {
                     return match serde_json::from_str(&answer) {
-                        Ok(Reply::Result(done)) => Ok(*done),
-                        Ok(Reply::Error(reason)) => Err(WorkerError::Trial(reason)),
+                        Ok(TrialReply::Result(done)) => Ok(*done),
+                        Ok(TrialReply::Error(reason)) => Err(WorkerError::Trial(reason)),
                         Err(error) => {
                             Err(WorkerError::Trial(format!("unreadable answer of a trial: {error}")))
                         }
@@ -249,19 +259,19 @@ impl Worker {
                 }
                 Err(RecvTimeoutError::Timeout) if ends() => drop(self.orders.take()),
                 Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => return Err(self.gone()),
+                Err(RecvTimeoutError::Disconnected) => return Err(self.exit_error()),
             }
         }
     }
 
-    fn gone(&mut self) -> WorkerError {
+    fn exit_error(&mut self) -> WorkerError {
         self.orders = None;
         let how = self.child.wait().map_or_else(|error| error.to_string(), |status| status.to_string());
-        WorkerError::Gone { how }
+        WorkerError::WorkerExited { exit_status: how }
     }
 }
 
-impl Drop for Worker {
+impl Drop for TrialWorker {
     fn drop(&mut self) {
         // It ends with its input, within a tick of the trial under way.
         self.orders = None;

@@ -3,27 +3,28 @@
 
 use proact_app::{ReplayOptions, replay_trial};
 use proact_control::{JogProfile, Simultaneous};
-use proact_devices::{SyntheticEmg, SyntheticModel, stream};
+use proact_devices::{SyntheticEmg, SyntheticModel, random_stream};
 use proact_testbed::{Setup, TrialConfig};
-use proact_types::{DegreeOfFreedom, EmgSample, Gesture, GestureName};
+use proact_types::{Command, DegreeOfFreedom, EmgSample, Gesture};
 use std::path::Path;
 
 /// Eight channels at 1 kHz.
 pub fn generator(seed: u64) -> SyntheticEmg {
-    SyntheticEmg::new(&SyntheticModel::shipped().unwrap(), 1000.0, 8, 1.0, stream(seed, "test")).unwrap()
+    SyntheticEmg::new(&SyntheticModel::shipped().unwrap(), 1000.0, 8, 1.0, random_stream(seed, "test"))
+        .unwrap()
 }
 
 /// So many samples of each gesture, to train on.
-pub fn recordings(samples: u64) -> [(GestureName, Vec<EmgSample>); 5] {
+pub fn recordings(samples: u64) -> [(Gesture, Vec<EmgSample>); 5] {
     let mut emg = generator(1);
-    Gesture::ALL.map(|gesture| {
+    Command::ALL.map(|gesture| {
         let take = (0..samples).map(|counter| EmgSample { counter, channels: emg.next(gesture) });
         (gesture.into(), take.collect())
     })
 }
 
 /// The same as a training takes them.
-pub fn slices(recordings: &[(GestureName, Vec<EmgSample>); 5]) -> Vec<(GestureName, &[EmgSample])> {
+pub fn slices(recordings: &[(Gesture, Vec<EmgSample>); 5]) -> Vec<(Gesture, &[EmgSample])> {
     recordings.iter().map(|(gesture, samples)| (*gesture, samples.as_slice())).collect()
 }
 
@@ -32,8 +33,8 @@ pub fn config(at_once: bool) -> TrialConfig {
     let mut config = TrialConfig::new("A", 1, Setup::named("still").unwrap());
     let JogProfile::Time { simultaneous, .. } = &mut config.profile.jog else { panic!("by time") };
     *simultaneous = at_once.then(|| Simultaneous {
-        hand_at: 0.5,
-        hand_below: 0.3,
+        hand_on_threshold: 0.5,
+        hand_off_threshold: 0.3,
         drives: [
             (DegreeOfFreedom::wrist(), "elbow".to_owned()),
             (DegreeOfFreedom::hand(), "hand".to_owned()),

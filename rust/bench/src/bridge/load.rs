@@ -14,22 +14,22 @@ use std::{
 use tokio_tungstenite::tungstenite::{self, Message, WebSocket, client};
 
 /// A client that hears nothing for so long looks whether the run is over.
-const PATIENCE: Duration = Duration::from_millis(500);
+const READ_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// How often a server that leaves an answer out is asked again.
-const MOST_PINGS: usize = 40;
+const MAX_PINGS: usize = 40;
 
 /// A WebSocket client.
-pub(crate) struct Link(WebSocket<TcpStream>);
+pub(crate) struct WebSocketClient(WebSocket<TcpStream>);
 
-impl Link {
+impl WebSocketClient {
     /// Connects to `ws://host:port/..`.
     pub(crate) fn open(address: &str) -> Result<Self, Box<dyn Error>> {
         let host = address.trim_start_matches("ws://").split('/').next().unwrap_or_default();
         let stream = TcpStream::connect(host)?;
         stream.set_nodelay(true)?;
         let (socket, _) = client(address, stream).map_err(|error| error.to_string())?;
-        Ok(Link(socket))
+        Ok(WebSocketClient(socket))
     }
 
     pub(crate) fn send(&mut self, json: &Json) -> Result<(), tungstenite::Error> {
@@ -37,7 +37,7 @@ impl Link {
     }
 
     /// Puts a message into the next flush.
-    pub(crate) fn feed(&mut self, text: String) -> Result<(), tungstenite::Error> {
+    pub(crate) fn enqueue(&mut self, text: String) -> Result<(), tungstenite::Error> {
         self.0.write(Message::text(text))
     }
 
@@ -50,33 +50,33 @@ impl Link {
     }
 
     /// Waits until rosbridge has handled everything that was sent before.
-    pub(crate) fn settle(&mut self) -> Result<(), Box<dyn Error>> {
+    pub(crate) fn wait_until_handled(&mut self) -> Result<(), Box<dyn Error>> {
         self.send(&json!({"op": "call_service", "id": "settled", "service": "/rosapi/get_time"}))?;
         while !self.read()?.to_text()?.contains("\"settled\"") {}
         Ok(())
     }
 
     /// Waits until the page's server has handled everything that was sent before. `number`: of this call.
-    pub(crate) fn settle_page(&mut self, number: u64) -> Result<(), Box<dyn Error>> {
+    pub(crate) fn wait_until_page_handled(&mut self, number: u64) -> Result<(), Box<dyn Error>> {
         let id = number as u32;
-        self.0.get_ref().set_read_timeout(Some(PATIENCE))?;
-        self.send(&json!({"type": "ping", "id": id}))?;
-        for _ in 0..MOST_PINGS {
-            loop {
+        self.0.get_ref().set_read_timeout(Some(READ_TIMEOUT))?;
+        for _ in 0..MAX_PINGS {
+            // A server that has many answers to give to one client leaves some out; what else it sends is no answer.
+            self.send(&json!({"type": "ping", "id": id}))?;
+            let sent_at = Instant::now();
+            while sent_at.elapsed() < READ_TIMEOUT {
                 match self.read() {
                     Ok(Message::Text(text)) => {
-                        let said: Json = serde_json::from_str(&text)?;
-                        if said["type"] == "pong" && said["id"] == id {
+                        let message: Json = serde_json::from_str(&text)?;
+                        if message["type"] == "pong" && message["id"] == id {
                             return Ok(());
                         }
                     }
                     Ok(_) => {}
-                    Err(tungstenite::Error::Io(error)) if is_timeout(&error) => break,
+                    Err(tungstenite::Error::Io(error)) if is_timeout(&error) => {}
                     Err(error) => return Err(error.into()),
                 }
             }
-            // A server that has many answers to give to one client leaves some out.
-            self.send(&json!({"type": "ping", "id": id}))?;
         }
         Err("the page's server does not answer".into())
     }
@@ -92,11 +92,15 @@ type Arrivals = Vec<(usize, Instant)>;
 
 /// Reads messages that contain `mark` in a thread of its own, until the run has `ended` and nothing comes: the
 /// number of each, and when it came. The number is the first one behind the mark, or behind `"seq":`.
-pub(super) fn follow(mut link: Link, mark: &'static str, ended: &Arc<AtomicBool>) -> JoinHandle<Arrivals> {
+pub(super) fn spawn_reader(
+    mut link: WebSocketClient,
+    mark: &'static str,
+    ended: &Arc<AtomicBool>,
+) -> JoinHandle<Arrivals> {
     let ended = Arc::clone(ended);
     std::thread::spawn(move || {
         let mut arrivals = Vec::new();
-        if link.0.get_ref().set_read_timeout(Some(PATIENCE)).is_err() {
+        if link.0.get_ref().set_read_timeout(Some(READ_TIMEOUT)).is_err() {
             return arrivals;
         }
         loop {
@@ -133,21 +137,21 @@ fn number_in(text: &str, mark: &str) -> Option<usize> {
 }
 
 /// How late messages arrived at all clients together.
-pub(crate) struct Lateness {
+pub(crate) struct MessageLatencies {
     /// Milliseconds from publishing to arrival, of those that arrived.
     pub(super) ms: Vec<f64>,
     /// How many should have.
     pub(super) expected: usize,
 }
 
-impl Lateness {
+impl MessageLatencies {
     /// Ends the run and gathers what the readers saw of the messages `sent` at those instants.
     pub(super) fn collect(
         readers: Vec<JoinHandle<Arrivals>>,
         sent: &[Instant],
         ended: &AtomicBool,
     ) -> Result<Self, Box<dyn Error>> {
-        super::end(ended);
+        super::stop_readers(ended);
         let expected = sent.len() * readers.len();
         let mut ms = Vec::with_capacity(expected);
         for reader in readers {
@@ -157,7 +161,7 @@ impl Lateness {
             });
             ms.extend(lateness);
         }
-        Ok(Lateness { ms, expected })
+        Ok(MessageLatencies { ms, expected })
     }
 
     /// Messages that did not arrive.

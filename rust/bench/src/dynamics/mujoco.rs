@@ -16,13 +16,13 @@ const PROGRAM: &str = include_str!("../../../../tests/side_by_side/dynamics/mujo
 
 /// One run: a scene, where the arm starts, and the commands.
 #[derive(Clone)]
-pub(super) struct Run<'a> {
+pub(super) struct MujocoScenario<'a> {
     pub(super) model: &'a ArmModel,
     pub(super) scene: &'a Scene,
     /// Moving joints, rad.
     pub(super) start: &'a [f64],
     /// Indices of the joints that can move; the others are one body with their parents.
-    pub(super) free: Vec<usize>,
+    pub(super) free_joints: Vec<usize>,
     pub(super) commands: Vec<&'a PlantCommand>,
     /// Tick, and the block that is attached to the tip; none: it is let go.
     pub(super) events: Vec<(usize, Option<usize>)>,
@@ -30,17 +30,17 @@ pub(super) struct Run<'a> {
 
 /// What a run cost.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Cost {
+pub(super) struct MujocoTiming {
     /// Simulated seconds in a second of one core.
-    pub(super) speed: f64,
+    pub(super) real_time_factor: f64,
     /// Seconds.
-    pub(super) median_tick: f64,
+    pub(super) median_tick_secs: f64,
 }
 
 /// MuJoCo, if it is there.
 pub(super) struct MuJoCo {
     python: PathBuf,
-    /// Such as `MuJoCo 3.17.0`.
+    /// Such as `MujocoArm 3.17.0`.
     pub(super) name: String,
 }
 
@@ -61,12 +61,15 @@ impl MuJoCo {
     }
 
     /// Runs one after the other.
-    pub(super) fn measure(&self, runs: &[Run<'_>]) -> Result<Vec<Cost>, String> {
-        Ok(self.measure_ends(runs)?.into_iter().map(|(cost, _)| cost).collect())
+    pub(super) fn measure(&self, runs: &[MujocoScenario<'_>]) -> Result<Vec<MujocoTiming>, String> {
+        Ok(self.measure_with_final_poses(runs)?.into_iter().map(|(cost, _)| cost).collect())
     }
 
-    /// [`MuJoCo::measure`], with the poses of the blocks after each run.
-    pub(super) fn measure_ends(&self, runs: &[Run<'_>]) -> Result<Vec<(Cost, Vec<Pose>)>, String> {
+    /// [`MujocoArm::send_measurement`], with the poses of the blocks after each run.
+    pub(super) fn measure_with_final_poses(
+        &self,
+        runs: &[MujocoScenario<'_>],
+    ) -> Result<Vec<(MujocoTiming, Vec<Pose>)>, String> {
         let folder = std::env::temp_dir().join(format!("proact-bench-{}", std::process::id()));
         std::fs::create_dir_all(&folder).map_err(|error| error.to_string())?;
         let costs = self.run(runs, &folder);
@@ -74,12 +77,16 @@ impl MuJoCo {
         costs
     }
 
-    fn run(&self, runs: &[Run<'_>], folder: &Path) -> Result<Vec<(Cost, Vec<Pose>)>, String> {
+    fn run(
+        &self,
+        runs: &[MujocoScenario<'_>],
+        folder: &Path,
+    ) -> Result<Vec<(MujocoTiming, Vec<Pose>)>, String> {
         let mut problems = Vec::new();
         for (index, run) in runs.iter().enumerate() {
             let file = folder.join(format!("commands{index}.bin"));
-            std::fs::write(&file, bytes(run)).map_err(|error| error.to_string())?;
-            problems.push(problem(run, &file));
+            std::fs::write(&file, command_bytes(run)).map_err(|error| error.to_string())?;
+            problems.push(scene_description(run, &file));
         }
         let mut child = Command::new(&self.python)
             .args(["-c", PROGRAM])
@@ -99,14 +106,14 @@ impl MuJoCo {
         }
         let answers: Vec<Value> =
             serde_json::from_slice(&output.stdout).map_err(|error| error.to_string())?;
-        let cost = |(run, answer): (&Run<'_>, &Value)| {
+        let cost = |(run, answer): (&MujocoScenario<'_>, &Value)| {
             let secs = run.commands.len() as f64 * proact_types::TICK_SECS;
-            let cost = Cost {
-                speed: secs / answer["core_secs"].as_f64()?,
-                median_tick: answer["median_secs"].as_f64()?,
+            let cost = MujocoTiming {
+                real_time_factor: secs / answer["core_secs"].as_f64()?,
+                median_tick_secs: answer["median_secs"].as_f64()?,
             };
             let ends: Vec<[f64; 7]> = serde_json::from_value(answer["end"].clone()).ok()?;
-            Some((cost, ends.into_iter().map(to_pose).collect()))
+            Some((cost, ends.into_iter().map(pose_from_array).collect()))
         };
         runs.iter()
             .zip(&answers)
@@ -117,24 +124,28 @@ impl MuJoCo {
 }
 
 /// Commands as rows of positions, velocities and the base's pose.
-fn bytes(run: &Run<'_>) -> Vec<u8> {
+fn command_bytes(run: &MujocoScenario<'_>) -> Vec<u8> {
     let row = |command: &&PlantCommand| {
         let mut numbers = [command.position.as_slice(), command.velocity.as_slice()].concat();
-        numbers.extend(seven(&command.world_from_base));
+        numbers.extend(pose_to_array(&command.world_from_base));
         numbers
     };
     run.commands.iter().flat_map(row).flat_map(f64::to_ne_bytes).collect()
 }
 
-fn problem(run: &Run<'_>, commands: &Path) -> Value {
+fn scene_description(run: &MujocoScenario<'_>, commands: &Path) -> Value {
     let model = run.model;
     let names: Vec<&str> = model.moving().map(|joint| model.joints[joint].name.as_str()).collect();
     let fastest: Vec<f64> = model.moving().map(|joint| model.joints[joint].limits.velocity).collect();
-    let free: Vec<&str> = run.free.iter().map(|&index| names[index]).collect();
+    let free: Vec<&str> = run.free_joints.iter().map(|&index| names[index]).collect();
     let fixed: Vec<Value> =
-        run.scene.fixed.iter().map(|object| thing(&object.shape, &object.pose, 0.0)).collect();
-    let blocks: Vec<Value> =
-        run.scene.objects.iter().map(|block| thing(&block.shape, &block.pose, block.mass)).collect();
+        run.scene.fixed.iter().map(|object| shape_description(&object.shape, &object.pose, 0.0)).collect();
+    let blocks: Vec<Value> = run
+        .scene
+        .objects
+        .iter()
+        .map(|block| shape_description(&block.shape, &block.pose, block.mass))
+        .collect();
     let events: Vec<Value> = run
         .events
         .iter()
@@ -142,8 +153,10 @@ fn problem(run: &Run<'_>, commands: &Path) -> Value {
             block.map_or_else(|| json!([tick, "release"]), |block| json!([tick, "attach", block]))
         })
         .collect();
-    let base =
-        run.commands.first().map_or([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], |c| seven(&c.world_from_base));
+    let base = run
+        .commands
+        .first()
+        .map_or([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], |c| pose_to_array(&c.world_from_base));
     json!({
         "urdf": proact_description::MPL_RIGHT_ARM_URDF, "joints": names, "positions": run.start, "free": free,
         "limp": false, "base": base, "step": 1e-3, "integrator": "implicitfast", "drive": "speed",
@@ -153,22 +166,22 @@ fn problem(run: &Run<'_>, commands: &Path) -> Value {
 }
 
 /// Of position and quaternion x, y, z, w.
-fn to_pose([x, y, z, i, j, k, w]: [f64; 7]) -> Pose {
+fn pose_from_array([x, y, z, i, j, k, w]: [f64; 7]) -> Pose {
     let turn = nalgebra::Quaternion::new(w, i, j, k);
     Pose::from_parts(nalgebra::Translation3::new(x, y, z), nalgebra::UnitQuaternion::from_quaternion(turn))
 }
 
-fn seven(pose: &Pose) -> [f64; 7] {
+fn pose_to_array(pose: &Pose) -> [f64; 7] {
     let (p, q) = (&pose.translation, &pose.rotation);
     [p.x, p.y, p.z, q.i, q.j, q.k, q.w]
 }
 
-fn thing(shape: &Shape, pose: &Pose, mass: f64) -> Value {
+fn shape_description(shape: &Shape, pose: &Pose, mass: f64) -> Value {
     let (kind, size) = match *shape {
         Shape::Box { size } => ("box", size.to_vec()),
         Shape::Sphere { radius } => ("sphere", vec![radius]),
         Shape::Cylinder { radius, length } => ("cylinder", vec![radius, length]),
         Shape::Capsule { radius, length } => ("capsule", vec![radius, length]),
     };
-    json!({ "kind": kind, "size": size, "pose": seven(pose), "mass": mass })
+    json!({ "kind": kind, "size": size, "pose": pose_to_array(pose), "mass": mass })
 }

@@ -1,7 +1,7 @@
 //! VAMP (Thomason, Kingston and Kavraki, ICRA 2024), which checks eight postures at once against balls, on an arm of its own:
 //! code for another arm is made by a program of its authors that is not in the package.
 
-use super::Bench;
+use super::BenchRun;
 use crate::{BenchFigure, python_peer, quantile};
 use proact_types::{Obstacle, Shape};
 use serde_json::{Value, json};
@@ -41,27 +41,27 @@ for boxes in places["problems"]:
 print(json.dumps({"search": search, "shorten": shorten}))
 "#;
 
-impl Bench {
+impl BenchRun {
     /// Times of VAMP's search among the same walls and blocks, from one half of the box to the other.
     pub(super) fn vamp(&mut self) -> Result<Vec<BenchFigure>, Box<dyn Error>> {
         let mut problems = Vec::with_capacity(PROBLEMS);
         for number in 0..PROBLEMS {
-            let request = self.drawer.problem(number, number % 2 == 1)?.request;
+            let request = self.problem_generator.problem(number, number % 2 == 1)?.request;
             problems.push(cuboids(&request.obstacles));
         }
         let mut file = tempfile::NamedTempFile::new()?;
-        let places = json!({ "surface": PANDA_FROM_TABLE, "problems": problems });
-        file.write_all(places.to_string().as_bytes())?;
-        let told = python_peer::answer("vamp", PROGRAM, &[&file.path().to_string_lossy()]);
-        let (told, why) = told.map_or_else(|why| (Value::Null, why), |told| (told, String::new()));
+        let input = json!({ "surface": PANDA_FROM_TABLE, "problems": problems });
+        file.write_all(input.to_string().as_bytes())?;
+        let output = python_peer::run_peer("vamp", PROGRAM, &[&file.path().to_string_lossy()]);
+        let (output, why) = output.map_or_else(|why| (Value::Null, why), |output| (output, String::new()));
         let times = |key: &str| -> Vec<f64> {
-            let values = told[key].as_array().into_iter().flatten();
+            let values = output[key].as_array().into_iter().flatten();
             values.filter_map(Value::as_f64).map(|nanoseconds| 1e-3 * nanoseconds).collect()
         };
         let (search, shorten) = (times("search"), times("shorten"));
         let both: Vec<f64> = search.iter().zip(&shorten).map(|(a, b)| a + b).collect();
         let solved = both.len() as f64 / PROBLEMS as f64;
-        let mut figures = vec![BenchFigure::alone("VAMP on a Panda: solved", solved, "1", &why)];
+        let mut figures = vec![BenchFigure::without_peer("VAMP on a Panda: solved", solved, "1", &why)];
         if !both.is_empty() {
             let note = format!(
                 "search alone {:.0} us at the median; another arm among the same walls and blocks, between two given postures: nothing is gripped, no arm angles are sought, no path is rounded or timed",
@@ -69,7 +69,7 @@ impl Bench {
             );
             for (share, what, note) in [(0.5, "median", &note[..]), (0.99, "99 %", ""), (1.0, "worst", "")] {
                 let name = format!("VAMP on a Panda: search and shortening, {what}");
-                figures.push(BenchFigure::alone(&name, quantile(&both, share), "us", note));
+                figures.push(BenchFigure::without_peer(&name, quantile(&both, share), "us", note));
             }
         }
         Ok(figures)

@@ -12,7 +12,7 @@ use tokio::net::TcpStream;
 use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async, tungstenite::Message};
 
 /// Only a hanging server takes so long.
-pub const LIMIT: Duration = Duration::from_secs(20);
+pub const TIMEOUT: Duration = Duration::from_secs(20);
 
 pub type Client = WebSocketStream<MaybeTlsStream<TcpStream>>;
 
@@ -46,7 +46,7 @@ pub fn content(interactive: bool) -> PageContent {
         order: Order::Prescribed,
         destination: Destination::OwnTarget,
         score_name: "blocks on target".into(),
-        most: Some(4),
+        max_score: Some(4),
         practice_secs: 0.0,
         limit_secs: 300.0,
     };
@@ -79,15 +79,15 @@ pub fn frame(tick: u64) -> DisplayFrame {
         planner: PlannerView::Idle,
         mode: None,
         stop: None,
-        gesture: Gesture::NoMotion,
-        recognised: Gesture::NoMotion.into(),
+        command: Command::NoMotion,
+        recognized_gesture: Command::NoMotion.into(),
         confidence: 1.0,
         effort: 0.5,
         emg_source: "keys".into(),
         time_left_secs: 300.0,
-        goal: None,
-        next: Some(ObjectId(0)),
-        asked: None,
+        plan_goal: None,
+        next_object: Some(ObjectId(0)),
+        task_goal: None,
         score: 0,
         finished: false,
         events: vec![],
@@ -97,7 +97,7 @@ pub fn frame(tick: u64) -> DisplayFrame {
 }
 
 pub fn options() -> PageOptions {
-    PageOptions { port: 0, allow_next: false, ..PageOptions::default() }
+    PageOptions { port: 0, allow_next_port: false, ..PageOptions::default() }
 }
 
 pub fn start(interactive: bool) -> PageServer {
@@ -122,36 +122,47 @@ pub async fn connect_as(server: &PageServer, role: &str) -> Client {
     client
 }
 
-/// The next text message. Pings are answered by the library.
+/// The next text message, in time whatever else comes. Pings are answered by the library.
 pub async fn next(client: &mut Client) -> Value {
-    loop {
-        let message =
-            tokio::time::timeout(LIMIT, client.next()).await.expect("no answer in time").unwrap().unwrap();
-        if !message.is_ping() {
-            return serde_json::from_str(message.to_text().unwrap()).unwrap();
+    let read = async {
+        loop {
+            let message = client.next().await.unwrap().unwrap();
+            if !message.is_ping() {
+                return serde_json::from_str(message.to_text().unwrap()).unwrap();
+            }
         }
-    }
+    };
+    tokio::time::timeout(TIMEOUT, read).await.expect("no answer in time")
+}
+
+/// Reads until the server pings; the library answers with what is said next.
+pub async fn await_ping(client: &mut Client) {
+    let read = async { while !client.next().await.unwrap().unwrap().is_ping() {} };
+    tokio::time::timeout(TIMEOUT, read).await.expect("no ping in time");
 }
 
 /// The next message of this type; others are skipped.
-pub async fn next_of(client: &mut Client, kind: &str) -> Value {
-    loop {
-        let message = next(client).await;
-        if message["type"] == kind {
-            return message;
+pub async fn next_of_type(client: &mut Client, kind: &str) -> Value {
+    let read = async {
+        loop {
+            let message = next(client).await;
+            if message["type"] == kind {
+                return message;
+            }
         }
-    }
+    };
+    tokio::time::timeout(TIMEOUT, read).await.expect("no message of this type in time")
 }
 
-pub async fn say(client: &mut Client, text: &str) {
+pub async fn send_text(client: &mut Client, text: &str) {
     client.send(Message::text(text)).await.unwrap();
 }
 
 /// Waits until the server has handed out `count` inputs.
-pub async fn inputs(server: &PageServer, count: usize) -> Vec<ClientInput> {
+pub async fn await_inputs(server: &PageServer, count: usize) -> Vec<ClientInput> {
     let (mut got, start) = (Vec::new(), Instant::now());
     while got.len() < count {
-        assert!(start.elapsed() < LIMIT, "{count} inputs expected, got {got:?}");
+        assert!(start.elapsed() < TIMEOUT, "{count} inputs expected, got {got:?}");
         got.extend(server.drain_inputs());
         tokio::task::yield_now().await;
     }

@@ -14,20 +14,20 @@ import {
 } from "three";
 import { STLLoader } from "three/addons/loaders/STLLoader.js";
 import { mergeVertices, toCreasedNormals } from "three/addons/utils/BufferGeometryUtils.js";
-import type { DrawnPose } from "./motion";
+import type { DrawnPose } from "./frameInterpolation";
 import type { ArmModel, Link, MeshFile } from "./generated/types";
-import { place, shapeGeometry } from "./shapes";
+import { setPose, shapeGeometry } from "./shapes";
 
 /** Edges sharper than this stay sharp, rad. */
 const CREASE_RAD = 0.6;
-const BARE = [...new Color("#b9bec4").toArray(), 1] as [number, number, number, number];
-const GHOST_COLOUR = "#3aa7e0";
+const DEFAULT_COLOR = [...new Color("#b9bec4").toArray(), 1] as [number, number, number, number];
+const GHOST_COLOR = "#3aa7e0";
 
 /** As it is; the hand alone, to be seen through; or the whole arm in a colour of its own. */
-export type Look = "solid" | "hand" | "shade";
+export type ArmStyle = "solid" | "hand" | "shade";
 
 /** Mesh files, loaded once however many links and arms use them (fingers do). */
-export class Meshes {
+export class MeshCache {
   private readonly loader = new STLLoader();
   private readonly geometries = new Map<string, Promise<BufferGeometry>>();
 
@@ -44,7 +44,7 @@ export class Meshes {
   }
 
   /** What was handed out is disposed of with the arm that it belonged to. */
-  forget(): void {
+  clear(): void {
     this.geometries.clear();
   }
 }
@@ -54,14 +54,14 @@ export class Arm {
   private readonly moving: { turn: Object3D; axis: Vector3 }[];
   private readonly links: Object3D[];
   private readonly materials = new Map<string, Material>();
-  private readonly turned = new Quaternion();
+  private readonly scratchQuaternion = new Quaternion();
 
   constructor(
     private readonly model: ArmModel,
     private readonly files: MeshFile[],
-    private readonly meshes: Meshes,
+    private readonly meshes: MeshCache,
     private readonly failed: (message: string) => void,
-    private readonly look: Look = "solid",
+    private readonly look: ArmStyle = "solid",
   ) {
     this.root.name = model.name;
     this.links = [this.root];
@@ -69,7 +69,7 @@ export class Arm {
     // Parents stand before their children, and joint k moves link k + 1.
     for (const joint of model.joints) {
       const origin = new Group();
-      place(origin, joint.origin);
+      setPose(origin, joint.origin);
       const turn = new Group();
       origin.add(turn);
       this.links[joint.parent]?.add(origin);
@@ -80,7 +80,7 @@ export class Arm {
     const inHand = new Set([model.tip]);
     for (const joint of model.joints) if (inHand.has(joint.parent)) inHand.add(joint.child);
     model.links.forEach((link, k) => {
-      if (look !== "hand" || inHand.has(k)) this.dress(this.links[k], link);
+      if (look !== "hand" || inHand.has(k)) this.addVisuals(this.links[k], link);
     });
     this.moving = [...model.arm, ...model.hand].flatMap((joint) => turns[joint] ?? []);
   }
@@ -96,20 +96,20 @@ export class Arm {
     this.moving.forEach(({ turn, axis }, k) => {
       const angle = joints[k];
       if (angle !== undefined && Number.isFinite(angle)) {
-        turn.quaternion.copy(this.turned.setFromAxisAngle(axis, angle));
+        turn.quaternion.copy(this.scratchQuaternion.setFromAxisAngle(axis, angle));
       }
     });
   }
 
   /** Colour and opacity of an arm that is a shade, 0 to 1. */
-  shade(colour: readonly [number, number, number], opacity: number): void {
-    const material = this.material(BARE);
+  setColor(colour: readonly [number, number, number], opacity: number): void {
+    const material = this.material(DEFAULT_COLOR);
     if (!(material instanceof MeshBasicMaterial)) return;
     material.color.setRGB(...colour, "srgb");
     material.opacity = opacity;
   }
 
-  private dress(group: Object3D | undefined, link: Link): void {
+  private addVisuals(group: Object3D | undefined, link: Link): void {
     if (!group) return;
     for (const visual of link.visuals) {
       const material = this.material(visual.colour);
@@ -120,7 +120,7 @@ export class Arm {
       const { file, scale } = visual.geometry.mesh;
       const missing = () => {
         this.failed(`mesh ${file} is missing; its link is drawn by its collision shapes`);
-        this.dressBare(group, link);
+        this.addCollisionShapes(group, link);
       };
       const id = this.files.find(({ address }) => address === file)?.id;
       if (id === undefined) {
@@ -136,18 +136,18 @@ export class Arm {
         missing,
       );
     }
-    if (link.visuals.length === 0) this.dressBare(group, link);
+    if (link.visuals.length === 0) this.addCollisionShapes(group, link);
   }
 
-  private dressBare(group: Object3D, link: Link): void {
-    const material = this.material(BARE);
+  private addCollisionShapes(group: Object3D, link: Link): void {
+    const material = this.material(DEFAULT_COLOR);
     for (const { pose, shape } of link.collisions) {
       this.attach(group, new Mesh(shapeGeometry(shape), material), pose);
     }
   }
 
-  private attach(group: Object3D, mesh: Mesh, pose: Parameters<typeof place>[1]): void {
-    place(mesh, pose);
+  private attach(group: Object3D, mesh: Mesh, pose: Parameters<typeof setPose>[1]): void {
+    setPose(mesh, pose);
     mesh.castShadow = mesh.receiveShadow = this.look === "solid";
     group.add(mesh);
   }
@@ -156,7 +156,7 @@ export class Arm {
     const key = this.look === "solid" ? `${r} ${g} ${b} ${a}` : "seen through";
     let material = this.materials.get(key);
     if (!material && this.look !== "solid") {
-      material = new MeshBasicMaterial({ color: GHOST_COLOUR, transparent: true, opacity: 0.3, depthWrite: false });
+      material = new MeshBasicMaterial({ color: GHOST_COLOR, transparent: true, opacity: 0.3, depthWrite: false });
       this.materials.set(key, material);
     } else if (!material) {
       const colour = new Color().setRGB(r, g, b, "srgb");

@@ -3,29 +3,29 @@
 
 import { ConeGeometry, CylinderGeometry, Group, Mesh, MeshBasicMaterial, TorusGeometry, Vector3 } from "three";
 import type { Arm } from "./arm";
-import type { Drawn } from "./motion";
-import type { DisplayFrame, Moves } from "./generated/types";
+import type { InterpolatedFrame } from "./frameInterpolation";
+import type { DisplayFrame, ControlledDof } from "./generated/types";
 
 /** Length of an axis at the shoulder and at the hand, metres. */
-const LENGTH = 0.22;
-const HAND_SHARE = 0.7;
-const CHOSEN = "#ffb000";
-const OTHER = "#6f7d8a";
+const AXIS_LENGTH_M = 0.22;
+const HAND_AXIS_SCALE = 0.7;
+const SELECTED_COLOR = "#ffb000";
+const UNSELECTED_COLOR = "#6f7d8a";
 const UP = new Vector3(0, 1, 0);
 
 export class AxisDisplay {
   readonly root = new Group();
   private readonly triads = [new Triad(), new Triad()] as const;
-  private readonly ring = turning();
+  private readonly ring = rotationArrow();
   private readonly place = new Vector3();
-  private readonly ahead = new Vector3();
+  private readonly forward = new Vector3();
 
   constructor(private readonly arm: Arm) {
-    this.triads[1].root.scale.setScalar(HAND_SHARE);
+    this.triads[1].root.scale.setScalar(HAND_AXIS_SCALE);
     this.root.add(this.triads[0].root, this.triads[1].root, this.ring);
   }
 
-  update(frame: DisplayFrame, drawn: Drawn): void {
+  update(frame: DisplayFrame, drawn: InterpolatedFrame): void {
     const { mode, gesture } = frame;
     this.root.visible = mode !== null && !frame.finished;
     if (!mode) return;
@@ -40,9 +40,9 @@ export class AxisDisplay {
       this.ring.visible = chosen !== undefined;
       if (!chosen) return;
       chosen.turn.getWorldPosition(this.place);
-      this.ahead.copy(chosen.axis).transformDirection(chosen.turn.matrixWorld);
+      this.forward.copy(chosen.axis).transformDirection(chosen.turn.matrixWorld);
       this.ring.position.copy(this.place);
-      this.ring.quaternion.setFromUnitVectors(UP, this.ahead.multiplyScalar(moves === 0 ? sign : moves));
+      this.ring.quaternion.setFromUnitVectors(UP, this.forward.multiplyScalar(moves === 0 ? sign : moves));
       this.ring.scale.setScalar(moves === 0 ? 1 : 1.12);
       return;
     }
@@ -50,7 +50,7 @@ export class AxisDisplay {
     this.triads[1].root.position.copy(drawn.tip.position);
     for (const triad of this.triads) {
       triad.root.quaternion.copy(drawn.base.rotation);
-      triad.choose(chosenMove, moves === 0 ? sign : moves, moves !== 0);
+      triad.select(chosenMove, moves === 0 ? sign : moves, moves !== 0);
     }
   }
 }
@@ -59,26 +59,26 @@ export class AxisDisplay {
 class Triad {
   readonly root = new Group();
   private readonly arrows = [new Vector3(1, 0, 0), new Vector3(0, 1, 0), new Vector3(0, 0, 1)].map((axis) => {
-    const line = arrow(0.004, OTHER);
+    const line = arrow(0.004, UNSELECTED_COLOR);
     line.quaternion.setFromUnitVectors(UP, axis);
     this.root.add(line);
     return line;
   });
-  private readonly chosen = arrow(0.009, CHOSEN);
-  private readonly turn = turning();
+  private readonly selected = arrow(0.009, SELECTED_COLOR);
+  private readonly turn = rotationArrow();
 
   constructor() {
-    this.root.add(this.chosen, this.turn);
+    this.root.add(this.selected, this.turn);
   }
 
-  choose(what: Exclude<Moves, { joint: number }>, sign: number, moving: boolean): void {
+  select(what: Exclude<ControlledDof, { joint: number }>, sign: number, moving: boolean): void {
     const turns = "rotation" in what;
     const axis = turns ? what.rotation : what.translation;
     const direction = new Vector3().setComponent(axis, sign);
     this.arrows.forEach((line, k) => (line.visible = turns || k !== axis));
-    this.chosen.visible = !turns;
+    this.selected.visible = !turns;
     this.turn.visible = turns;
-    const shown = turns ? this.turn : this.chosen;
+    const shown = turns ? this.turn : this.selected;
     shown.quaternion.setFromUnitVectors(UP, direction);
     shown.scale.setScalar(moving ? 1.15 : 1);
   }
@@ -94,19 +94,19 @@ function arrow(radius: number, colour: string): Group {
   const group = new Group();
   const paint = material(colour);
   const head = 6 * radius;
-  const shaft = new Mesh(new CylinderGeometry(radius, radius, LENGTH - head, 16), paint);
-  shaft.position.y = (LENGTH - head) / 2;
+  const shaft = new Mesh(new CylinderGeometry(radius, radius, AXIS_LENGTH_M - head, 16), paint);
+  shaft.position.y = (AXIS_LENGTH_M - head) / 2;
   const tip = new Mesh(new ConeGeometry(2.6 * radius, head, 24), paint);
-  tip.position.y = LENGTH - head / 2;
+  tip.position.y = AXIS_LENGTH_M - head / 2;
   group.add(shaft, tip);
   for (const part of group.children) part.renderOrder = 8;
   return group;
 }
 
 /** Three quarters of a ring about y with a head, as a right-handed turn goes. */
-function turning(): Group {
+function rotationArrow(): Group {
   const group = new Group();
-  const paint = material(CHOSEN);
+  const paint = material(SELECTED_COLOR);
   const radius = 0.085;
   const sweep = 1.5 * Math.PI;
   // Torus lies in x, y about z: turned so that z becomes y and the sense of the turn stays.
@@ -117,7 +117,7 @@ function turning(): Group {
   const flat = new Group();
   flat.add(ring, head);
   flat.rotation.x = -Math.PI / 2;
-  const axis = new Mesh(new CylinderGeometry(0.003, 0.003, 0.2, 12), material(OTHER));
+  const axis = new Mesh(new CylinderGeometry(0.003, 0.003, 0.2, 12), material(UNSELECTED_COLOR));
   group.add(flat, axis);
   group.traverse((part) => (part.renderOrder = 8));
   return group;

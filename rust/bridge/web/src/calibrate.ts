@@ -3,10 +3,10 @@
 
 import "./calibrate.css";
 import { element, setClass, setText, setWidth } from "./dom";
-import type { CalibrationCommand, CalibrationMessage, CalibrationReport, CalibrationScreen, DriveScore, GestureName, TestKind } from "./generated/types";
-import { gestureText, handPicture } from "./hand";
-import { Flash, MotionView, TacView } from "./limb";
-import { limbResults } from "./limbresults";
+import type { CalibrationCommand, CalibrationMessage, CalibrationReport, CalibrationScreen, DriveScore, Gesture, TestKind } from "./generated/types";
+import { gestureInstruction, handPicture } from "./hand";
+import { OutcomeFlash, MotionView, TacView } from "./limbTests";
+import { limbResults } from "./limbResults";
 import { strings } from "./strings";
 import { fixed } from "./numbers";
 
@@ -26,16 +26,16 @@ const prompt = element("section", "card prompt", picture, name, count, bar);
 const canvas = element("canvas");
 const figures = element("p", "muted");
 const cursor = element("section", "card", element("h2", "", words.cursorTask), canvas, figures);
-const flash = new Flash();
+const flash = new OutcomeFlash();
 const motion = new MotionView(flash);
 const tac = new TacView(flash);
 const lightList = element("div", "lights");
 const lights = element("section", "card", element("h2", "", words.electrodes), lightList);
-const judged = element("div");
-const judgement = element("section", "card", judged);
+const verdictNode = element("div");
+const judgement = element("section", "card", verdictNode);
 const buttons = element("div", "buttons");
 const notes = element("div", "muted");
-const orders = element("section", "card", buttons, notes);
+const handlers = element("section", "card", buttons, notes);
 document
   .getElementById("page")
   ?.append(
@@ -45,7 +45,7 @@ document
     motion.root,
     tac.root,
     cursor,
-    orders,
+    handlers,
     lights,
     judgement,
   );
@@ -82,7 +82,7 @@ function show(message: CalibrationMessage): void {
   setText(notes, message.messages.join("\n"));
   notes.style.whiteSpace = "pre-line";
   // Nothing to press and nothing to read.
-  orders.hidden = !["calibration", "ready"].includes(message.type) && message.messages.length === 0;
+  handlers.hidden = !["calibration", "ready"].includes(message.type) && message.messages.length === 0;
   prompt.hidden = ["cursor", "motion", "tac"].includes(message.type);
   motion.root.hidden = message.type !== "motion";
   tac.root.hidden = message.type !== "tac";
@@ -101,12 +101,12 @@ function show(message: CalibrationMessage): void {
   else if (message.type === "end") showEnd(message);
 }
 
-function showPrompt(gesture: GestureName, text: string, share: number, recording: boolean): void {
+function showPrompt(gesture: Gesture, text: string, share: number, recording: boolean): void {
   if (shownPicture !== gesture) {
     shownPicture = gesture;
     picture.replaceChildren(handPicture(gesture));
   }
-  setText(name, gestureText(gesture));
+  setText(name, gestureInstruction(gesture));
   setText(count, text);
   setClass(bar, "recording", recording);
   setWidth(fill, share);
@@ -143,7 +143,7 @@ function showCalibration(message: Screen<"calibration">): void {
 }
 
 /** How far each degree of freedom of a regressor follows what was asked for. */
-function driveTable(drives: DriveScore[]): HTMLElement {
+function regressorTable(drives: DriveScore[]): HTMLElement {
   const head = element("tr", "", ...[words.drive, words.r2, words.meanError].map((text) => element("th", "", text)));
   const rows = drives.map(({ drive, r2, mean_absolute_error: off }) =>
     element("tr", "", element("th", "", drive), element("td", "", fixed(r2, 3)), element("td", "", fixed(off, 3))),
@@ -157,23 +157,23 @@ function showReport(report: CalibrationReport | null, target: number, targetR2: 
   if (report === null || key === shownReport) return;
   shownReport = key;
   const percent = (share: number) => `${fixed(100 * share, 1)} %`;
-  const head = element("tr", "", element("th", "", words.asked), ...report.classes.map((g) => element("th", "", gestureText(g))));
+  const head = element("tr", "", element("th", "", words.asked), ...report.classes.map((g) => element("th", "", gestureInstruction(g))));
   head.append(element("th", "", words.recognised));
   const rows = report.classes.map((gesture, row) => {
     const cells = (report.confusion[row] ?? []).map((n) => element("td", "", String(n)));
-    return element("tr", "", element("th", "", gestureText(gesture)), ...cells, element("td", "", percent(report.recall[row] ?? 0)));
+    return element("tr", "", element("th", "", gestureInstruction(gesture)), ...cells, element("td", "", percent(report.recall[row] ?? 0)));
   });
   const drives = report.drives ?? [];
   const aim = drives.length > 0 ? words.aimR2(fixed(targetR2, 2)) : words.aim(percent(target));
   const verdict = report.good_enough ? words.goodEnough : aim;
   const warnings = report.repetitions
     .filter((r) => r.outlier)
-    .map((r) => element("p", "warning", words.differs(r.repetition + 1, gestureText(r.gesture))));
-  judged.replaceChildren(
+    .map((r) => element("p", "warning", words.differs(r.repetition + 1, gestureInstruction(r.gesture))));
+  verdictNode.replaceChildren(
     element("h2", "accuracy", words.round(report.rounds, percent(report.accuracy), verdict)),
     ...warnings,
     typeof report.accuracy_without_imu === "number" ? element("p", "small withoutimu", words.withoutImu(percent(report.accuracy_without_imu))) : "",
-    drives.length > 0 ? driveTable(drives) : "",
+    drives.length > 0 ? regressorTable(drives) : "",
     element("div", "scroll", element("table", "", head, ...rows)),
   );
 }
@@ -228,7 +228,7 @@ function showButtons(message: Screen<"calibration">): void {
     button(words.another, report?.good_enough ? "" : "main", reviewing && rounds < most, () => send({ type: "proceed" })),
     button(words.finish, report?.good_enough ? "main" : "", reviewing, () => send({ type: "finish" })),
     ...message.gestures.map((gesture) =>
-      button(`Again: ${gestureText(gesture)}`, "", reviewing, () => send({ type: "record_again", gesture })),
+      button(`Again: ${gestureInstruction(gesture)}`, "", reviewing, () => send({ type: "record_again", gesture })),
     ),
   ]);
 }
@@ -244,7 +244,7 @@ const NEXT: Record<TestKind, string> = {
 };
 
 function showReady(message: Screen<"ready">): void {
-  flash.forget();
+  flash.reset();
   showPrompt("no_motion", words.ready(NEXT[message.next]), 0, false);
   showBegin();
 }
@@ -255,7 +255,7 @@ function showTest(message: Screen<"test">): void {
     message.test === "sequence"
       ? words.inARow(message.report.in_a_row)
       : words.prompts(message.report.prompts, `${fixed(100 * message.report.accuracy)} %`);
-  showPrompt(message.prompt ?? "no_motion", words.inForce(gestureText(message.in_force), progress), 0, false);
+  showPrompt(message.prompt ?? "no_motion", words.inForce(gestureInstruction(message.in_force), progress), 0, false);
 }
 
 function showCursor(message: Screen<"cursor">): void {
@@ -288,7 +288,7 @@ function showCursor(message: Screen<"cursor">): void {
       fixed(100 * report.path_efficiency),
       fixed(report.overshoots, 2),
       fixed(100 * report.completion_rate),
-      gestureText(message.in_force),
+      gestureInstruction(message.in_force),
     ),
   );
 }
@@ -311,11 +311,11 @@ function showEnd(message: Screen<"end">): void {
   const model = String(result.model ?? "");
   const heading = "passed" in result ? words.resultsWith(model) : model ? words.modelIn(model) : words.result;
   figures.open = tables.length === 0 && pictures.length === 0;
-  judged.replaceChildren(
+  verdictNode.replaceChildren(
     element("h2", "accuracy", heading),
     tables.length > 0 ? element("p", "", done) : "",
     ...tables,
-    driven.length > 0 ? driveTable(driven) : "",
+    driven.length > 0 ? regressorTable(driven) : "",
     element("div", "figures", ...pictures),
     figures,
   );

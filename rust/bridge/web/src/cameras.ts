@@ -3,8 +3,8 @@
 import { Group, PerspectiveCamera, Vector3 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { LARGE_ONLY } from "./insets";
-import type { Drawn } from "./motion";
-import type { Room } from "./room";
+import type { InterpolatedFrame } from "./frameInterpolation";
+import type { TaskScene } from "./scene";
 import { strings } from "./strings";
 
 export const CAMERA_KINDS = ["shoulder", "eyes", "free"] as const;
@@ -13,28 +13,28 @@ export const CAMERA_NAMES: Record<CameraKind, string> = strings.views.cameras;
 
 const UP = new Vector3(0, 0, 1);
 /** Opening of the cameras that look from outside, degrees: the box and a raised hand, and not the table's feet. */
-const FOV = 33;
+const FOV_DEG = 33;
 /** Further off than this from where the head points, the box is turned to, rad: heads tilt, trackers may not. */
-const LOOK_AWAY_RAD = 0.45;
+const MAX_HEADING_ERROR_RAD = 0.45;
 /** The eyes turn so far to the sides, and up and down, rad. */
-const LOOK_MOST = { yaw: 1.2, pitch: 0.7 };
+const MAX_LOOK_RAD = { yaw: 1.2, pitch: 0.7 };
 /** A key turns by so much, and a pixel of a drag, rad. */
-const TURN_KEY = 0.12;
-const TURN_PIXEL = 0.004;
+const TURN_PER_KEY_RAD = 0.12;
+const TURN_PER_PIXEL_RAD = 0.004;
 
 export class Cameras {
-  readonly camera = new PerspectiveCamera(FOV, 1, 0.02, 30);
+  readonly camera = new PerspectiveCamera(FOV_DEG, 1, 0.02, 30);
   /** Carries the camera; a headset's floor stands on it, and it is the world's frame otherwise. */
   readonly rig = new Group();
   /** A headset decides where to look from. */
-  worn = false;
+  inHeadset = false;
   private readonly orbit: OrbitControls;
-  private chosen: CameraKind = "shoulder";
+  private kindChosen: CameraKind = "shoulder";
   private readonly eye = new Vector3();
   private readonly aim = new Vector3();
   private settled = false;
   /** Where the eyes look beside what is ahead, rad. */
-  private readonly look = { yaw: 0, pitch: 0 };
+  private readonly lookAngles = { yaw: 0, pitch: 0 };
   /** Which shoulder: -1 the right one, 1 the left one. */
   side: -1 | 1 = -1;
 
@@ -50,20 +50,20 @@ export class Cameras {
   }
 
   get kind(): CameraKind {
-    return this.chosen;
+    return this.kindChosen;
   }
 
-  choose(kind: CameraKind, room: Room | null): void {
-    this.chosen = kind;
+  choose(kind: CameraKind, room: TaskScene | null): void {
+    this.kindChosen = kind;
     this.orbit.enabled = kind === "free";
     this.settled = false;
-    Object.assign(this.look, { yaw: 0, pitch: 0 });
+    Object.assign(this.lookAngles, { yaw: 0, pitch: 0 });
     if (kind === "free" && room) {
       // From where the eye is now, around the middle of the box.
-      this.orbit.target.copy(room.centre);
+      this.orbit.target.copy(room.tableCenter);
       this.orbit.update();
     }
-    this.camera.fov = kind === "eyes" ? 58 : FOV;
+    this.camera.fov = kind === "eyes" ? 58 : FOV_DEG;
     this.camera.updateProjectionMatrix();
   }
 
@@ -71,22 +71,22 @@ export class Cameras {
   key(code: string): boolean {
     const turns: Record<string, [number, number]> = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
     const turn = turns[code];
-    if (!turn || this.chosen === "shoulder") return false;
-    this.turn(turn[0] * TURN_KEY, turn[1] * TURN_KEY);
+    if (!turn || this.kindChosen === "shoulder") return false;
+    this.turn(turn[0] * TURN_PER_KEY_RAD, turn[1] * TURN_PER_KEY_RAD);
     return true;
   }
 
   /** Shift and the mouse, dragged by so many pixels, look around in first person; the free view turns by itself. */
   drag(x: number, y: number): void {
-    if (this.chosen === "eyes") this.turn(x * TURN_PIXEL, y * TURN_PIXEL);
+    if (this.kindChosen === "eyes") this.turn(x * TURN_PER_PIXEL_RAD, y * TURN_PER_PIXEL_RAD);
   }
 
   /** To the left and up, rad. */
   private turn(yaw: number, pitch: number): void {
-    if (this.chosen === "eyes") {
+    if (this.kindChosen === "eyes") {
       const within = (value: number, most: number) => Math.min(Math.max(value, -most), most);
-      this.look.yaw = within(this.look.yaw + yaw, LOOK_MOST.yaw);
-      this.look.pitch = within(this.look.pitch + pitch, LOOK_MOST.pitch);
+      this.lookAngles.yaw = within(this.lookAngles.yaw + yaw, MAX_LOOK_RAD.yaw);
+      this.lookAngles.pitch = within(this.lookAngles.pitch + pitch, MAX_LOOK_RAD.pitch);
       return;
     }
     const from = this.camera.position.clone().sub(this.orbit.target);
@@ -98,20 +98,20 @@ export class Cameras {
   }
 
   /** Where the free camera is and what it looks at, metres; none while another one is chosen. */
-  get place(): { eye: number[]; at: number[] } | null {
-    if (this.chosen !== "free") return null;
+  get freeCameraPose(): { eye: number[]; at: number[] } | null {
+    if (this.kindChosen !== "free") return null;
     return { eye: this.camera.position.toArray(), at: this.orbit.target.toArray() };
   }
 
   /** Puts the free camera there. */
-  put(eye: readonly number[], at: readonly number[]): void {
+  placeFreeCamera(eye: readonly number[], at: readonly number[]): void {
     this.camera.position.fromArray([...eye]);
     this.orbit.target.fromArray([...at]);
     this.orbit.update();
   }
 
   next(): CameraKind {
-    return CAMERA_KINDS[(CAMERA_KINDS.indexOf(this.chosen) + 1) % CAMERA_KINDS.length] ?? "shoulder";
+    return CAMERA_KINDS[(CAMERA_KINDS.indexOf(this.kindChosen) + 1) % CAMERA_KINDS.length] ?? "shoulder";
   }
 
   /** A picture of this size, CSS pixels, in whose part `free` the scene is to be seen: without it, in the whole. */
@@ -125,37 +125,37 @@ export class Cameras {
     this.camera.setViewOffset(Math.max(across, 1), Math.max(down, 1), -left, -top, Math.max(width, 1), Math.max(height, 1));
   }
 
-  update(drawn: Drawn, room: Room, seconds: number): void {
-    if (this.worn) return;
-    if (this.chosen === "free") {
+  update(drawn: InterpolatedFrame, room: TaskScene, seconds: number): void {
+    if (this.inHeadset) return;
+    if (this.kindChosen === "free") {
       this.orbit.update();
       return;
     }
     const eye = new Vector3();
     const aim = new Vector3();
-    if (this.chosen === "eyes") {
+    if (this.kindChosen === "eyes") {
       eye.copy(drawn.head.position);
       const ahead = new Vector3(1, 0, 0).applyQuaternion(drawn.head.rotation);
-      const toBox = room.centre.clone().sub(eye).normalize();
-      aim.copy(eye).add(ahead.angleTo(toBox) > LOOK_AWAY_RAD ? toBox : ahead);
+      const toBox = room.tableCenter.clone().sub(eye).normalize();
+      aim.copy(eye).add(ahead.angleTo(toBox) > MAX_HEADING_ERROR_RAD ? toBox : ahead);
     } else {
       // Behind and above the shoulder, a little outside it, so that arm and whole box are in sight. A narrow
       // window needs more distance.
       const base = drawn.base.position;
       const away = Math.max(1, 1.6 / this.camera.aspect);
-      const gap = Math.min(Math.max(room.centre.x - base.x, 0.35), 0.8);
-      aim.copy(room.centre);
+      const gap = Math.min(Math.max(room.tableCenter.x - base.x, 0.35), 0.8);
+      aim.copy(room.tableCenter);
       aim.x -= 0.3 * gap;
       aim.z = room.tableHeight + 0.17;
       eye.copy(aim).add(new Vector3(-0.9 * away, this.side * 0.5 * away, 1.08 * away));
     }
     // Soft, because the shoulder moves with every breath of the tracking; the eyes are exact.
-    const share = this.settled && this.chosen !== "eyes" ? 1 - Math.exp(-4 * Math.min(seconds, 0.1)) : 1;
+    const share = this.settled && this.kindChosen !== "eyes" ? 1 - Math.exp(-4 * Math.min(seconds, 0.1)) : 1;
     this.settled = true;
     this.eye.lerp(eye, share);
     this.aim.lerp(aim, share);
     this.camera.position.copy(this.eye);
     this.camera.lookAt(this.aim);
-    if (this.chosen === "eyes") this.camera.rotateOnWorldAxis(UP, this.look.yaw).rotateX(this.look.pitch);
+    if (this.kindChosen === "eyes") this.camera.rotateOnWorldAxis(UP, this.lookAngles.yaw).rotateX(this.lookAngles.pitch);
   }
 }

@@ -2,17 +2,17 @@
 // each message. What was asked for is shown once the server shows it: a terminal or another page may conduct too.
 
 import "./conduct.css";
-import { ConductBar } from "./conductbar";
-import { BeginView } from "./conductbegin";
-import { Notes } from "./conductnotes";
-import { NowView } from "./conductnow";
-import { StepList } from "./conductsteps";
-import { aboutText, leftText, whoText } from "./conductwords";
+import { ConductBar } from "./conductBar";
+import { BeginView } from "./conductBegin";
+import { NotesView } from "./conductNotes";
+import { CurrentStepView } from "./conductCurrentStep";
+import { StepList } from "./conductSteps";
+import { subjectText, leftText, participantText } from "./conductText";
 import { element, setClass, setText, setWidth } from "./dom";
-import { FillIn } from "./fillin";
+import { FillInDialog } from "./fillInDialog";
 import type { ClientMessage, ExperimenterScreen, FormScreen, StudyButton, StudyRequest } from "./generated/types";
-import { capitalised } from "./protocol";
-import { ReasonDialog, type Asked } from "./reasons";
+import { capitalize } from "./protocol";
+import { ReasonDialog, type ConfirmedRequest } from "./reasons";
 import { strings } from "./strings";
 
 const texts = strings.study;
@@ -20,49 +20,52 @@ const texts = strings.study;
 /** Countdowns and ages are written again so often, ms. */
 const TICK_MS = 250;
 /** Where the browser keeps whether single keys act. */
-const KEYS_PLACE = "proact.conduct.keys";
+const SHORTCUTS_STORAGE_KEY = "proact.conduct.keys";
 
 export class Conduct {
   readonly root: HTMLElement;
   readonly dialogs: HTMLElement[];
-  readonly notes = new Notes((text) => this.ask({ ask: "note", text }));
+  readonly notes = new NotesView((text) => this.ask({ ask: "note", text }));
   readonly bar = new ConductBar((what) => this.press(what));
   private readonly title = element("h2");
   private readonly trials = element("span", "small");
-  private readonly share = element("div");
-  private readonly who = element("strong");
-  private readonly left = element("span", "small");
-  private readonly told = element("p", "told");
+  private readonly progress = element("div");
+  private readonly participant = element("strong");
+  private readonly remaining = element("span", "small");
+  private readonly notice = element("p", "told");
   private readonly step = element("p", "only-heard");
-  private readonly lost = element("div", "lost");
-  private readonly now = new NowView({
+  private readonly connectionNotice = element("div", "lost");
+  private readonly currentStep = new CurrentStepView({
     fillIn: () => this.fillIn(),
     action: (action) => this.send({ type: "study", action }),
   });
-  private readonly steps = new StepList(this.now.root);
+  private readonly steps = new StepList(this.currentStep.root);
   private readonly begin = new BeginView((id, isNew) => this.ask({ ask: "begin", id, ...(isNew ? { new: true } : {}) }));
-  private readonly reasons = new ReasonDialog((what, reason) => this.decided(what, reason));
-  private readonly form = new FillIn({
+  private readonly reasons = new ReasonDialog((what, reason) => this.onReasonGiven(what, reason));
+  private readonly form = new FillInDialog({
     answer: (step, key, answer) => this.send({ type: "answer", step, key, answer }),
     submit: (step) => this.send({ type: "submit", step }),
   });
   private screen: ExperimenterScreen | null = null;
   private paused = false;
-  private keysAct = true;
+  private shortcutsEnabled = true;
   /** What a dialog that is open is about. */
-  private about = "";
+  private dialogSubject = "";
 
   constructor(private readonly send: (message: ClientMessage) => void) {
-    this.told.setAttribute("role", "status");
+    this.notice.setAttribute("role", "status");
     this.step.setAttribute("aria-live", "polite");
-    this.lost.setAttribute("role", "alert");
-    this.bar.others.append(this.keysChoice());
+    this.connectionNotice.setAttribute("role", "alert");
+    this.bar.secondaryButtons.append(this.shortcutSetting());
     this.root = element(
       "section",
       "pane conduct",
-      element("div", "conducthead", element("div", "", this.title, this.trials), element("div", "bar", this.share), element("div", "", this.who, this.left)),
-      this.lost,
-      this.told,
+      element(
+        "div", "conducthead",
+        element("div", "", this.title, this.trials), element("div", "bar", this.progress), element("div", "", this.participant, this.remaining),
+      ),
+      this.connectionNotice,
+      this.notice,
       this.step,
       this.begin.root,
       this.steps.root,
@@ -71,11 +74,11 @@ export class Conduct {
     this.root.setAttribute("aria-label", texts.title);
     this.dialogs = [this.reasons.root, this.form.root];
     window.addEventListener("keydown", (event) => this.key(event));
-    window.setInterval(() => this.now.tick(), TICK_MS);
+    window.setInterval(() => this.currentStep.tick(), TICK_MS);
   }
 
   /** The arm moves, or may: there is a scene to watch. */
-  get sceneRuns(): boolean {
+  get showsScene(): boolean {
     const now = this.screen?.session?.now;
     return now?.running === true && ["trial", "practise", "demonstrate", "calibrate_gaze"].includes(now.what.is);
   }
@@ -85,14 +88,14 @@ export class Conduct {
     const { session, trials, next } = screen;
     setText(this.title, screen.title || screen.study);
     setText(this.trials, `${trials[0]} of ${trials[1]} trials`);
-    setWidth(this.share, trials[0] / Math.max(trials[1], 1));
-    setText(this.who, session ? whoText(session) : "");
-    setText(this.left, session ? leftText(session.minutes_left) : "");
-    this.tell(screen.told);
+    setWidth(this.progress, trials[0] / Math.max(trials[1], 1));
+    setText(this.participant, session ? participantText(session) : "");
+    setText(this.remaining, session ? leftText(session.minutes_left) : "");
+    this.showNotice(screen.told);
     this.begin.root.hidden = session !== null;
     this.steps.root.hidden = session === null;
     this.notes.root.hidden = session === null;
-    this.now.show(session?.now ?? null);
+    this.currentStep.show(session?.now ?? null);
     if (session) {
       this.steps.show(session);
       this.begin.clear();
@@ -105,20 +108,20 @@ export class Conduct {
     setText(this.step, now ? `Now: ${now.label}` : "");
     // A reason that was asked for one step is none for the next.
     const about = `${session?.id} ${session?.session} ${now?.step} ${now?.running}`;
-    if (about !== this.about) this.reasons.close();
-    this.about = about;
-    this.form.update(session?.id ?? "", this.formNow());
+    if (about !== this.dialogSubject) this.reasons.close();
+    this.dialogSubject = about;
+    this.form.update(session?.id ?? "", this.currentForm());
   }
 
   /** What the rest of the page knows of the trial. */
   showTrial(state: string, overview: string, paused: boolean): void {
     this.paused = paused;
     this.bar.showPaused(paused);
-    this.now.showTrial([state, overview].filter(Boolean).join(" · "), paused);
+    this.currentStep.showTrial([state, overview].filter(Boolean).join(" · "), paused);
   }
 
   showConnected(connected: boolean): void {
-    setText(this.lost, connected ? "" : texts.lost);
+    setText(this.connectionNotice, connected ? "" : texts.lost);
     setClass(this.root, "offline", !connected);
     this.bar.showConnected(connected);
     this.begin.showConnected(connected);
@@ -128,8 +131,8 @@ export class Conduct {
   }
 
   /** Says what came of a request, or that a message was ignored. */
-  tell(text: string): void {
-    setText(this.told, capitalised(text));
+  showNotice(text: string): void {
+    setText(this.notice, capitalize(text));
   }
 
   private ask(request: StudyRequest): void {
@@ -150,11 +153,11 @@ export class Conduct {
         this.send({ type: "study", action: this.paused ? "resume" : "pause" });
         break;
       default:
-        if (session) this.reasons.ask(what, aboutText(what, session));
+        if (session) this.reasons.ask(what, subjectText(what, session));
     }
   }
 
-  private decided(what: Asked, reason: string): void {
+  private onReasonGiven(what: ConfirmedRequest, reason: string): void {
     if (what !== "abort" && what !== "leave") {
       this.ask({ ask: what, reason });
       return;
@@ -165,20 +168,20 @@ export class Conduct {
     else this.ask({ ask: "leave" });
   }
 
-  private formNow(): FormScreen | null {
+  private currentForm(): FormScreen | null {
     const what = this.screen?.session?.now?.what;
     return what?.is === "form" ? what : null;
   }
 
   private fillIn(): void {
-    const form = this.formNow();
+    const form = this.currentForm();
     if (form) this.form.show(this.screen?.session?.id ?? "", form);
   }
 
   private key(event: KeyboardEvent): void {
     const typing = event.target instanceof Element && event.target.closest("input, textarea, select, [contenteditable]");
     if (typing || event.repeat || event.ctrlKey || event.altKey || event.metaKey) return;
-    if (!this.screen || !this.keysAct || this.reasons.open || this.form.open) return;
+    if (!this.screen || !this.shortcutsEnabled || this.reasons.open || this.form.open) return;
     const key = event.key.toLowerCase();
     if (key === "n") this.bar.press("next");
     else if (key === "p") this.bar.press("pause");
@@ -189,19 +192,19 @@ export class Conduct {
   }
 
   /** Single keys can be turned off: speech input and a slipped hand press them too. */
-  private keysChoice(): HTMLElement {
+  private shortcutSetting(): HTMLElement {
     const box = element("input");
     box.type = "checkbox";
     box.addEventListener("change", () => {
-      this.keysAct = box.checked;
-      keep(KEYS_PLACE, box.checked);
+      this.shortcutsEnabled = box.checked;
+      storeShortcuts(SHORTCUTS_STORAGE_KEY, box.checked);
     });
-    this.keysAct = box.checked = kept(KEYS_PLACE);
+    this.shortcutsEnabled = box.checked = loadShortcuts(SHORTCUTS_STORAGE_KEY);
     return element("label", "check", box, texts.keys);
   }
 }
 
-function kept(place: string): boolean {
+function loadShortcuts(place: string): boolean {
   try {
     return localStorage.getItem(place) !== "off";
   } catch {
@@ -210,7 +213,7 @@ function kept(place: string): boolean {
   }
 }
 
-function keep(place: string, on: boolean): void {
+function storeShortcuts(place: string, on: boolean): void {
   try {
     localStorage.setItem(place, on ? "on" : "off");
   } catch {

@@ -1,13 +1,13 @@
 // Keys, buttons, mouse and gamepad to gestures, trunk and gaze. The keys are one table, shown on screen from it.
 
-import { element, giveBack, setClass, setText } from "./dom";
+import { element, returnFocus, setClass, setText } from "./dom";
 import { GAMEPAD_HELP } from "./gamepad";
-import { gestureText } from "./hand";
-import { Holding } from "./holding";
-import type { Gesture, MethodHelp, ModeView } from "./generated/types";
+import { gestureInstruction } from "./hand";
+import { HeldGestures } from "./heldGestures";
+import type { Command, MethodHelp, ModeView } from "./generated/types";
 import { GESTURE_NAMES } from "./protocol";
 import { strings } from "./strings";
-import { keyName, type ActionKey, type Command, type GestureKey, type LeanKey, type Settings } from "./settings";
+import { keyName, type ActionKey, type KeyCommand, type GestureKey, type LeanKey, type Settings } from "./settings";
 
 type Axis = "forward" | "lateral" | "axial";
 
@@ -17,7 +17,7 @@ const GESTURES: { gesture: GestureKey; effect: string }[] = (["wrist_extension",
   effect: words.effects[gesture],
 }));
 /** In the order of the keyboard's two rows. */
-const LEANS: { command: LeanKey; axis: Axis; sign: 1 | -1 }[] = [
+const LEAN_KEYS: { command: LeanKey; axis: Axis; sign: 1 | -1 }[] = [
   { command: "turn_left", axis: "axial", sign: 1 },
   { command: "ahead", axis: "forward", sign: 1 },
   { command: "turn_right", axis: "axial", sign: -1 },
@@ -27,22 +27,22 @@ const LEANS: { command: LeanKey; axis: Axis; sign: 1 | -1 }[] = [
 ];
 const ACTIONS: ActionKey[] = ["upright", "camera", "signals", "views", "scores", "restart"];
 /** They stay pressed as long as what they open is open. */
-const OPENS = new Set<Command>(["signals", "views", "scores"]);
+const TOGGLE_ACTIONS = new Set<KeyCommand>(["signals", "views", "scores"]);
 /** A participant neither compares trials nor watches signals. */
-const NOT_IN_STUDY = new Set<ActionKey>(["signals", "scores"]);
+const HIDDEN_IN_STUDY = new Set<ActionKey>(["signals", "scores"]);
 /** The trunk's limits and speed, as in the seated set-up: degrees, degrees per second. */
-const LEAN_MAX = { forward: 35, lateral: 25, axial: 40 };
-const LEAN_SPEED = 30;
+const MAX_LEAN_DEG = { forward: 35, lateral: 25, axial: 40 };
+const LEAN_SPEED_DEG_PER_S = 30;
 const DEGREE = Math.PI / 180;
 /** Time between signs of life, ms. By default the server stops the arm after a fifth of a second without one. */
-const SIGN_OF_LIFE_MS = 40;
+const HEARTBEAT_MS = 40;
 
 export interface ControlHandlers {
-  gesture(gesture: Gesture): void;
+  gesture(gesture: Command): void;
   /** Nothing new, but still here. */
-  alive(): void;
+  heartbeat(): void;
   /** A gamepad or a headset's controller was not read for too long, and what it held was let go of. */
-  unread(): void;
+  pollingStopped(): void;
   trunk(posture: { forward: number; lateral: number; axial: number }): void;
   restart(): void;
   camera(): void;
@@ -59,17 +59,17 @@ export interface ControlHandlers {
 
 export class Controls {
   readonly root = element("section", "card keys");
-  private readonly holding = new Holding();
-  private signedAt = 0;
+  private readonly heldGestures = new HeldGestures();
+  private heartbeatAt = 0;
   private readonly leaning = new Map<string, { axis: Axis; sign: 1 | -1 }>();
   private readonly posture = { forward: 0, lateral: 0, axial: 0 };
-  private readonly buttons = new Map<Command, HTMLElement>();
+  private readonly buttons = new Map<KeyCommand, HTMLElement>();
   private readonly pad = element("div", "pad");
   /** Where the gestures' buttons are while they are trained. */
-  private lesson: HTMLElement | null = null;
+  private trainingSlot: HTMLElement | null = null;
   private readonly readout = element("span", "readout");
   private readonly padHelp = element("p", "mouse pad-help", GAMEPAD_HELP);
-  private inForce: Gesture = "no_motion";
+  private inForce: Command = "no_motion";
   private interactive = false;
   /** A dialogue is open: keys belong to it. */
   suspended = false;
@@ -89,18 +89,18 @@ export class Controls {
     window.addEventListener("blur", () => this.releaseAll());
     document.addEventListener("visibilitychange", () => document.hidden && this.releaseAll());
     window.addEventListener("pagehide", () => this.releaseAll());
-    window.setInterval(() => this.signOfLife(), SIGN_OF_LIFE_MS);
+    window.setInterval(() => this.sendHeartbeat(), HEARTBEAT_MS);
   }
 
   /** The gesture itself is not said again: after a stop it takes a new press, or a lock would toggle by itself. */
-  private signOfLife(): void {
+  private sendHeartbeat(): void {
     // The timer runs on when no pictures are made, and must not vouch for a gamepad that nobody reads.
-    this.signedAt = performance.now();
-    if (this.holding.releaseUnread(this.signedAt)) {
-      this.settle();
-      this.handlers.unread();
+    this.heartbeatAt = performance.now();
+    if (this.heldGestures.releaseUnpolled(this.heartbeatAt)) {
+      this.applyActiveGesture();
+      this.handlers.pollingStopped();
     }
-    if (this.inForce !== "no_motion") this.handlers.alive();
+    if (this.inForce !== "no_motion") this.handlers.heartbeat();
   }
 
   /** Other keys from now on. */
@@ -124,20 +124,20 @@ export class Controls {
 
   /** Says on the keys what the gestures do now: where the selected joint or axis goes, else what the method says. */
   setEffects(help: MethodHelp | undefined, mode: ModeView | null): void {
-    const moves: Partial<Record<Gesture, string | undefined>> = {
+    const moves: Partial<Record<Command, string | undefined>> = {
       wrist_extension: mode?.directions[0],
       wrist_flexion: mode?.directions[1],
     };
     for (const { gesture, effect } of GESTURES) {
       const label = this.buttons.get(gesture)?.querySelector("span");
-      if (label) setText(label, this.lesson ? gestureText(gesture) : moves[gesture] || help?.[gesture] || effect);
+      if (label) setText(label, this.trainingSlot ? gestureInstruction(gesture) : moves[gesture] || help?.[gesture] || effect);
     }
   }
 
   /** Lends the gestures' buttons to a screen on which they are trained, in its words; none takes them back. */
-  lend(lesson: HTMLElement | null): void {
-    if (lesson === this.lesson) return;
-    this.lesson = lesson;
+  moveGestureButtons(lesson: HTMLElement | null): void {
+    if (lesson === this.trainingSlot) return;
+    this.trainingSlot = lesson;
     if (lesson) lesson.append(this.pad);
     else this.root.querySelector(".leanbox")?.before(this.pad);
     this.setEffects(undefined, null);
@@ -146,23 +146,23 @@ export class Controls {
   /** Leaning goes on while its key is held; called once per picture, as the gamepad and the headset are read. */
   update(seconds: number): void {
     const now = performance.now();
-    this.holding.read(now);
+    this.heldGestures.markPolled(now);
     // Where drawing keeps the page's thread busy, timers are the last to run.
-    if (now - this.signedAt >= SIGN_OF_LIFE_MS) this.signOfLife();
+    if (now - this.heartbeatAt >= HEARTBEAT_MS) this.sendHeartbeat();
     if (this.leaning.size === 0) return;
     for (const { axis, sign } of this.leaning.values()) {
-      const max = LEAN_MAX[axis];
+      const max = MAX_LEAN_DEG[axis];
       // Nobody leans backwards in a chair as far as forwards.
       const min = axis === "forward" ? -max / 3 : -max;
       const side = this.mirrored && axis !== "forward" ? -sign : sign;
-      const moved = this.posture[axis] + side * LEAN_SPEED * Math.min(seconds, 0.1);
+      const moved = this.posture[axis] + side * LEAN_SPEED_DEG_PER_S * Math.min(seconds, 0.1);
       this.posture[axis] = Math.min(Math.max(moved, min), max);
     }
-    this.tellPosture();
+    this.sendPosture();
   }
 
   /** From a gamepad or a headset's controllers, which are read once per picture. */
-  holdPolled(source: string, gesture: Gesture, down: boolean): void {
+  holdPolled(source: string, gesture: Command, down: boolean): void {
     this.hold(source, gesture, down, true);
   }
 
@@ -183,10 +183,10 @@ export class Controls {
 
   /** Lets go of everything: the person, the window or the connection is gone. */
   releaseAll(): void {
-    this.holding.releaseAll();
+    this.heldGestures.releaseAll();
     this.leaning.clear();
     for (const button of this.buttons.values()) setClass(button, "down", false);
-    this.settle();
+    this.applyActiveGesture();
   }
 
   private build(): void {
@@ -208,7 +208,7 @@ export class Controls {
       pad.append(button);
     }
     const leans = element("div", "leans");
-    for (const { command, axis, sign } of LEANS) {
+    for (const { command, axis, sign } of LEAN_KEYS) {
       const button = element("button", "lean", element("kbd"), element("span", "", words.leans[command]));
       this.holdable(button, (down) => {
         if (down && this.interactive) this.leaning.set(`button ${command}`, { axis, sign });
@@ -219,11 +219,12 @@ export class Controls {
     }
     const actions = element("div", "actions");
     for (const command of ACTIONS) {
-      const button = element("button", `action ${command}${NOT_IN_STUDY.has(command) ? " not-in-study" : ""}`, element("kbd"), element("span", "", words.actions[command]));
+      const classes = `action ${command}${HIDDEN_IN_STUDY.has(command) ? " not-in-study" : ""}`;
+      const button = element("button", classes, element("kbd"), element("span", "", words.actions[command]));
       button.type = "button";
       button.addEventListener("click", (event) => {
         this.act(command);
-        giveBack(event, button);
+        returnFocus(event, button);
       });
       this.buttons.set(command, button);
       actions.append(button);
@@ -270,14 +271,14 @@ export class Controls {
       event.preventDefault();
       return;
     }
-    const bound = (command: Command) => this.keys[command].includes(event.code);
+    const bound = (command: KeyCommand) => this.keys[command].includes(event.code);
     const gesture = GESTURES.find((candidate) => bound(candidate.gesture))?.gesture;
-    const lean = LEANS.find((candidate) => bound(candidate.command));
+    const lean = LEAN_KEYS.find((candidate) => bound(candidate.command));
     const action = ACTIONS.find(bound);
     if (gesture || lean) event.preventDefault();
     if (event.repeat) return;
     const shown = lean?.command ?? action;
-    if (shown && !gesture && !OPENS.has(shown)) setClass(this.buttons.get(shown) ?? this.root, "down", down);
+    if (shown && !gesture && !TOGGLE_ACTIONS.has(shown)) setClass(this.buttons.get(shown) ?? this.root, "down", down);
     if (gesture) this.hold(event.code, gesture, down);
     if (lean && this.interactive) {
       if (down) this.leaning.set(event.code, lean);
@@ -287,10 +288,10 @@ export class Controls {
   }
 
   /** `source` makes a gesture, or no longer. */
-  hold(source: string, gesture: Gesture, down: boolean, polled = false): void {
-    if (down && this.interactive && !this.suspended) this.holding.press(source, gesture, polled);
-    else this.holding.release(source);
-    this.settle();
+  hold(source: string, gesture: Command, down: boolean, polled = false): void {
+    if (down && this.interactive && !this.suspended) this.heldGestures.press(source, gesture, polled);
+    else this.heldGestures.release(source);
+    this.applyActiveGesture();
   }
 
   private act(action: ActionKey): void {
@@ -300,12 +301,12 @@ export class Controls {
     if (action === "restart") this.handlers.restart();
     if (action === "upright") {
       Object.assign(this.posture, { forward: 0, lateral: 0, axial: 0 });
-      this.tellPosture();
+      this.sendPosture();
     }
   }
 
-  private settle(): void {
-    const now = this.holding.inForce;
+  private applyActiveGesture(): void {
+    const now = this.heldGestures.inForce;
     if (now === this.inForce) return;
     this.inForce = now;
     for (const { gesture } of GESTURES) {
@@ -315,7 +316,7 @@ export class Controls {
     this.handlers.gesture(now);
   }
 
-  private tellPosture(): void {
+  private sendPosture(): void {
     const { forward, lateral, axial } = this.posture;
     this.handlers.trunk({ forward: forward * DEGREE, lateral: lateral * DEGREE, axial: axial * DEGREE });
     this.showPosture();

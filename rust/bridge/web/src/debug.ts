@@ -1,10 +1,10 @@
 // What the page tells of itself.
 
 import type { CameraKind } from "./cameras";
-import type { ScriptTime } from "./framecount";
+import type { ScriptTime } from "./frameCount";
 import type { DisplayFrame, GhostArm, ObjectId, PageContent } from "./generated/types";
 import type { Triple } from "./protocol";
-import type { SignalsDoor } from "./signalsdoor";
+import type { LazySignalsDrawer } from "./lazySignalsDrawer";
 
 /** What tests and the curious can look at from the browser's console. */
 export interface Debug {
@@ -24,7 +24,7 @@ export interface Debug {
   triangles: number;
   /** Parts of the arm that are seen through. */
   faded: number;
-  signals: SignalsDoor;
+  signals: LazySignalsDrawer;
   content: PageContent | null;
   camera: CameraKind;
   chooseCamera(kind: CameraKind): void;

@@ -29,7 +29,7 @@ export function setWidth(node: HTMLElement, share: number): void {
 }
 
 /** After a click by mouse the focus is nobody's, so that Space and Enter go on meaning what they do; by key it stays. */
-export function giveBack(click: MouseEvent, node: HTMLElement): void {
+export function returnFocus(click: MouseEvent, node: HTMLElement): void {
   if (click.detail > 0) node.blur();
 }
 
@@ -39,7 +39,7 @@ export function button(label: string, act: () => void, classes = ""): HTMLButton
   node.type = "button";
   node.addEventListener("click", (event) => {
     act();
-    giveBack(event, node);
+    returnFocus(event, node);
   });
   return node;
 }

@@ -2,15 +2,15 @@
 
 import "./emg.css";
 import { element, setText } from "./dom";
-import { EmgView } from "./emgview";
+import { EmgView } from "./emgView";
 import type { TrialStatus } from "./generated/types";
-import { Live } from "./live";
+import { LiveConnection } from "./liveConnection";
 import { strings } from "./strings";
 
 const words = strings.emg;
 
 /** Without signals for so long something is the matter, ms. */
-const SILENT_MS = 2000;
+const STALE_MS = 2000;
 
 const link = element("span", "muted", words.connecting);
 const view = new EmgView();
@@ -20,7 +20,7 @@ const none = element(
   words.noArmband,
   element("code", "", "proact serve --emg-source synthetic --emg-model model.json"),
   words.whoseModel,
-  element("code", "", "proact emg train --source synthetic --flat-out --out model.json"),
+  element("code", "", "proact emg train --source synthetic --no-realtime --out model.json"),
   words.makes,
 );
 none.hidden = true;
@@ -30,10 +30,10 @@ keys.hidden = true;
 document.getElementById("page")?.append(element("header", "", element("h1", "", "EMG"), link), none, view.root, keys);
 
 let connected = false;
-let heard = 0;
+let receivedAt = 0;
 let status: TrialStatus | null = null;
 
-const live = new Live(
+const live = new LiveConnection(
   {
     reset: () => view.clear(),
     content() {},
@@ -43,24 +43,24 @@ const live = new Live(
       status = next;
     },
     signals(signals) {
-      heard = performance.now();
+      receivedAt = performance.now();
       tell();
       none.hidden = signals.emg_rate_hz > 0;
       view.root.hidden = keys.hidden = !none.hidden;
-      if (none.hidden) view.take(signals);
+      if (none.hidden) view.setSignals(signals);
     },
     connected(now) {
       connected = now;
       tell();
     },
-    refused: (message) => console.warn(`ProACT: ${message}`),
+    messageRefused: (message) => console.warn(`ProACT: ${message}`),
   },
   "spectator",
 );
 
 function linkText(): string {
   if (!connected) return words.gone;
-  if (performance.now() - heard < SILENT_MS) return view.frozen ? words.frozen : "live";
+  if (performance.now() - receivedAt < STALE_MS) return view.frozen ? words.frozen : "live";
   if (status?.paused || status?.held || status?.waiting) return words.still;
   return words.noTrial;
 }

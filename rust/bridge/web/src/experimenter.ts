@@ -2,27 +2,27 @@
 // same without the buttons. While a study is conducted, its plan decides what comes next, and its pane comes first.
 
 import "./theme.css";
-import "./desk.css";
+import "./workstation.css";
 import "./dialogs.css";
 import "./form.css";
 import "./signals.css";
 import { CAMERA_KINDS, CAMERA_NAMES } from "./cameras";
 import { Conduct } from "./conduct";
 import { button, element, setClass, setText } from "./dom";
-import { FrameCount } from "./framecount";
-import { spelled, type Circumstances } from "./hints";
+import { FrameCounter } from "./frameCount";
+import { expandGestureCodes, type HintContext } from "./hints";
 import { eventText, scoreText } from "./hud";
-import { LatencyTable } from "./latencytable";
+import { LatencyTable } from "./latencyTable";
 import { objectName } from "./objects";
-import { Live } from "./live";
-import { Motion } from "./motion";
+import { LiveConnection } from "./liveConnection";
+import { FrameInterpolator } from "./frameInterpolation";
 import type { DisplayFrame, PageContent, Signals, Stop, TrialEvent, TrialStatus } from "./generated/types";
 import { GESTURE_NAMES, methodOf } from "./protocol";
-import { SignalsDrawer } from "./signalsdrawer";
-import { Stage, whyNotDrawn } from "./stage";
-import { StopBanner } from "./stopbanner";
+import { SignalsDrawer } from "./signalsDrawer";
+import { SceneRenderer, drawErrorText } from "./renderer";
+import { StopBanner } from "./stopBanner";
 import { strings } from "./strings";
-import { Traces } from "./traces";
+import { TraceView } from "./traces";
 import { fixed } from "./numbers";
 
 const texts = strings.experimenter;
@@ -30,16 +30,16 @@ const texts = strings.experimenter;
 /** Lines of the log that are kept on the page. */
 const LOG_LINES = 400;
 /** Whoever watches has no keys, and nothing to aim at. */
-const WATCHING: Circumstances = { target: () => null, lean: false, mouse: false, key: () => "", restarts: false, aim: null };
+const SPECTATOR_CIRCUMSTANCES: HintContext = { target: () => null, lean: false, mouseIsGaze: false, key: () => "", mayRestart: false, jogGoal: null };
 /** Ages and times above which a figure stands out. */
 const STALE_GAZE_MS = 500;
 const SLOW_TICK_US = 1000;
 
 const spectator = location.pathname.startsWith("/spectator");
-const desk = document.getElementById("desk") as HTMLDivElement;
+const pageRoot = document.getElementById("desk") as HTMLDivElement;
 
 /** A list of names and figures. */
-class Figures {
+class FigureList {
   readonly root = element("dl", "figures");
   private readonly cells = new Map<string, HTMLElement>();
 
@@ -59,22 +59,22 @@ function start(): void {
   document.title = spectator ? texts.spectatorTitle : texts.title;
   const canvas = element("canvas");
   const traceCanvas = element("canvas");
-  const traces = new Traces(traceCanvas);
+  const traces = new TraceView(traceCanvas);
   const noArmband = element("p", "empty", texts.noArmband);
   const link = element("span", "chip off", texts.offline);
   const [method, setup, seed, record] = [0, 0, 0, 0].map(() => element("span", "chip")) as [HTMLElement, HTMLElement, HTMLElement, HTMLElement];
   const state = element("span", "chip live state", texts.running);
   const overview = element("b", "overview");
   const stop = new StopBanner();
-  const trial = new Figures();
-  const rates = new Figures();
+  const trial = new FigureList();
+  const rates = new FigureList();
   const latencies = new LatencyTable();
   const log = element("ol", "loglist");
   log.tabIndex = 0;
   log.setAttribute("aria-label", texts.eventsLabel);
   const events: TrialEvent[] = [];
-  const motion = new Motion();
-  const count = new FrameCount();
+  const motion = new FrameInterpolator();
+  const count = new FrameCounter();
   let interactive = false;
   let lastTime = -1;
   let status: TrialStatus | null = null;
@@ -121,16 +121,16 @@ function start(): void {
     drawerButton,
     link,
   );
-  desk.append(
+  pageRoot.append(
     bar,
     element("div", "experiment", element("section", "pane view", canvas, overview, state, stop.root, cameraBar), side),
     element("div", "signals", pane(texts.emg, "traces", traceCanvas, noArmband), logPane),
     drawer.root,
   );
-  const stage = new Stage(canvas);
+  const stage = new SceneRenderer(canvas);
   chooseCamera("shoulder");
 
-  const live = new Live(
+  const live = new LiveConnection(
     {
       reset() {
         motion.clear();
@@ -160,9 +160,9 @@ function start(): void {
         setClass(link, "live", connected);
       },
       roundTrip: (ms) => rates.set(texts.roundTrip, `${fixed(ms, 1)} ms`, ms > 50),
-      refused(message) {
+      messageRefused(message) {
         console.warn(`ProACT: ${message}`);
-        conduct.tell(message);
+        conduct.showNotice(message);
       },
     },
     spectator ? "spectator" : "experimenter",
@@ -170,18 +170,18 @@ function start(): void {
 
   /** Makes room for a study. What its plan decides is not offered beside it. */
   function beginStudy(): void {
-    if (!actions || desk.classList.contains("study")) return;
-    desk.classList.add("study");
+    if (!actions || pageRoot.classList.contains("study")) return;
+    pageRoot.classList.add("study");
     actions.remove();
-    conduct.bar.others.prepend(buttons.check);
+    conduct.bar.secondaryButtons.prepend(buttons.check);
     bar.after(conduct.root, conduct.notes.root);
     // The notes stand where the events were.
     side.append(logPane);
-    desk.append(...conduct.dialogs);
+    pageRoot.append(...conduct.dialogs);
   }
 
   function chooseCamera(kind: (typeof CAMERA_KINDS)[number]): void {
-    stage.cameras.choose(kind, stage.room);
+    stage.cameras.choose(kind, stage.taskScene);
     [...cameraBar.children].forEach((node, k) => setClass(node, "now", CAMERA_KINDS[k] === kind));
   }
 
@@ -214,7 +214,7 @@ function start(): void {
     if (next.time < lastTime) clearTrial();
     lastTime = next.time;
     motion.push(next, performance.now());
-    count.take(next.time);
+    count.countFrame(next.time);
     drawer.frame(next, methodOf(stage.content, next));
     addEvents(next.events);
     showStop(next.stop);
@@ -230,7 +230,7 @@ function start(): void {
     trial.set(texts.selection, next.target.object !== null ? texts.locked(objectName(next.target.object), next.target.locked) : "–");
     trial.set(texts.moves, next.mode?.name ?? "–");
     trial.set(texts.hand, next.hand.holds !== null ? texts.holds(objectName(next.hand.holds)) : next.hand.state);
-    trial.set(texts.planner, next.planner.state === "failed" ? spelled(next.planner.reason, WATCHING) || "failed" : next.planner.state);
+    trial.set(texts.planner, next.planner.state === "failed" ? expandGestureCodes(next.planner.reason, SPECTATOR_CIRCUMSTANCES) || "failed" : next.planner.state);
     trial.set(texts.next, next.next !== null ? objectName(next.next) : "–");
     showStatus(next.finished);
   }
@@ -251,7 +251,7 @@ function start(): void {
     buttons.check.disabled = buttons.calibrate.disabled = !interactive || words !== texts.running;
     buttons.pause.disabled = buttons.abort.disabled = finished || !status?.can_pause || status.aborted;
     // Between the trials of a study nothing runs.
-    const idle = desk.classList.contains("study") && !conduct.sceneRuns;
+    const idle = pageRoot.classList.contains("study") && !conduct.showsScene;
     for (const node of [state, overview, seed, record, buttons.check]) node.hidden = idle;
     conduct.showTrial(words, overview.textContent ?? "", words === texts.paused);
     setText(seed, status ? texts.seed(status.seed) : "");
@@ -260,8 +260,8 @@ function start(): void {
   }
 
   function signals(next: Signals): void {
-    traces.take(next);
-    drawer.take(next);
+    traces.setSignals(next);
+    drawer.addSignals(next);
     noArmband.hidden = next.emg_rate_hz > 0;
     const age = next.gaze_age_ms;
     rates.set(texts.tick, `${fixed(next.tick_mean_us)} / ${fixed(next.tick_max_us)} µs`, next.tick_mean_us > SLOW_TICK_US);
@@ -298,14 +298,14 @@ function start(): void {
   stage.renderer.setAnimationLoop((wall: number) => {
     const seconds = Math.max((wall - before) / 1000, 0);
     before = wall;
-    stage.draw(motion.at(wall), motion.latest, seconds, wall);
+    stage.draw(motion.interpolateAt(wall), motion.latest, seconds, wall);
     traces.draw();
     drawer.draw();
     if (wall - shown.since > 1000) {
       const span = (wall - shown.since) / 1000;
       rates.set(texts.frames, texts.frameRate(Math.round((count.received - shown.received) / span), count.dropped));
-      stage.rate((stage.drawn - shown.drawn) / span);
-      Object.assign(shown, { since: wall, received: count.received, drawn: stage.drawn });
+      stage.adaptQuality((stage.frameCount - shown.drawn) / span);
+      Object.assign(shown, { since: wall, received: count.received, drawn: stage.frameCount });
     }
   });
   (window as unknown as { __proact: object }).__proact = {
@@ -313,7 +313,7 @@ function start(): void {
       return motion.latest;
     },
     get framesDrawn() {
-      return stage.drawn;
+      return stage.frameCount;
     },
     get channels() {
       return traces.channels;
@@ -328,5 +328,5 @@ function start(): void {
 try {
   start();
 } catch (error) {
-  desk.append(element("div", "banner", whyNotDrawn(error)));
+  pageRoot.append(element("div", "banner", drawErrorText(error)));
 }

@@ -1,19 +1,19 @@
 // What a questionnaire asks and what counts as an answer to it. Pure.
 
-import type { Answer, Form, FormItem, FormScreen } from "./generated/types";
+import type { FormAnswer, Form, FormItem, FormScreen } from "./generated/types";
 import { strings } from "./strings";
 
 const texts = strings.forms;
 
 /** A text by language, such as `en`. */
-export type Texts = { [key in string]: string };
+export type LocalizedTexts = { [key in string]: string };
 /** The place of each condition, from 1. Several may share one, and places may be left out. */
-export type Ranks = ReadonlyMap<string, number>;
+export type RankByCondition = ReadonlyMap<string, number>;
 
 /** Longest answer in free words, bytes of UTF-8. The server refuses more. */
-export const MOST_BYTES = 10_000;
+export const MAX_TEXT_BYTES = 10_000;
 /** A scale of so many numbers is a row of cells. A longer one is a slider. */
-export const MOST_CELLS = 11;
+export const MAX_SCALE_CELLS = 11;
 /** What can be chosen where several answers are asked for and none applies. */
 export const NONE_OF_THESE = texts.none;
 
@@ -41,7 +41,7 @@ export function questionsOf({ form, pairs }: Pick<FormScreen, "form" | "pairs">)
 
 // Languages.
 
-function textsOf(item: FormItem): Texts[] {
+function textsOf(item: FormItem): LocalizedTexts[] {
   switch (item.kind) {
     case "scale":
       return [item.name, item.text, item.low, item.high];
@@ -70,13 +70,13 @@ export function chooseLanguage(languages: readonly string[], wanted: readonly st
 }
 
 /** The text in this language, and the language that it is in: another one where it was not translated. */
-export function wordsIn(texts: Texts, language: string): { text: string; language: string } {
+export function textInLanguage(texts: LocalizedTexts, language: string): { text: string; language: string } {
   const found = chooseLanguage(Object.keys(texts), [language]);
   return { text: texts[found] ?? "", language: found };
 }
 
 /** The short name of an item, or its text if it has none. */
-export function nameOf(item: FormItem): Texts {
+export function itemName(item: FormItem): LocalizedTexts {
   return item.kind === "scale" && Object.keys(item.name).length > 0 ? item.name : item.text;
 }
 
@@ -100,7 +100,7 @@ export function scaleValues(scale: { least: number; most: number; step: number }
 // Rankings.
 
 /** The conditions place by place, without empty places; none while a condition has no place. */
-export function placesOf(conditions: readonly string[], ranks: Ranks): string[][] | null {
+export function conditionsByRank(conditions: readonly string[], ranks: RankByCondition): string[][] | null {
   if (conditions.length === 0 || !conditions.every((condition) => ranks.has(condition))) return null;
   const taken = [...new Set(ranks.values())].sort((a, b) => a - b);
   const places = taken.map((place) => conditions.filter((condition) => ranks.get(condition) === place));
@@ -108,7 +108,7 @@ export function placesOf(conditions: readonly string[], ranks: Ranks): string[][
 }
 
 /** The places of an answered ranking. Without an answer nobody has a place. */
-export function ranksOf(answer: Answer | null | undefined): Map<string, number> {
+export function ranksOf(answer: FormAnswer | null | undefined): Map<string, number> {
   const places = Array.isArray(answer) ? answer : [];
   return new Map(places.flatMap((place, k) => (Array.isArray(place) ? place.map((name): [string, number] => [name, k + 1]) : [])));
 }
@@ -127,7 +127,7 @@ export function byteLength(text: string): number {
 }
 
 /** The longest beginning of the text that is not too long. No character is cut in two. */
-export function clipped(text: string, mostBytes = MOST_BYTES): string {
+export function truncateUtf8(text: string, mostBytes = MAX_TEXT_BYTES): string {
   if (byteLength(text) <= mostBytes) return text;
   let bytes = 0;
   let end = 0;
@@ -141,12 +141,12 @@ export function clipped(text: string, mostBytes = MOST_BYTES): string {
 
 // Answers.
 
-export function sameAnswer(one: Answer | null | undefined, other: Answer | null | undefined): boolean {
+export function sameAnswer(one: FormAnswer | null | undefined, other: FormAnswer | null | undefined): boolean {
   return JSON.stringify(one ?? null) === JSON.stringify(other ?? null);
 }
 
 /** The answers of which several may be given, with this one more or less, in the order in which they are offered. */
-export function toggled(options: readonly string[], answer: Answer | null | undefined, value: string): string[] | null {
+export function toggleAnswer(options: readonly string[], answer: FormAnswer | null | undefined, value: string): string[] | null {
   const chosen = new Set(Array.isArray(answer) ? answer.flat() : []);
   if (!chosen.delete(value)) chosen.add(value);
   return chosen.size > 0 ? options.filter((option) => chosen.has(option)) : null;

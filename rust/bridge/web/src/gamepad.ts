@@ -14,16 +14,16 @@ const BUTTONS: { button: number; gesture: GestureKey; name: string }[] = [
 const START = 9;
 const VIEW = 8;
 /** A stick at rest is never quite at zero. */
-const DEAD = 0.15;
+const DEAD_ZONE = 0.15;
 /** The gaze crosses half the window in this time with the stick fully out, seconds. */
-const CROSSING_SECS = 0.7;
+const GAZE_CROSSING_SECS = 0.7;
 
 export const GAMEPAD_HELP = strings.controls.gamepad;
 
 export interface GamepadHandlers {
   hold(source: string, gesture: GestureKey, down: boolean): void;
   /** Moves the gaze by shares of the half window, x to the right, y up. */
-  look(x: number, y: number): void;
+  moveGaze(x: number, y: number): void;
   restart(): void;
   camera(): void;
   found(name: string): void;
@@ -40,7 +40,7 @@ export class GamepadInput {
   constructor(private readonly handlers: GamepadHandlers) {
     // Not left to the next picture, which may be long in coming.
     window.addEventListener("gamepaddisconnected", ({ gamepad }) => {
-      if (gamepad.index === this.index) this.lose();
+      if (gamepad.index === this.index) this.releaseAll();
     });
   }
 
@@ -48,28 +48,28 @@ export class GamepadInput {
   update(seconds: number): void {
     const pad = navigator.getGamepads?.().find((candidate) => candidate?.connected) ?? null;
     // Some browsers drop a gamepad from the list without the event.
-    if (this.index !== null && pad?.index !== this.index) this.lose();
+    if (this.index !== null && pad?.index !== this.index) this.releaseAll();
     if (!pad) return;
     if (this.index === null) this.handlers.found(pad.id);
     this.index = pad.index;
     for (const { button, gesture } of BUTTONS) {
-      this.edge(pad, button, (source, down) => this.handlers.hold(source, gesture, down));
+      this.onButtonChange(pad, button, (source, down) => this.handlers.hold(source, gesture, down));
     }
-    this.edge(pad, START, (_, down) => down && this.handlers.restart());
-    this.edge(pad, VIEW, (_, down) => down && this.handlers.camera());
-    const [x, y] = [tilt(pad.axes[2]), tilt(pad.axes[3])];
-    const step = Math.min(seconds, 0.1) / CROSSING_SECS;
-    if (x !== 0 || y !== 0) this.handlers.look(x * step, -y * step);
+    this.onButtonChange(pad, START, (_, down) => down && this.handlers.restart());
+    this.onButtonChange(pad, VIEW, (_, down) => down && this.handlers.camera());
+    const [x, y] = [applyDeadZone(pad.axes[2]), applyDeadZone(pad.axes[3])];
+    const step = Math.min(seconds, 0.1) / GAZE_CROSSING_SECS;
+    if (x !== 0 || y !== 0) this.handlers.moveGaze(x * step, -y * step);
   }
 
   /** Lets go of everything. `down` stays: a button that is still pressed when the gamepad is back is no new press. */
-  private lose(): void {
+  private releaseAll(): void {
     this.index = null;
     for (const { button, gesture } of BUTTONS) this.handlers.hold(sourceOf(button), gesture, false);
     this.handlers.lost();
   }
 
-  private edge(pad: Gamepad, button: number, changed: (source: string, down: boolean) => void): void {
+  private onButtonChange(pad: Gamepad, button: number, changed: (source: string, down: boolean) => void): void {
     const source = sourceOf(button);
     const down = (pad.buttons[button]?.value ?? 0) > 0.5;
     if (down === this.down.has(source)) return;
@@ -83,6 +83,6 @@ function sourceOf(button: number): string {
   return `gamepad ${button}`;
 }
 
-function tilt(value = 0): number {
-  return Math.abs(value) < DEAD ? 0 : value;
+function applyDeadZone(value = 0): number {
+  return Math.abs(value) < DEAD_ZONE ? 0 : value;
 }

@@ -1,24 +1,24 @@
 // Pictures of the five gestures of a right hand, seen from the side: forearm, hand and fingers as strokes. Other gestures
 // that a model tells apart have their name in place of a picture.
 
-import type { Gesture, GestureName } from "./generated/types";
+import type { Command, Gesture } from "./generated/types";
 import { strings } from "./strings";
 
-const NAMES: Record<Gesture, string> = strings.gestures.told;
+const NAMES: Record<Command, string> = strings.gestures.told;
 
-function isDrawn(gesture: GestureName): gesture is Gesture {
+function isDrawn(gesture: Gesture): gesture is Command {
   return Object.hasOwn(NAMES, gesture);
 }
 
 /** What the person is told to do. */
-export function gestureText(gesture: GestureName): string {
+export function gestureInstruction(gesture: Gesture): string {
   return isDrawn(gesture) ? NAMES[gesture] : gesture.replaceAll("_", " ");
 }
 
 /** Angle of the hand at the wrist in degrees (back is up), and how far the fingers are spread and closed, 0 to 1. */
 export type HandPose = { wrist: number; spread: number; closed: number };
 
-const POSES: Record<Gesture, HandPose> = {
+const POSES: Record<Command, HandPose> = {
   hand_close: { wrist: 0, spread: 0, closed: 1 },
   hand_open: { wrist: 0, spread: 1, closed: 0 },
   no_motion: { wrist: 6, spread: 0.25, closed: 0.35 },
@@ -27,11 +27,11 @@ const POSES: Record<Gesture, HandPose> = {
 };
 
 /** An SVG of the gesture; it is labelled, so that it is read aloud too. */
-export function handPicture(gesture: GestureName): SVGSVGElement {
-  const picture = svg("svg", { viewBox: "0 0 240 160", role: "img", "aria-label": gestureText(gesture) });
+export function handPicture(gesture: Gesture): SVGSVGElement {
+  const picture = svgElement("svg", { viewBox: "0 0 240 160", role: "img", "aria-label": gestureInstruction(gesture) });
   if (!isDrawn(gesture)) {
-    const text = svg("text", { x: 120, y: 88, "text-anchor": "middle", "font-size": 22, fill: "#e8b48a" });
-    text.textContent = gestureText(gesture);
+    const text = svgElement("text", { x: 120, y: 88, "text-anchor": "middle", "font-size": 22, fill: "#e8b48a" });
+    text.textContent = gestureInstruction(gesture);
     picture.append(text);
     return picture;
   }
@@ -42,8 +42,8 @@ export function handPicture(gesture: GestureName): SVGSVGElement {
 /** Forearm and hand, from (10, 80) to the right, with strokes `thicker` than those of a hand. */
 export function handDrawing({ wrist, spread, closed }: HandPose, thicker: number): SVGElement[] {
   const line = (x1: number, y1: number, x2: number, y2: number, width: number) =>
-    svg("line", { x1, y1, x2, y2, stroke: "#e8b48a", "stroke-width": width + thicker, "stroke-linecap": "round" });
-  const hand = svg("g", { transform: `rotate(${wrist} 110 80)` });
+    svgElement("line", { x1, y1, x2, y2, stroke: "#e8b48a", "stroke-width": width + thicker, "stroke-linecap": "round" });
+  const hand = svgElement("g", { transform: `rotate(${wrist} 110 80)` });
   hand.append(line(112, 80, 150, 80, 42));
   for (let finger = 0; finger < 4; finger += 1) {
     const side = (finger - 1.5) / 1.5;
@@ -60,7 +60,7 @@ export function handDrawing({ wrist, spread, closed }: HandPose, thicker: number
 }
 
 /** An element of a drawing. */
-export function svg<K extends keyof SVGElementTagNameMap>(
+export function svgElement<K extends keyof SVGElementTagNameMap>(
   tag: K,
   attributes: Record<string, string | number>,
 ): SVGElementTagNameMap[K] {

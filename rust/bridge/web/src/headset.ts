@@ -7,7 +7,7 @@ import type { DisplayFrame, Side } from "./generated/types";
 import type { Triple } from "./protocol";
 import { boardOptions, boardPose } from "./reference";
 import type { GestureKey } from "./settings";
-import type { Stage } from "./stage";
+import type { SceneRenderer } from "./renderer";
 import { strings } from "./strings";
 
 /** From a headset's axes (x right, y up, -z ahead) to the world's (x ahead, y left, z up). */
@@ -16,12 +16,12 @@ const WORLD_FROM_XR = new Quaternion().setFromRotationMatrix(
 );
 const UP = new Vector3(0, 0, 1);
 /** The stick turns the world at this speed, rad/s. */
-const TURN_SPEED = 1;
+const TURN_SPEED_RAD_PER_S = 1;
 /** Buttons of the standard controller: trigger, squeeze, first and second button above. */
 const [TRIGGER, SQUEEZE, LOWER, UPPER] = [0, 1, 4, 5];
 const STICK_X = 2;
 /** So long after it was first seen the reference board places the world, seconds; then it may be taken away. */
-const SETTLES = 2;
+const BOARD_SETTLE_SECS = 2;
 
 export interface HeadsetHandlers {
   /** `world_from_head`: x ahead, y left, z up. */
@@ -33,35 +33,35 @@ export interface HeadsetHandlers {
   hold(source: string, gesture: GestureKey, down: boolean): void;
   /** The trigger of either hand was pressed, or its fingers were pinched. */
   trigger(): void;
-  say(message: string): void;
+  showMessage(message: string): void;
 }
 
 export class Headset {
   readonly root = element("div", "headset");
   /** The controller that is strapped to the brace: it is a tracker, and neither gaze nor buttons. */
   brace: Side | null = null;
-  private placed = false;
+  private isPlaced = false;
   /** Seconds for which the reference board has been in use. */
-  private boardFor = 0;
+  private boardSeenSecs = 0;
   private readonly board = boardOptions();
   private readonly dragged = new Map<XRInputSource, Vector3>();
 
   constructor(
-    private readonly stage: Stage,
+    private readonly stage: SceneRenderer,
     private readonly handlers: HeadsetHandlers,
     private readonly overlay: HTMLElement,
   ) {
     this.root.hidden = true;
-    void this.offer("immersive-ar", "Enter AR");
-    void this.offer("immersive-vr", "Enter VR");
+    void this.addEnterButton("immersive-ar", "Enter AR");
+    void this.addEnterButton("immersive-vr", "Enter VR");
   }
 
-  get worn(): boolean {
-    return this.stage.cameras.worn;
+  get inHeadset(): boolean {
+    return this.stage.cameras.inHeadset;
   }
 
   /** The page lies over the picture, as on a telephone. */
-  get overlaid(): boolean {
+  get hasDomOverlay(): boolean {
     return Boolean(this.stage.renderer.xr.getSession()?.domOverlayState);
   }
 
@@ -71,28 +71,28 @@ export class Headset {
     this.readButtons();
     const { xr } = this.stage.renderer;
     const space = xr.getReferenceSpace();
-    const viewer = this.worn && space ? xr.getFrame()?.getViewerPose(space) : null;
+    const viewer = this.inHeadset && space ? xr.getFrame()?.getViewerPose(space) : null;
     if (!viewer || !space) return;
     const { rig } = this.stage.cameras;
     const eye = vector(viewer.transform.position);
     const turn = quaternion(viewer.transform.orientation);
-    if (!this.placed && frame) {
+    if (!this.isPlaced && frame) {
       const [x, y] = frame.world_from_head.translation;
       // Floors are the same.
-      this.place(eye, new Vector3(0, 0, -1).applyQuaternion(turn), new Vector3(x, y, eye.y));
-      this.placed = true;
+      this.alignWorld(eye, new Vector3(0, 0, -1).applyQuaternion(turn), new Vector3(x, y, eye.y));
+      this.isPlaced = true;
     }
-    this.findBoard(xr.getFrame(), space, seconds);
-    this.drag(space, seconds);
+    this.trackReferenceBoard(xr.getFrame(), space, seconds);
+    this.dragWorld(space, seconds);
     rig.updateMatrixWorld();
     const head = eye.clone().applyMatrix4(rig.matrixWorld);
     const facing = rig.quaternion.clone().multiply(turn).multiply(WORLD_FROM_XR.clone().invert());
     this.handlers.head(head.toArray(), facing.toArray());
 
-    this.tellBrace(xr.getFrame(), space);
+    this.sendBracePose(xr.getFrame(), space);
 
     // A hand that points is the gaze, of two the right one; without one, the head.
-    const hands = this.free().filter(({ targetRayMode }) => targetRayMode === "tracked-pointer");
+    const hands = this.handheldSources().filter(({ targetRayMode }) => targetRayMode === "tracked-pointer");
     const source = hands.find(({ handedness }) => handedness === "right") ?? hands[0];
     const pose = source ? xr.getFrame().getPose(source.targetRaySpace, space) : null;
     const from = pose ? vector(pose.transform.position).applyMatrix4(rig.matrixWorld) : head;
@@ -107,11 +107,11 @@ export class Headset {
   }
 
   /** Those in hands. */
-  private free(): XRInputSource[] {
+  private handheldSources(): XRInputSource[] {
     return this.sources().filter(({ handedness }) => this.brace === null || handedness !== this.brace);
   }
 
-  private tellBrace(frame: XRFrame, space: XRReferenceSpace): void {
+  private sendBracePose(frame: XRFrame, space: XRReferenceSpace): void {
     const hand = this.brace;
     // A bare hand of that side is no controller.
     const source = this.sources().find(({ handedness, gripSpace, hand: bare }) => hand !== null && handedness === hand && gripSpace && !bare);
@@ -124,7 +124,7 @@ export class Headset {
   }
 
   /** The point `here`, seen from which the way ahead is `ahead`, becomes `there` of the world, from which it is x. */
-  private place(here: Vector3, ahead: Vector3, there: Vector3): void {
+  private alignWorld(here: Vector3, ahead: Vector3, there: Vector3): void {
     const { rig } = this.stage.cameras;
     const way = ahead.clone().applyQuaternion(WORLD_FROM_XR);
     rig.quaternion.setFromAxisAngle(UP, -Math.atan2(way.y, way.x)).multiply(WORLD_FROM_XR);
@@ -132,22 +132,22 @@ export class Headset {
   }
 
   /** The reference board lies on the table, in the middle of the box, its upper edge away from the person. */
-  private findBoard(frame: XRFrame, space: XRReferenceSpace, seconds: number): void {
-    const { room } = this.stage;
-    const pose = room && this.boardFor < SETTLES ? boardPose(frame, space) : null;
+  private trackReferenceBoard(frame: XRFrame, space: XRReferenceSpace, seconds: number): void {
+    const { taskScene: room } = this.stage;
+    const pose = room && this.boardSeenSecs < BOARD_SETTLE_SECS ? boardPose(frame, space) : null;
     if (!room || !pose) return;
     // Tables are level, so the edge to the right tells all; browsers differ in which axis leaves the picture.
     const right = new Vector3(1, 0, 0).applyQuaternion(quaternion(pose.orientation)).setY(0);
     if (right.length() < 0.5) return;
-    if (this.boardFor === 0) this.handlers.say(strings.headset.board);
-    this.boardFor += Math.max(seconds, 1e-3);
-    this.place(vector(pose.position), new Vector3(0, 1, 0).cross(right.normalize()), room.centre);
+    if (this.boardSeenSecs === 0) this.handlers.showMessage(strings.headset.board);
+    this.boardSeenSecs += Math.max(seconds, 1e-3);
+    this.alignWorld(vector(pose.position), new Vector3(0, 1, 0).cross(right.normalize()), room.tableCenter);
   }
 
   /** Squeezing drags the world, the stick turns it about the person. */
-  private drag(space: XRReferenceSpace, seconds: number): void {
+  private dragWorld(space: XRReferenceSpace, seconds: number): void {
     const { rig } = this.stage.cameras;
-    for (const source of this.free()) {
+    for (const source of this.handheldSources()) {
       const pad = source.gamepad;
       const grip = source.gripSpace && this.stage.renderer.xr.getFrame().getPose(source.gripSpace, space);
       const now = grip ? vector(grip.transform.position) : null;
@@ -160,7 +160,7 @@ export class Headset {
       }
       const stick = pad?.axes[STICK_X] ?? 0;
       if (Math.abs(stick) > 0.3) {
-        rig.quaternion.premultiply(new Quaternion().setFromAxisAngle(UP, -stick * TURN_SPEED * Math.min(seconds, 0.1)));
+        rig.quaternion.premultiply(new Quaternion().setFromAxisAngle(UP, -stick * TURN_SPEED_RAD_PER_S * Math.min(seconds, 0.1)));
       }
     }
   }
@@ -168,7 +168,7 @@ export class Headset {
   /** Right hand: trigger or pinch WE, lower button WF, upper HO. Left trigger or pinch: HC. */
   private readButtons(): void {
     const read = new Map<string, { gesture: GestureKey; button: number; on: boolean }>();
-    for (const { handedness, gamepad } of this.free()) {
+    for (const { handedness, gamepad } of this.handheldSources()) {
       const note = (gesture: GestureKey, button: number) => {
         const source = `headset ${handedness} ${gesture}`;
         // A hand and what it holds may be two sources.
@@ -194,22 +194,22 @@ export class Headset {
   /** The gestures whose buttons were pressed when they were last read. */
   private readonly down = new Map<string, GestureKey>();
 
-  private async offer(mode: XRSessionMode, label: string): Promise<void> {
+  private async addEnterButton(mode: XRSessionMode, label: string): Promise<void> {
     const supported = await navigator.xr?.isSessionSupported(mode).catch(() => false);
     if (!supported) return;
     const button = element("button", "cog", label);
     button.type = "button";
     button.addEventListener("click", () => {
       button.blur();
-      this.enter(mode).catch((error: unknown) => this.handlers.say(`${label} failed: ${String(error)}`));
+      this.enter(mode).catch((error: unknown) => this.handlers.showMessage(`${label} failed: ${String(error)}`));
     });
     this.root.append(button);
     this.root.hidden = false;
   }
 
   private async enter(mode: XRSessionMode): Promise<void> {
-    if (!navigator.xr || this.worn) return;
-    const { renderer, cameras, room } = this.stage;
+    if (!navigator.xr || this.inHeadset) return;
+    const { renderer, cameras, taskScene: room } = this.stage;
     const ar = mode === "immersive-ar";
     const board = ar ? await this.board : {};
     const session = await navigator.xr.requestSession(mode, {
@@ -220,17 +220,17 @@ export class Headset {
     });
     renderer.xr.enabled = true;
     renderer.xr.setReferenceSpaceType("local-floor");
-    this.placed = false;
-    this.boardFor = 0;
-    cameras.worn = true;
+    this.isPlaced = false;
+    this.boardSeenSecs = 0;
+    cameras.inHeadset = true;
     // The room that one stands in has a floor of its own.
     room?.showFloor(!ar);
     session.addEventListener("end", () => {
-      cameras.worn = false;
+      cameras.inHeadset = false;
       renderer.xr.enabled = false;
       cameras.rig.position.set(0, 0, 0);
       cameras.rig.quaternion.identity();
-      this.stage.room?.showFloor(true);
+      this.stage.taskScene?.showFloor(true);
       for (const [source, gesture] of this.down) this.handlers.hold(source, gesture, false);
       this.stage.resize();
     });

@@ -1,16 +1,16 @@
 // The one next thing to do, for every state that a frame can show. Pure.
 
-import type { DisplayFrame, GestureName, InputSource, ObjectId, PlannerView, Stop } from "./generated/types";
-import type { Aim } from "./aim";
+import type { DisplayFrame, Gesture, InputSource, ObjectId, PlannerView, Stop } from "./generated/types";
+import type { JogGoal } from "./jogGoal";
 import { plainName } from "./objects";
-import { capitalised, gestureOfCode, GESTURE_NAMES } from "./protocol";
+import { capitalize, gestureOfCode, GESTURE_NAMES } from "./protocol";
 import type { GestureKey } from "./settings";
 import { strings } from "./strings";
 
 const words = strings.hints;
 
 /** A place marker this near to the target is on it, metres. */
-const ON_TARGET = 0.05;
+const ON_TARGET_DISTANCE_M = 0.05;
 
 /** The eight steps of a transfer with methods that select by gaze. */
 export const STEPS: readonly { gesture: GestureKey | null; text: string }[] = [
@@ -25,21 +25,21 @@ export const STEPS: readonly { gesture: GestureKey | null; text: string }[] = [
 ];
 
 /** Where the target of an object is, metres in `world`; none if it has no place of its own. */
-export type TargetPlace = (object: ObjectId) => { x: number; y: number } | null;
+export type TargetPosition = (object: ObjectId) => { x: number; y: number } | null;
 
 /** What a hint has to know beside the frame. */
-export interface Circumstances {
-  target: TargetPlace;
+export interface HintContext {
+  target: TargetPosition;
   /** The trunk can lean. */
   lean: boolean;
   /** The page's mouse is the gaze. */
-  mouse: boolean;
+  mouseIsGaze: boolean;
   /** What makes a gesture, such as the key `W`; empty where muscles do. */
   key(gesture: GestureKey): string;
   /** The page may begin another trial. */
-  restarts: boolean;
+  mayRestart: boolean;
   /** Where the hand has to go, for methods that move one joint or axis after the other. */
-  aim: Aim | null;
+  jogGoal: JogGoal | null;
 }
 
 export interface Advice {
@@ -49,34 +49,34 @@ export interface Advice {
 }
 
 /** What the arm is stopped by, when that is alive again: the testbed's words for it. */
-const RETURNED = /; it is back\b/;
+const RECOVERABLE_STOPS = /; it is back\b/;
 
 /** A gesture by name, with its key: `wrist flexion (S)`. */
-export function named(gesture: GestureKey, now: Circumstances): string {
+export function gestureWithKey(gesture: GestureKey, now: HintContext): string {
   const key = now.key(gesture);
   const name = GESTURE_NAMES[gesture].name.toLowerCase();
   return key ? `${name} (${key})` : name;
 }
 
 /** The testbed's short forms of gestures, such as `HO`, as a person reads them. */
-export function spelled(text: string, now: Circumstances): string {
+export function expandGestureCodes(text: string, now: HintContext): string {
   return text
     .replace(/ \((WE|WF|HC|HO)\)/g, (_, code: string) => `: ${of(code, now)}`)
     .replace(/\b(WE|WF|HC|HO)\b/g, (code) => of(code, now));
 }
 
-function of(code: string, now: Circumstances): string {
+function of(code: string, now: HintContext): string {
   const gesture = gestureOfCode(code);
-  return gesture ? named(gesture, now) : code;
+  return gesture ? gestureWithKey(gesture, now) : code;
 }
 
 /** What to do now, whatever the style of the method. */
-export function nextThing(frame: DisplayFrame, now: Circumstances): Advice {
-  if (frame.finished) return { step: null, hint: now.restarts ? words.overRestart : words.over };
-  if (frame.stop) return { step: null, hint: afterStop(frame.stop, now) };
+export function nextHint(frame: DisplayFrame, now: HintContext): Advice {
+  if (frame.finished) return { step: null, hint: now.mayRestart ? words.overRestart : words.over };
+  if (frame.stop) return { step: null, hint: stopHint(frame.stop, now) };
   const asked = confirmation(frame.planner);
-  if (asked) return { step: frame.hand.holds !== null && !frame.mode ? 7 : null, hint: `${capitalised(spelled(asked, now))}.` };
-  return frame.mode ? jogging(frame, now) : selecting(frame, now);
+  if (asked) return { step: frame.hand.holds !== null && !frame.mode ? 7 : null, hint: `${capitalize(expandGestureCodes(asked, now))}.` };
+  return frame.mode ? jogHint(frame, now) : selectionHint(frame, now);
 }
 
 /** A gesture that has to be made twice says so in the planner's place. */
@@ -86,14 +86,14 @@ function confirmation(planner: PlannerView): string | null {
 }
 
 /** The way out of a stop. */
-export function afterStop(stop: Stop, now: Circumstances): string {
-  if (RETURNED.test(stop.reason)) return now.key("wrist_extension") ? words.letGoOfKeys : words.relax;
+export function stopHint(stop: Stop, now: HintContext): string {
+  if (RECOVERABLE_STOPS.test(stop.reason)) return now.key("wrist_extension") ? words.letGoOfKeys : words.relax;
   if (stop.cause === "undecided" || stop.source === "method") return words.program;
   const ways: Record<InputSource, string> = {
     armband: words.armband,
     gesture_topic: words.gestureTopic,
     page: words.letGoOfKeys,
-    eye_tracker: now.mouse
+    eye_tracker: now.mouseIsGaze
       ? words.mouseOntoBox
       : stop.cause === "lost"
         ? words.eyesLost
@@ -107,26 +107,26 @@ export function afterStop(stop: Stop, now: Circumstances): string {
   return ways[stop.source];
 }
 
-function look(what: string, now: Circumstances): string {
-  return (now.mouse ? words.mouseOnto : words.lookAt)(what);
+function lookHint(what: string, now: HintContext): string {
+  return (now.mouseIsGaze ? words.mouseOnto : words.lookAt)(what);
 }
 
 /** With methods that select by gaze. */
-function selecting(frame: DisplayFrame, now: Circumstances): Advice {
+function selectionHint(frame: DisplayFrame, now: HintContext): Advice {
   const { hand, planner, target: selection } = frame;
   const moving = frame.gesture === "wrist_extension" && (planner.state === "planning" || planner.state === "executing");
-  const extension = named("wrist_extension", now);
+  const extension = gestureWithKey("wrist_extension", now);
   const held = hand.holds !== null;
   const reach = held ? 6 : 2;
   if (!held && hand.state === "closing") return { step: 3, hint: words.closes };
   if (hand.state === "opening") return { step: held ? 7 : null, hint: words.opens };
   if (!held && hand.state === "closed") {
-    return { step: null, hint: words.aroundNothing(named("hand_open", now)) };
+    return { step: null, hint: words.aroundNothing(gestureWithKey("hand_open", now)) };
   }
   if (planner.state === "failed" && !selection.locked && !held && selection.object === null) {
-    return { step: 0, hint: words.nothingSelected(look(wanted(frame), now)) };
+    return { step: 0, hint: words.nothingSelected(lookHint(wanted(frame), now)) };
   }
-  if (planner.state === "failed") return { step: selection.locked ? reach : null, hint: afterFailure(frame, planner, now) };
+  if (planner.state === "failed") return { step: selection.locked ? reach : null, hint: planFailureHint(frame, planner, now) };
   if (planner.state === "arrived" && planner.intermediate) {
     const hint = now.lean ? words.outOfReachLean : words.outOfReachAgain(extension);
     return { step: reach, hint };
@@ -134,19 +134,19 @@ function selecting(frame: DisplayFrame, now: Circumstances): Advice {
   if (moving) return { step: reach, hint: words.keepHolding(extension) };
   if (hand.holds !== null) {
     const block = plainName(hand.holds);
-    if (planner.state === "arrived") return { step: 7, hint: capitalised(words.putsDown(named("hand_open", now), block)) };
+    if (planner.state === "arrived") return { step: 7, hint: capitalize(words.putsDown(gestureWithKey("hand_open", now), block)) };
     if (selection.locked) return { step: 6, hint: words.holdToCarry(extension, block) };
-    const lock = capitalised(words.locksPlace(named("wrist_flexion", now)));
+    const lock = capitalize(words.locksPlace(gestureWithKey("wrist_flexion", now)));
     const goal = now.target(hand.holds);
-    if (!goal) return { step: 5, hint: capitalised(words.locksPlaceBeyond(named("wrist_flexion", now))) };
-    const near = selection.place && Math.hypot(goal.x - selection.place[0], goal.y - selection.place[1]) < ON_TARGET;
-    return near ? { step: 5, hint: lock } : { step: 4, hint: look(words.targetOf(block), now) };
+    if (!goal) return { step: 5, hint: capitalize(words.locksPlaceBeyond(gestureWithKey("wrist_flexion", now))) };
+    const near = selection.place && Math.hypot(goal.x - selection.place[0], goal.y - selection.place[1]) < ON_TARGET_DISTANCE_M;
+    return near ? { step: 5, hint: lock } : { step: 4, hint: lookHint(words.targetOf(block), now) };
   }
-  if (planner.state === "arrived") return { step: 3, hint: capitalised(words.gripsIt(named("hand_close", now))) };
+  if (planner.state === "arrived") return { step: 3, hint: capitalize(words.gripsIt(gestureWithKey("hand_close", now))) };
   if (selection.locked) return { step: 2, hint: words.holdToReach(extension) };
   return selection.object !== null && (frame.next === null || selection.object === frame.next)
-    ? { step: 1, hint: capitalised(words.locksHighlighted(named("wrist_flexion", now))) }
-    : { step: 0, hint: look(wanted(frame), now) };
+    ? { step: 1, hint: capitalize(words.locksHighlighted(gestureWithKey("wrist_flexion", now))) }
+    : { step: 0, hint: lookHint(wanted(frame), now) };
 }
 
 function wanted(frame: DisplayFrame): string {
@@ -154,12 +154,12 @@ function wanted(frame: DisplayFrame): string {
 }
 
 /** The planner's reason, and the way out of it. */
-function afterFailure(frame: DisplayFrame, planner: Extract<PlannerView, { state: "failed" }>, now: Circumstances): string {
-  const reason = capitalised(spelled(planner.reason || words.noWay, now).replace(/\.$/, ""));
-  const again = words.again(named("wrist_extension", now));
+function planFailureHint(frame: DisplayFrame, planner: Extract<PlannerView, { state: "failed" }>, now: HintContext): string {
+  const reason = capitalize(expandGestureCodes(planner.reason || words.noWay, now).replace(/\.$/, ""));
+  const again = words.again(gestureWithKey("wrist_extension", now));
   const other = frame.target.locked
-    ? capitalised(words.unlocks(named("wrist_flexion", now)))
-    : look(frame.hand.holds !== null ? words.anotherPlace : words.anotherBlock, now);
+    ? capitalize(words.unlocks(gestureWithKey("wrist_flexion", now)))
+    : lookHint(frame.hand.holds !== null ? words.anotherPlace : words.anotherBlock, now);
   const ways: Record<typeof planner.status, string> = {
     ok: again,
     intermediate: again,
@@ -167,7 +167,7 @@ function afterFailure(frame: DisplayFrame, planner: Extract<PlannerView, { state
     no_plan: now.lean ? words.leanALittle : again,
     unreachable: now.lean ? words.leanTowards : other,
     goal_in_collision: other,
-    start_in_collision: now.lean ? words.leanAway : now.restarts ? words.restart : words.askForHelp,
+    start_in_collision: now.lean ? words.leanAway : now.mayRestart ? words.restart : words.askForHelp,
     // A method's own refusal says itself what to do.
     invalid: "",
   };
@@ -175,18 +175,18 @@ function afterFailure(frame: DisplayFrame, planner: Extract<PlannerView, { state
 }
 
 /** With methods that move one joint or axis after the other. */
-function jogging(frame: DisplayFrame, now: Circumstances): Advice {
+function jogHint(frame: DisplayFrame, now: HintContext): Advice {
   const { planner, hand } = frame;
-  const [open, close] = [named("hand_open", now), named("hand_close", now)];
+  const [open, close] = [gestureWithKey("hand_open", now), gestureWithKey("hand_close", now)];
   const advice = (hint: string) => ({ step: null, hint });
   if (planner.state === "failed") {
-    const reason = capitalised(spelled(planner.reason || words.closed, now).replace(/\.$/, ""));
-    return advice(words.goesToNext(reason, capitalised(open)));
+    const reason = capitalize(expandGestureCodes(planner.reason || words.closed, now).replace(/\.$/, ""));
+    return advice(words.goesToNext(reason, capitalize(open)));
   }
   if (hand.holds !== null) {
     const block = plainName(hand.holds);
-    if (hand.state !== "opening" && now.aim) {
-      const way = along(frame, now);
+    if (hand.state !== "opening" && now.jogGoal) {
+      const way = moveHint(frame, now);
       if (way) return advice(way);
     }
     return advice(hand.state === "opening" ? words.opens : words.carryOver(block, close));
@@ -194,24 +194,24 @@ function jogging(frame: DisplayFrame, now: Circumstances): Advice {
   if (hand.state === "closing") return advice(words.closes);
   if (hand.state === "closed") return advice(words.aroundNothing(close));
   if (hand.state === "opening") return advice(words.opens);
-  return advice(along(frame, now) ?? words.bringAround(wanted(frame), close));
+  return advice(moveHint(frame, now) ?? words.bringAround(wanted(frame), close));
 }
 
 /** The next way with axes; with joints the distances alone are told. */
-function along(frame: DisplayFrame, now: Circumstances): string | null {
-  const { aim } = now;
+function moveHint(frame: DisplayFrame, now: HintContext): string | null {
+  const { jogGoal: aim } = now;
   const moves = frame.mode?.moves;
   if (!aim || !frame.mode || !moves || "joint" in moves) return null;
-  const close = capitalised(named("hand_close", now));
+  const close = capitalize(gestureWithKey("hand_close", now));
   const block = plainName(aim.object);
-  if (!aim.next) return (frame.hand.holds === null ? words.grips : words.letsGoOf)(close, block);
-  const { kind, axis, amount } = aim.next;
+  if (!aim.nextMove) return (frame.hand.holds === null ? words.grips : words.letsGoOf)(close, block);
+  const { kind, axis, amount } = aim.nextMove;
   const [chosen, turns] = "rotation" in moves ? [moves.rotation, true] : [moves.translation, false];
   if (chosen !== axis || turns !== (kind === "turn")) {
-    return capitalised(words.untilChosen(named("hand_open", now), AXES[kind][axis]));
+    return capitalize(words.untilChosen(gestureWithKey("hand_open", now), AXES[kind][axis]));
   }
   const extends_ = amount * (frame.mode.we_sign < 0 ? -1 : 1) > 0;
-  const gesture = named(extends_ ? "wrist_extension" : "wrist_flexion", now);
+  const gesture = gestureWithKey(extends_ ? "wrist_extension" : "wrist_flexion", now);
   const direction = frame.mode.directions[extends_ ? 0 : 1];
   const far = kind === "turn" ? `${Math.round((Math.abs(amount) * 180) / Math.PI)}°` : `${Math.max(Math.round(100 * Math.abs(amount)), 1)} cm`;
   return words.holdFar(gesture, far, direction);
@@ -224,7 +224,7 @@ const AXES = {
 } as const;
 
 /** How far the hand, or the block in it, is from where it has to go: `12 cm forward, 3 cm right, 21 cm down`. */
-export function distances({ off }: Aim): string {
+export function distanceText({ offset: off }: JogGoal): string {
   const parts = words.directions.map(([plus, minus], k) => {
     const cm = Math.round(100 * (off[k] ?? 0));
     return cm === 0 ? "" : `${Math.abs(cm)} cm ${cm > 0 ? plus : minus}`;
@@ -233,6 +233,6 @@ export function distances({ off }: Aim): string {
 }
 
 /** A gesture of the model's own says what was made, else the command's name. */
-export function recognisedText(frame: { gesture: keyof typeof GESTURE_NAMES; recognised: GestureName }): string {
+export function recognizedText(frame: { gesture: keyof typeof GESTURE_NAMES; recognised: Gesture }): string {
   return frame.recognised === frame.gesture ? GESTURE_NAMES[frame.gesture].name : frame.recognised.replaceAll("_", " ");
 }

@@ -1,26 +1,26 @@
 // The heads-up display: everything that is not seen in the scene.
 
-import { element, giveBack, setClass, setText, setWidth } from "./dom";
-import { marking, type Marking } from "./marking";
-import { StopBanner } from "./stopbanner";
+import { element, returnFocus, setClass, setText, setWidth } from "./dom";
+import { selectionState, type SelectionState } from "./selectionState";
+import { StopBanner } from "./stopBanner";
 import type { Briefing, DisplayFrame, GraspFault, MethodInfo, ObjectId, PageContent, PlannerView, PlanStatus, TrialEvent, TrialStatus } from "./generated/types";
-import { objectColour, objectLabel, objectName, plainName } from "./objects";
-import type { Aim } from "./aim";
-import { distances, recognisedText } from "./hints";
-import { capitalised } from "./protocol";
+import { objectColor, objectLabel, objectName, plainName } from "./objects";
+import type { JogGoal } from "./jogGoal";
+import { distanceText, recognizedText } from "./hints";
+import { capitalize } from "./protocol";
 import { strings } from "./strings";
 import { fixed } from "./numbers";
 
 const words = strings.hud;
-const MARKING_NAMES: Record<Marking, string> = words.markings;
+const SELECTION_NAMES: Record<SelectionState, string> = words.markings;
 const EMG_NAMES: Record<string, string> = words.sources;
 /** More objects than these have no pips of their own. */
-const MOST_PIPS = 16;
+const MAX_PIPS = 16;
 /** Lines of the event list. */
-const EVENTS_SHOWN = 6;
+const MAX_EVENTS_SHOWN = 6;
 
 /** Events that are told to a screen reader: those that change what one has to do. */
-const HEARD = new Set<TrialEvent["event"]>([
+const ANNOUNCED_EVENTS = new Set<TrialEvent["event"]>([
   "locked",
   "unlocked",
   "plan_finished",
@@ -36,7 +36,7 @@ const HEARD = new Set<TrialEvent["event"]>([
 ]);
 
 /** There is room for all cards beside the scene; as in layout.css. */
-const ROOMY = "(min-width: 1000px) and (min-height: 560px)";
+const WIDE_LAYOUT = "(min-width: 1000px) and (min-height: 560px)";
 
 export class Hud {
   readonly root = element("div", "hud");
@@ -45,7 +45,7 @@ export class Hud {
   /** The cards at both sides; in a small window one after the other. */
   readonly left = element("div", "left");
   readonly right = element("div", "right");
-  private readonly folds: HTMLDetailsElement[] = [];
+  private readonly foldedCards: HTMLDetailsElement[] = [];
   /** Buttons of the page itself. */
   readonly corner = element("div", "corner");
   private readonly title = element("span", "title");
@@ -74,9 +74,9 @@ export class Hud {
   private readonly mode = element("b", "value");
   private readonly modeNote = element("p", "note");
   private readonly modeBox = element("div", "modebox");
-  private readonly aimLabel = element("span", "label");
-  private readonly aim = element("b", "value");
-  private readonly aimRow = element("div", "row");
+  private readonly jogLabel = element("span", "label");
+  private readonly jogText = element("b", "value");
+  private readonly jogRow = element("div", "row");
   private readonly nextFill = element("i", "fill");
   private readonly nextBar = element("div", "bar", this.nextFill);
   private readonly selectionRow = element("div", "row");
@@ -85,17 +85,17 @@ export class Hud {
   private readonly progressBar = element("div", "bar", this.progress);
   private readonly events = element("ol", "events");
   /** What happens, for those who do not see it. */
-  private readonly heard = element("div", "only-heard");
+  private readonly liveRegion = element("div", "only-heard");
   private readonly sceneTitle = element("h2", "scenetitle card");
   private readonly stop = new StopBanner();
   private readonly delay = element("div", "delay-banner");
   /** Why there is nothing new to see; over everything else. */
   readonly banner = element("div", "banner");
   private readonly toast = element("div", "toast");
-  private readonly over = element("div", "over card");
+  private readonly trialOver = element("div", "over card");
   private readonly pause = element("div", "over card");
   private readonly clockLabel = element("span", "label", words.timeLeft);
-  private readonly chooser = element("div", "chooser");
+  private readonly methodMenu = element("div", "chooser");
   private titles: Record<string, string> = {};
   private readonly settingsButton = element("button", "cog", words.settings);
   private readonly onTarget = new Set<ObjectId>();
@@ -115,17 +115,23 @@ export class Hud {
       element("div", "row", element("span", "label", label), ...children);
     const meter = (label: string, fill: HTMLElement, text: HTMLElement) =>
       element("div", "meter", element("span", "label", label), element("div", "bar", fill), text);
-    this.aimRow.append(this.aimLabel, this.aim);
-    this.modeBox.append(row(words.moves, this.mode), this.modeNote, this.nextBar, this.aimRow);
+    this.jogRow.append(this.jogLabel, this.jogText);
+    this.modeBox.append(row(words.moves, this.mode), this.modeNote, this.nextBar, this.jogRow);
     this.selectionRow.append(element("span", "label", words.selection), element("div", "line", this.selection, this.lock));
-    this.heard.setAttribute("aria-live", "polite");
+    this.liveRegion.setAttribute("aria-live", "polite");
     this.toast.setAttribute("role", "status");
     this.link.setAttribute("role", "status");
     this.banner.setAttribute("role", "alert");
     this.delay.setAttribute("role", "alert");
-    this.delay.hidden = this.banner.hidden = this.toast.hidden = this.over.hidden = this.sceneTitle.hidden = true;
-    const brand = this.fold("brand", element("div", "logo", element("strong", "", "ProACT"), this.title), element("div", "methodline", this.method, this.methodName), this.chooser, element("div", "chips", this.setup, this.source));
-    const status = this.fold(
+    this.delay.hidden = this.banner.hidden = this.toast.hidden = this.trialOver.hidden = this.sceneTitle.hidden = true;
+    const brand = this.makeFoldable(
+      "brand",
+      element("div", "logo", element("strong", "", "ProACT"), this.title),
+      element("div", "methodline", this.method, this.methodName),
+      this.methodMenu,
+      element("div", "chips", this.setup, this.source),
+    );
+    const status = this.makeFoldable(
       "status",
       words.armAndHand,
       row(words.gesture, this.gesture),
@@ -138,10 +144,10 @@ export class Hud {
       this.progressBar,
       this.plannerNote,
     );
-    const log = this.fold("log", words.events, this.events);
+    const log = this.makeFoldable("log", words.events, this.events);
     this.left.append(brand, log);
     this.right.append(element("div", "card connection", this.link, wheel, this.corner), status);
-    this.view.append(this.sceneTitle, this.stop.root, this.delay, this.over, this.pause, this.toast);
+    this.view.append(this.sceneTitle, this.stop.root, this.delay, this.trialOver, this.pause, this.toast);
     this.root.append(
       element(
         "header",
@@ -153,20 +159,20 @@ export class Hud {
       ),
       this.view,
       element("div", "cards", this.left, this.right),
-      this.heard,
+      this.liveRegion,
     );
     // Open where there is room for it, folded where there is not.
-    const roomy = window.matchMedia(ROOMY);
-    const fits = () => this.folds.forEach((fold) => (fold.open = roomy.matches));
+    const roomy = window.matchMedia(WIDE_LAYOUT);
+    const fits = () => this.foldedCards.forEach((fold) => (fold.open = roomy.matches));
     roomy.addEventListener("change", fits);
     fits();
   }
 
   /** A card that can be folded up to its title. */
-  private fold(classes: string, title: string | HTMLElement, ...children: HTMLElement[]): HTMLElement {
+  private makeFoldable(classes: string, title: string | HTMLElement, ...children: HTMLElement[]): HTMLElement {
     const summary = element("summary", "", typeof title === "string" ? element("span", "label", title) : title);
     const card = element("details", `card ${classes}`, summary, ...children);
-    this.folds.push(card);
+    this.foldedCards.push(card);
     return card;
   }
 
@@ -175,26 +181,26 @@ export class Hud {
     setText(this.setup, words.setup(content.setup));
     this.briefing = content.briefing;
     this.setup.title = content.briefing.text;
-    setText(this.scoreLabel, capitalised(content.briefing.score_name));
+    setText(this.scoreLabel, capitalize(content.briefing.score_name));
     const count = content.scene.objects.length;
-    this.pips = Array.from({ length: count <= MOST_PIPS ? count : 0 }, (_, id) => {
+    this.pips = Array.from({ length: count <= MAX_PIPS ? count : 0 }, (_, id) => {
       const pip = element("i", "pip", objectLabel(id));
-      pip.style.setProperty("--pip", objectColour(id));
+      pip.style.setProperty("--pip", objectColor(id));
       return pip;
     });
     this.pipRow.replaceChildren(...this.pips);
     const known = [content.method, ...content.methods];
     this.titles = Object.fromEntries(known.map(({ name, title }) => [name, title]));
-    this.chooser.replaceChildren(...content.methods.map((method) => this.choice(method)));
+    this.methodMenu.replaceChildren(...content.methods.map((method) => this.methodOption(method)));
   }
 
-  private choice({ name, title }: MethodInfo): HTMLElement {
+  private methodOption({ name, title }: MethodInfo): HTMLElement {
     const button = element("button", "methodbutton", name);
     button.type = "button";
     button.title = words.newTrial(name, title);
     button.setAttribute("aria-label", button.title);
     button.addEventListener("click", (event) => {
-      giveBack(event, button);
+      returnFocus(event, button);
       this.chosen(name);
     });
     return button;
@@ -234,7 +240,7 @@ export class Hud {
     setClass(this.clock, "waits", waiting || held);
   }
 
-  say(message: string): void {
+  showToast(message: string): void {
     setText(this.toast, message);
     this.toast.hidden = false;
     window.clearTimeout(this.toastTimer);
@@ -242,7 +248,7 @@ export class Hud {
   }
 
   /** Says it until something else is said. */
-  private keepSaying(message: string): void {
+  private showPermanentToast(message: string): void {
     window.clearTimeout(this.toastTimer);
     setText(this.toast, message);
     this.toast.hidden = false;
@@ -256,8 +262,8 @@ export class Hud {
       if (event.event === "gesture_changed") continue;
       // Contact made and lost say the same.
       if (event.event === "grasp_made" || event.event === "grasp_ended") continue;
-      if (event.event === "base_held") this.keepSaying(words.holdStill(eventText(event)));
-      if (event.event === "base_follows") this.say(eventText(event));
+      if (event.event === "base_held") this.showPermanentToast(words.holdStill(eventText(event)));
+      if (event.event === "base_follows") this.showToast(eventText(event));
       const line = element(
         "li",
         event.event,
@@ -265,23 +271,23 @@ export class Hud {
         element("span", "", eventText(event)),
       );
       this.events.prepend(line);
-      if (HEARD.has(event.event)) setText(this.heard, eventText(event));
+      if (ANNOUNCED_EVENTS.has(event.event)) setText(this.liveRegion, eventText(event));
     }
     // The newest on top; a screen holds only so many.
-    while (this.events.children.length > EVENTS_SHOWN) this.events.lastElementChild?.remove();
+    while (this.events.children.length > MAX_EVENTS_SHOWN) this.events.lastElementChild?.remove();
   }
 
   /** `restarts`: this page may begin another trial. `way`: what ends a stop, for whoever drives. */
-  update(frame: DisplayFrame, restarts: boolean, way: string, aim: Aim | null): void {
+  update(frame: DisplayFrame, restarts: boolean, way: string, aim: JogGoal | null): void {
     if (frame.time < this.lastTime) this.startTrial();
     this.lastTime = frame.time;
     this.addEvents(frame.events);
     this.stop.show(frame.stop, way);
     setText(this.method, frame.method);
     setText(this.methodName, this.titles[frame.method] ?? words.method);
-    this.chooser.hidden = !restarts;
+    this.methodMenu.hidden = !restarts;
     this.method.hidden = restarts;
-    for (const button of this.chooser.children) setClass(button as HTMLElement, "now", button.textContent === frame.method);
+    for (const button of this.methodMenu.children) setClass(button as HTMLElement, "now", button.textContent === frame.method);
     setText(this.source, EMG_NAMES[frame.emg_source] ?? frame.emg_source);
     setClass(this.source, "warn", frame.emg_source === "synthetic");
 
@@ -294,20 +300,20 @@ export class Hud {
       setClass(pip, "done", this.onTarget.has(id));
       setClass(pip, "wanted", frame.next === id && !frame.finished);
     });
-    const free = this.briefing?.order === "any" ? words.anyObject : (GOALS[frame.asked?.type ?? ""] ?? words.allMoved);
+    const free = this.briefing?.order === "any" ? words.anyObject : (GOAL_TEXTS[frame.asked?.type ?? ""] ?? words.allMoved);
     setText(this.next, frame.next !== null ? words.next(objectName(frame.next)) : free);
 
-    setText(this.gesture, recognisedText(frame));
+    setText(this.gesture, recognizedText(frame));
     setClass(this.gesture, "active", frame.gesture !== "no_motion");
     setWidth(this.confidence, frame.confidence);
     setText(this.confidenceText, `${Math.round(100 * frame.confidence)} %`);
     setWidth(this.effort, frame.effort);
     setText(this.effortText, `${Math.round(100 * frame.effort)} %`);
 
-    this.aimRow.hidden = aim === null || frame.mode === null;
+    this.jogRow.hidden = aim === null || frame.mode === null;
     if (aim) {
-      setText(this.aimLabel, (frame.hand.holds !== null ? words.toTarget : words.toObject)(plainName(aim.object)));
-      setText(this.aim, distances(aim));
+      setText(this.jogLabel, (frame.hand.holds !== null ? words.toTarget : words.toObject)(plainName(aim.object)));
+      setText(this.jogText, distanceText(aim));
     }
     this.modeBox.hidden = frame.mode === null;
     if (frame.mode) {
@@ -326,8 +332,8 @@ export class Hud {
       this.selection,
       held ? (something ? words.place : words.noPlace) : target.object !== null ? objectName(target.object) : words.nothing,
     );
-    const state = marking(frame);
-    setText(this.lock, MARKING_NAMES[state]);
+    const state = selectionState(frame);
+    setText(this.lock, SELECTION_NAMES[state]);
     this.lock.dataset["state"] = state;
     this.lock.hidden = !something;
     setText(this.hand, hand.holds !== null ? words.holds(objectName(hand.holds)) : words.handStates[hand.state]);
@@ -342,11 +348,11 @@ export class Hud {
     setClass(this.progressBar, "idle", share === null);
     setWidth(this.progress, share ?? 0);
 
-    this.over.hidden = !frame.finished;
+    this.trialOver.hidden = !frame.finished;
     if (frame.finished) {
       const result = scoreText(frame.score, this.briefing);
       const more = restarts ? words.pressR : "";
-      setText(this.over, [words.over, result, more].filter(Boolean).join(" · "));
+      setText(this.trialOver, [words.over, result, more].filter(Boolean).join(" · "));
     }
   }
 
@@ -367,7 +373,7 @@ export function scoreText(score: number, briefing: Briefing | undefined): string
 }
 
 /** How a plan failed, in at most five words (those of the planner's `five_words`); the reason stands below. */
-const FAILED: Record<string, string> = words.failed;
+const PLAN_FAILURE_LABELS: Record<string, string> = words.failed;
 
 function plannerText(planner: PlannerView, jogs: boolean): { text: string; note: string; share: number | null; kind: string } {
   switch (planner.state) {
@@ -390,70 +396,70 @@ function plannerText(planner: PlannerView, jogs: boolean): { text: string; note:
         kind: planner.intermediate ? "warn" : "good",
       };
     case "failed":
-      return { text: jogs ? words.refused : (FAILED[planner.status] ?? words.notPossible), note: "", share: null, kind: "bad" };
+      return { text: jogs ? words.refused : (PLAN_FAILURE_LABELS[planner.status] ?? words.notPossible), note: "", share: null, kind: "bad" };
   }
 }
 
 /** How looking for a way ended, as an event. */
-const PLANNED: Record<PlanStatus, string> = { ...words.failed, ...words.planned };
+const PLAN_STATUS_TEXTS: Record<PlanStatus, string> = { ...words.failed, ...words.planned };
 const GRASP_FAULTS: Record<GraspFault, string> = words.graspFaults;
-const happened = strings.events;
+const eventTexts = strings.events;
 
 /** What is next where the task asks for no object. */
-const GOALS: Record<string, string> = words.goals;
+const GOAL_TEXTS: Record<string, string> = words.goals;
 
 export function eventText(event: TrialEvent): string {
   const block = "object" in event && event.object !== null ? objectName(event.object) : "";
   switch (event.event) {
     case "object_attached":
-      return happened.contactMade(block);
+      return eventTexts.contactMade(block);
     case "object_released":
-      return happened.contactLost(block);
+      return eventTexts.contactLost(block);
     case "grasp_failed":
-      return happened.notHeld(block, GRASP_FAULTS[event.reason]);
+      return eventTexts.notHeld(block, GRASP_FAULTS[event.reason]);
     case "locked":
-      return block ? happened.locked(block) : happened.placeLocked;
+      return block ? eventTexts.locked(block) : eventTexts.placeLocked;
     case "unlocked":
-      return happened.unlocked;
+      return eventTexts.unlocked;
     case "plan_requested":
-      return happened.planning;
+      return eventTexts.planning;
     case "plan_finished":
       // The reason names the links or objects that collide.
-      return event.reason ? happened.planFailed(PLANNED[event.status], event.reason) : PLANNED[event.status];
+      return event.reason ? eventTexts.planFailed(PLAN_STATUS_TEXTS[event.status], event.reason) : PLAN_STATUS_TEXTS[event.status];
     case "plans_failed":
-      return happened.plansFailed(event.count, event.reason);
+      return eventTexts.plansFailed(event.count, event.reason);
     case "method_note":
       return event.text;
     case "motion_stopped":
-      return happened.motionStopped;
+      return eventTexts.motionStopped;
     case "motion_finished":
-      return happened.motionFinished;
+      return eventTexts.motionFinished;
     case "object_on_target":
-      return happened.onTarget(block, fixed(100 * event.distance, 1));
+      return eventTexts.onTarget(block, fixed(100 * event.distance, 1));
     case "object_off_target":
-      return happened.offTarget(block);
+      return eventTexts.offTarget(block);
     case "object_crossed":
-      return happened.crossed(block);
+      return eventTexts.crossed(block);
     case "goal_reached":
-      return happened.goalReached(event.number);
+      return eventTexts.goalReached(event.number);
     case "goal_missed":
-      return happened.goalMissed(event.number);
+      return eventTexts.goalMissed(event.number);
     case "practice_finished":
-      return happened.practiceOver;
+      return eventTexts.practiceOver;
     case "emg_gap":
-      return happened.emgGap;
+      return eventTexts.emgGap;
     case "stopped":
-      return happened.stopped(event.reason);
+      return eventTexts.stopped(event.reason);
     case "rearmed":
-      return happened.rearmed;
+      return eventTexts.rearmed;
     case "base_held":
-      return happened.baseHeld(fixed(100 * event.distance));
+      return eventTexts.baseHeld(fixed(100 * event.distance));
     case "base_follows":
-      return happened.baseFollows;
+      return eventTexts.baseFollows;
     case "contacts_unsolved":
-      return happened.unsolved;
+      return eventTexts.unsolved;
     case "trial_finished":
-      return happened.over;
+      return eventTexts.over;
     default:
       return event.event.replaceAll("_", " ");
   }

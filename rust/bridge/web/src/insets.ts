@@ -3,15 +3,15 @@
 import { PerspectiveCamera, Vector3, type Scene, type WebGLRenderer } from "three";
 import { element } from "./dom";
 import type { ArmModel } from "./generated/types";
-import type { Drawn } from "./motion";
-import type { Room } from "./room";
+import type { InterpolatedFrame } from "./frameInterpolation";
+import type { TaskScene } from "./scene";
 import { strings } from "./strings";
 
 /** Openings, degrees. */
-const HAND_FOV = 75;
-const EYES_FOV = 40;
+const HAND_FOV_DEG = 75;
+const EYES_FOV_DEG = 40;
 /** The hand's camera looks from the palm, this share of the way from the wrist to the grip. */
-const PALM = 0.3;
+const PALM_FRACTION = 0.3;
 /** Drawn in the large picture alone. */
 export const LARGE_ONLY = 1;
 
@@ -35,8 +35,8 @@ export class Insets {
       camera.up.set(0, 0, 1);
       return { frame, camera };
     };
-    this.hand = inset(strings.views.hand, HAND_FOV);
-    this.eyes = inset(strings.views.eyes, EYES_FOV);
+    this.hand = inset(strings.views.hand, HAND_FOV_DEG);
+    this.eyes = inset(strings.views.eyes, EYES_FOV_DEG);
     this.root.hidden = true;
   }
 
@@ -53,18 +53,18 @@ export class Insets {
   }
 
   /** Draws both over the picture that is on the canvas. */
-  draw(renderer: WebGLRenderer, world: Scene, drawn: Drawn, room: Room): void {
+  draw(renderer: WebGLRenderer, world: Scene, drawn: InterpolatedFrame, room: TaskScene): void {
     if (!this.on) return;
     const { tip, head } = drawn;
     const grip = this.grip.clone().applyQuaternion(tip.rotation).add(tip.position);
     // What the fingers are about to close around. Surfaces that it would look through from behind are not drawn.
     const along = grip.clone().sub(tip.position).normalize();
-    this.hand.camera.position.copy(tip.position).lerp(grip, PALM);
+    this.hand.camera.position.copy(tip.position).lerp(grip, PALM_FRACTION);
     // Looking straight down there is no up but the person's ahead.
     this.hand.camera.up.copy(Math.abs(along.z) > 0.9 ? this.up.set(1, 0, 0) : this.up.set(0, 0, 1));
     this.hand.camera.lookAt(grip);
     this.eyes.camera.position.copy(head.position);
-    this.eyes.camera.lookAt(room.centre);
+    this.eyes.camera.lookAt(room.tableCenter);
     const canvas = renderer.domElement.getBoundingClientRect();
     const mirrored = renderer.domElement.classList.contains("mirrored");
     renderer.setScissorTest(true);

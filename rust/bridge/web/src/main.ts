@@ -13,58 +13,58 @@ import { CAMERA_NAMES, type CameraKind } from "./cameras";
 import { Controls } from "./controls";
 import type { Debug } from "./debug";
 import { element } from "./dom";
-import { FrameCount, ScriptTime } from "./framecount";
+import { FrameCounter, ScriptTime } from "./frameCount";
 import { GamepadInput } from "./gamepad";
-import { GazeCheckView } from "./gazecheckview";
-import { Access } from "./access";
-import { aim } from "./aim";
-import { Board } from "./board";
-import { FormBoard } from "./formboard";
-import { Guide } from "./guide";
-import { afterStop, nextThing, type Circumstances } from "./hints";
+import { GazeCheckView } from "./gazeCheckView";
+import { AccessibleInput } from "./accessibleInput";
+import { jogGoal } from "./jogGoal";
+import { Board } from "./headsetBoard";
+import { FormBoard } from "./formBoard";
+import { HintBar } from "./hintBar";
+import { stopHint, nextHint, type HintContext } from "./hints";
 import { Headset } from "./headset";
 import { Hud, scoreText } from "./hud";
-import { Live } from "./live";
-import { Marks, placesOf, type Place } from "./marks";
-import { Motion } from "./motion";
-import { Panel } from "./panel";
-import { ParticipantView } from "./participantview";
-import { Pointing } from "./pointing";
+import { LiveConnection } from "./liveConnection";
+import { FocusTargets, likelyFocusTargets, type FocusTarget } from "./focusTargets";
+import { FrameInterpolator } from "./frameInterpolation";
+import { SettingsPanel } from "./settingsPanel";
+import { ParticipantView } from "./participantView";
+import { GazePicker } from "./gazePicking";
 import type { ObjectId, DisplayFrame, PageContent, TrialStatus } from "./generated/types";
 import { methodOf } from "./protocol";
-import { keyName, load, store, type Settings } from "./settings";
-import { choosePalette } from "./objects";
-import { mirrorText } from "./shapes";
-import { Refusal } from "./refusal";
-import { ResultView } from "./result";
-import { ScoresDoor } from "./scoresdoor";
-import { SignalsDoor } from "./signalsdoor";
+import { keyName, loadSettings, storeSettings, type Settings } from "./settings";
+import { setPalette } from "./objects";
+import { setTextMirrored } from "./shapes";
+import { StartErrorView } from "./startError";
+import { ResultView } from "./resultCard";
+import { ScoresDrawer } from "./scoresDrawer";
+import { LazySignalsDrawer } from "./lazySignalsDrawer";
 import { Sounds } from "./sounds";
-import { Stage, whyNotDrawn } from "./stage";
-import { STOPPED } from "./stopbanner";
+import { SceneRenderer, drawErrorText } from "./renderer";
+import { STOPPED_TITLE } from "./stopBanner";
 import { strings } from "./strings";
 import { Tutorial } from "./tutorial";
-import { ownName, Wheel, type Driver } from "./wheel";
+import { defaultPageName, ControlLease, type Driver } from "./controlLease";
 
 const parameters = new URLSearchParams(location.search);
 /** Pictures are at least this far apart, ms: `?pictures=N` asks for at most N a second. */
-const PICTURE_MS = 1000 / (Number(parameters.get("pictures")) || Infinity);
+const MIN_FRAME_INTERVAL_MS = 1000 / (Number(parameters.get("pictures")) || Infinity);
 /** A connection of a page that is gone ends within so long, ms. */
-const RELOAD_MS = 3000;
+const RELOAD_TIMEOUT_MS = 3000;
 const canvas = document.getElementById("scene") as HTMLCanvasElement;
 const overlay = document.getElementById("overlay") as HTMLElement;
 
 function start(): void {
-  let settings = load();
-  choosePalette(settings.palette);
-  mirrorText(settings.leftArm);
-  const stage = new Stage(canvas);
+  let settings = loadSettings();
+  setPalette(settings.palette);
+  setTextMirrored(settings.leftArm);
+  const stage = new SceneRenderer(canvas);
   const { cameras } = stage;
-  const pointing = new Pointing();
-  const motion = new Motion();
-  const count = new FrameCount();
+  const pointing = new GazePicker();
+  const motion = new FrameInterpolator();
+  const count = new FrameCounter();
   const [script, whole] = [new ScriptTime(), new ScriptTime()];
-  const signals = new SignalsDoor(
+  const signals = new LazySignalsDrawer(
     () => stage.content,
     (open, escaped) => {
       live.send({ type: "watch", signals: open });
@@ -73,9 +73,9 @@ function start(): void {
     },
   );
   const sounds = new Sounds();
-  const guide = new Guide();
-  const refusal = new Refusal();
-  const scores = new ScoresDoor((open) => controls.setOpen("scores", open));
+  const guide = new HintBar();
+  const refusal = new StartErrorView();
+  const scores = new ScoresDrawer((open) => controls.setOpen("scores", open));
   let everConnected = false;
   let cursor: Vector2 | null = null;
   let gazeSource: string | null = null;
@@ -111,7 +111,7 @@ function start(): void {
         const at = cameras.rig.worldToLocal(formBoard.pointOf(cell));
         return { label: cell.label, chosen: cell.chosen, at: at.toArray() };
       }),
-    tableMiddle: () => stage.room?.centre.toArray() ?? null,
+    tableMiddle: () => stage.taskScene?.tableCenter.toArray() ?? null,
   };
   (window as unknown as { __proact: Debug }).__proact = debug;
 
@@ -139,11 +139,11 @@ function start(): void {
         acted ||= gesture !== "no_motion";
         live.send({ type: "gesture", gesture });
       },
-      alive: () => live.send({ type: "alive" }),
-      unread: () => hud.say(strings.controls.unread),
+      heartbeat: () => live.send({ type: "alive" }),
+      pollingStopped: () => hud.showToast(strings.controls.unread),
       trunk: (posture) => live.send({ type: "trunk", ...posture }),
       restart: () => restart(),
-      camera: () => !study.covers && chooseCamera(cameras.next()),
+      camera: () => !study.coversScene && chooseCamera(cameras.next()),
       signals: () => !study.active && signals.toggle(),
       views() {
         stage.toggleInsets();
@@ -151,16 +151,16 @@ function start(): void {
       },
       scores: () => !study.active && scores.toggle(stage.content),
       turn: (code) => cameras.key(code),
-      arrow: (code) => marks.key(code),
+      arrow: (code) => marks.onArrowKey(code),
     },
     settings.keys,
   );
   const chooseMethod = (method: string) => restart({ method });
-  const wheel = new Wheel(() => live.send({ type: "take_over" }));
+  const wheel = new ControlLease(() => live.send({ type: "take_over" }));
   const hud = new Hud(chooseMethod, wheel.root, () => panel.toggle());
   const tutorial = new Tutorial({ choose: chooseMethod, ended: () => change({ ...settings, welcomed: true }) }, settings.keys);
   const check = new GazeCheckView((result) => live.send({ type: "gaze_check", ...result }));
-  const panel = new Panel(settings, {
+  const panel = new SettingsPanel(settings, {
     changed: change,
     gazeCheck: () => checkGaze(),
     gazeCalibration: () => checkGaze(true),
@@ -174,21 +174,21 @@ function start(): void {
   });
   const gamepad = new GamepadInput({
     hold: (source, gesture, down) => controls.holdPolled(source, gesture, down),
-    look(x, y) {
-      if (study.covers) return;
+    moveGaze(x, y) {
+      if (study.coversScene) return;
       acted = true;
       cursor ??= new Vector2();
       cursor.set(Math.min(Math.max(cursor.x + x, -1), 1), Math.min(Math.max(cursor.y + y, -1), 1));
     },
     restart: () => interactive() && restart(),
-    camera: () => !study.covers && chooseCamera(cameras.next()),
+    camera: () => !study.coversScene && chooseCamera(cameras.next()),
     found(name) {
       controls.showGamepad();
-      hud.say(strings.controls.found(name));
+      hud.showToast(strings.controls.found(name));
     },
-    lost: () => hud.say(strings.controls.gone),
+    lost: () => hud.showToast(strings.controls.gone),
   });
-  const live = new Live({
+  const live = new LiveConnection({
     reset() {
       motion.clear();
       count.restart();
@@ -198,21 +198,21 @@ function start(): void {
       debug.ghost = null;
       acted = false;
     },
-    another() {
+    newTrial() {
       trial = null;
     },
     content: (content) => show(content),
     frame(frame) {
       motion.push(frame, performance.now());
-      count.take(frame.time);
+      count.countFrame(frame.time);
       debug.frame = frame;
       debug.framesReceived = count.received;
       debug.framesDropped = count.dropped;
       signals.drawer?.frame(frame, methodOf(stage.content, frame));
-      sounds.take(frame);
-      debug.cues = sounds.given;
+      sounds.updateFromFrame(frame);
+      debug.cues = sounds.cueCount;
       present(frame);
-      check.take(frame);
+      check.addFrame(frame);
     },
     events(events) {
       hud.addEvents(events);
@@ -230,19 +230,19 @@ function start(): void {
       stage.showGhost(arm);
       debug.ghost = arm;
     },
-    signals: (next) => signals.drawer?.take(next),
+    signals: (next) => signals.drawer?.addSignals(next),
     delay: (ms) => hud.setDelay(ms),
     participant: (screen) => study.show(screen),
     driver(next) {
       const before = driver;
       driver = next;
       wheel.show(next);
-      if (before?.you && !next.you && next.name !== null) hud.say(strings.wheel.taken(next.name));
+      if (before?.you && !next.you && next.name !== null) hud.showToast(strings.wheel.taken(next.name));
       if (!next.you) check.stop();
       // Another driver's dialogs let time go; a new name alone does not.
       if (before?.you !== next.you) held = false;
       // A page that was loaded again comes before its old connection is gone.
-      if (next.name === null && next.may_drive && performance.now() - connectedAt < RELOAD_MS) join();
+      if (next.name === null && next.may_drive && performance.now() - connectedAt < RELOAD_TIMEOUT_MS) join();
       if (stage.content) drives(stage.content);
     },
     connected(connected) {
@@ -261,26 +261,26 @@ function start(): void {
       if (!connected) controls.releaseAll();
     },
     brace: (controller) => (headset.brace = controller),
-    refused: (message) => console.warn(`ProACT: ${message}`),
+    messageRefused: (message) => console.warn(`ProACT: ${message}`),
   });
   const board = new Board();
   const formBoard = new FormBoard(study.form.draft);
-  const marks = new Marks(
+  const marks = new FocusTargets(
     () => (acted = true),
     () => access.lock(),
     () => settings.leftArm,
   );
-  const access: Access = new Access(
+  const access: AccessibleInput = new AccessibleInput(
     canvas,
     marks,
     {
       hold: (source, gesture, down) => controls.hold(source, gesture, down),
       restart: () => restart(),
-      restarts: () => !study.active,
-      drives: () => interactive() && !controls.suspended && !study.covers,
-      turns: () => cameras.kind === "free",
-      looks,
-      places,
+      mayRestart: () => !study.active,
+      isDriving: () => interactive() && !controls.suspended && !study.coversScene,
+      mouseTurnsView: () => cameras.kind === "free",
+      selectsByGaze: looks,
+      focusTargets: places,
     },
     settings,
   );
@@ -291,23 +291,23 @@ function start(): void {
   const headset = new Headset(
     stage,
     {
-      head: (position, quaternion) => interactive() && !controls.suspended && !study.covers && live.send({ type: "head", position, quaternion }),
+      head: (position, quaternion) => interactive() && !controls.suspended && !study.coversScene && live.send({ type: "head", position, quaternion }),
       controller(hand, time_ms, position, quaternion, tracked) {
         if (interactive()) live.send({ type: "controller", hand, time_ms, position, quaternion, tracked });
       },
       ray(origin, direction, head) {
-        if (study.covers) {
+        if (study.coversScene) {
           if (boarded()) formBoard.aim(origin, direction, performance.now());
           return;
         }
-        if (!stage.room || !interactive()) return;
-        const point = pointing.along(origin, direction, stage.room, heldOrNone());
+        if (!stage.taskScene || !interactive()) return;
+        const point = pointing.pickAlongRay(origin, direction, stage.taskScene, heldOrNone());
         const toPoint = point.sub(head).normalize();
         live.send({ type: "gaze", origin: head.toArray(), direction: toPoint.toArray(), measured: true });
       },
       hold: (source, gesture, down) => controls.holdPolled(source, gesture, down),
       trigger: () => boarded() && formBoard.press(),
-      say: (message) => hud.say(message),
+      showMessage: (message) => hud.showToast(message),
     },
     overlay,
   );
@@ -322,12 +322,12 @@ function start(): void {
   hud.right.append(controls.root);
   hud.right.after(guide.root);
   hud.view.append(tutorial.card);
-  new ResizeObserver(() => stage.fit(hud.view.getBoundingClientRect(), settings.leftArm)).observe(hud.view);
+  new ResizeObserver(() => stage.setVisibleArea(hud.view.getBoundingClientRect(), settings.leftArm)).observe(hud.view);
   hud.setConnected(false, false);
   applyMirror();
 
   function targetPlace(object: ObjectId): { x: number; y: number } | null {
-    const target = stage.room?.target(object);
+    const target = stage.taskScene?.target(object);
     return target ? { x: target.x, y: target.y } : null;
   }
 
@@ -335,7 +335,7 @@ function start(): void {
   function present(frame: DisplayFrame): void {
     const method = methodOf(stage.content, frame);
     const now = circumstances(frame);
-    hud.update(frame, restarts(), frame.stop && interactive() ? afterStop(frame.stop, now) : "", now.aim);
+    hud.update(frame, restarts(), frame.stop && interactive() ? stopHint(frame.stop, now) : "", now.jogGoal);
     controls.setEffects(method?.help, frame.mode);
     guide.update(frame, method, now);
     tutorial.update(frame, now, debug.project);
@@ -357,7 +357,7 @@ function start(): void {
 
   /** What was asked for before this page came is over. Over the scene there is nothing to look at: it waits. */
   function checkIfAsked(status: TrialStatus): void {
-    if (asked && study.covers) return;
+    if (asked && study.coversScene) return;
     if (asked && status.gaze_checks > asked.gaze_checks) checkGaze();
     if (asked && status.gaze_calibrations > asked.gaze_calibrations) checkGaze(true);
     asked = status;
@@ -366,38 +366,38 @@ function start(): void {
   /** A study began on this page or ended, or shows something else. */
   function inStudy(): void {
     overlay.classList.toggle("in-study", study.active);
-    overlay.classList.toggle("untimed", !study.timed);
-    for (const node of behind) node.inert = study.covers;
+    overlay.classList.toggle("untimed", !study.showsTime);
+    for (const node of behind) node.inert = study.coversScene;
     // A headset is entered from whatever is shown.
-    const corner = study.covers ? study.corner : hud.corner;
+    const corner = study.coversScene ? study.corner : hud.corner;
     if (headset.root.parentElement !== corner) corner.append(headset.root);
     hud.setSceneTitle(study.sceneTitle);
     nameTab();
-    if (study.active) tutorial.leave();
+    if (study.active) tutorial.close();
     if (study.active && signals.open) signals.toggle();
-    check.plain = study.active;
-    if (study.covers) check.stop();
+    check.hidesFigures = study.active;
+    if (study.coversScene) check.stop();
     suspend();
     if (trial) checkIfAsked(trial);
     if (motion.latest) present({ ...motion.latest, events: [] });
   }
 
   /** What a hint has to know. A headset's person has neither mouse nor keys. */
-  function circumstances(frame: DisplayFrame): Circumstances {
-    const keys = interactive() && !headset.worn && byKeys();
+  function circumstances(frame: DisplayFrame): HintContext {
+    const keys = interactive() && !headset.inHeadset && byKeys();
     return {
       target: targetPlace,
       lean: stage.content?.lean ?? false,
-      mouse: interactive() && gazeSource === null && !headset.worn,
+      mouseIsGaze: interactive() && gazeSource === null && !headset.inHeadset,
       key: (gesture) => (keys ? keyName(settings.keys[gesture][0] ?? "") : ""),
-      restarts: restarts(),
-      aim: frame.mode && stage.content ? aim(frame, stage.content.arm, stage.content.scene) : null,
+      mayRestart: restarts(),
+      jogGoal: frame.mode && stage.content ? jogGoal(frame, stage.content.arm, stage.content.scene) : null,
     };
   }
 
   /** A study's screens are on the headset's board: their person sees no page. */
   function boarded(): boolean {
-    return study.covers && headset.worn && !headset.overlaid;
+    return study.coversScene && headset.inHeadset && !headset.hasDomOverlay;
   }
 
   function looks(): boolean {
@@ -405,13 +405,13 @@ function start(): void {
     return now ? now.style === "selecting" : false;
   }
 
-  function places(): Place[] {
-    return motion.latest && stage.room ? placesOf(motion.latest, stage.room) : [];
+  function places(): FocusTarget[] {
+    return motion.latest && stage.taskScene ? likelyFocusTargets(motion.latest, stage.taskScene) : [];
   }
 
   function checkGaze(calibrates = false): void {
-    const source = gazeSource ?? (headset.worn ? "headset" : "mouse");
-    if (stage.room && interactive()) check.start(stage.room, source, calibrates);
+    const source = gazeSource ?? (headset.inHeadset ? "headset" : "mouse");
+    if (stage.taskScene && interactive()) check.start(stage.taskScene, source, calibrates);
   }
 
   /** What the gaze passes: with an object in hand, or in a gaze check, only the table counts. */
@@ -420,18 +420,18 @@ function start(): void {
   }
 
   function chooseCamera(kind: CameraKind): void {
-    cameras.choose(kind, stage.room);
+    cameras.choose(kind, stage.taskScene);
     debug.camera = kind;
-    hud.say(strings.views.camera(CAMERA_NAMES[kind], kind !== "shoulder"));
+    hud.showToast(strings.views.camera(CAMERA_NAMES[kind], kind !== "shoulder"));
   }
 
   function show(content: PageContent, rebuild = false): void {
     stage.show(content, rebuild);
-    stage.things.add(check.mark, board.root, formBoard.root);
-    if (stage.room) {
-      board.place(stage.room);
-      formBoard.stand(stage.room);
-      marks.show(stage.room);
+    stage.worldContent.add(check.mark, board.root, formBoard.root);
+    if (stage.taskScene) {
+      board.place(stage.taskScene);
+      formBoard.setPosition(stage.taskScene);
+      marks.show(stage.taskScene);
     }
     debug.content = content;
     hud.setContent(content);
@@ -451,10 +451,10 @@ function start(): void {
 
   /** While a dialog is open or the scene is covered, keys and mouse have nothing to do with the arm. Gestures are trained all the same. */
   function suspend(): void {
-    const suspended = panel.open || scores.open || tutorial.asking || (study.covers && !study.trains);
+    const suspended = panel.open || scores.open || tutorial.asking || (study.coversScene && !study.isTraining);
     if (suspended && !controls.suspended) {
       controls.releaseAll();
-      access.letGo();
+      access.releaseAll();
     }
     controls.suspended = suspended;
   }
@@ -469,7 +469,7 @@ function start(): void {
   }
 
   function join(): void {
-    live.send({ type: "join", name: settings.name || ownName(navigator.userAgent) });
+    live.send({ type: "join", name: settings.name || defaultPageName(navigator.userAgent) });
   }
 
   /** Whoever does not drive has neither keys nor gaze here. */
@@ -479,19 +479,19 @@ function start(): void {
     // Newcomers who drive are asked once; a page that says so, never, and a participant is told by the experimenter.
     if (!interactive() || greeted || study.active) return;
     greeted = true;
-    if (!settings.welcomed && parameters.get("tutorial") !== "0") tutorial.greet();
+    if (!settings.welcomed && parameters.get("tutorial") !== "0") tutorial.showWelcome();
   }
 
   function change(next: Settings): void {
     const renamed = next.name !== settings.name;
     const rebuild = next.palette !== settings.palette || next.leftArm !== settings.leftArm;
     settings = next;
-    store(settings);
+    storeSettings(settings);
     controls.setKeys(settings.keys);
-    access.change(settings);
+    access.setSettings(settings);
     tutorial.setKeys(settings.keys);
-    choosePalette(settings.palette);
-    mirrorText(settings.leftArm);
+    setPalette(settings.palette);
+    setTextMirrored(settings.leftArm);
     applyMirror();
     if (renamed && stage.content?.interactive) join();
     if (rebuild && stage.content) show(stage.content, true);
@@ -500,8 +500,8 @@ function start(): void {
   function applyMirror(): void {
     canvas.classList.toggle("mirrored", settings.leftArm);
     controls.mirrored = settings.leftArm;
-    stage.fit(hud.view.getBoundingClientRect(), settings.leftArm);
-    Object.assign(sounds, { cues: settings.cues, captioned: settings.captions });
+    stage.setVisibleArea(hud.view.getBoundingClientRect(), settings.leftArm);
+    Object.assign(sounds, { cues: settings.cues, showsCaptions: settings.captions });
   }
 
   window.addEventListener("pointermove", (event) => look(event));
@@ -513,7 +513,7 @@ function start(): void {
     // Over a card the eyes stay where they were.
     if (event.target !== canvas) return;
     acted = true;
-    marks.leave();
+    marks.release();
     cursor ??= new Vector2();
     const x = (event.clientX / window.innerWidth) * 2 - 1;
     cursor.set(settings.leftArm ? -x : x, 1 - (event.clientY / window.innerHeight) * 2);
@@ -523,41 +523,41 @@ function start(): void {
   let drawnAt = 0;
   function draw(wall: number): void {
     const began = performance.now();
-    live.pictures.turn(began);
+    live.frameTimes.recordDisplayed(began);
     const seconds = Math.max((wall - before) / 1000, 0);
     before = wall;
     reading();
     study.update();
-    controls.lend(study.trainsKeys && interactive() ? study.keys : null);
+    controls.moveGestureButtons(study.isTrainingKeys && interactive() ? study.keys : null);
     controls.update(seconds);
     gamepad.update(seconds);
     access.update(wall);
     const frame = motion.latest;
-    const { room } = stage;
+    const { taskScene: room } = stage;
     check.update();
     headset.update(frame, seconds);
     if (frame) {
-      board.show(frame.stop ? STOPPED : boardTitle(frame), nextThing(frame, circumstances(frame)).hint, headset.worn && !study.covers);
+      board.show(frame.stop ? STOPPED_TITLE : boardTitle(frame), nextHint(frame, circumstances(frame)).hint, headset.inHeadset && !study.coversScene);
     }
-    stage.roomOnly = boarded();
-    formBoard.show(boarded() ? study.screen : null, study.form.language, study.restLeft);
+    stage.hidesArm = boarded();
+    formBoard.show(boarded() ? study.screen : null, study.form.language, study.breakRemainingSecs);
     // What is covered is not drawn: the server is told of the first picture that can be seen.
-    const due = headset.worn || (wall - drawnAt >= PICTURE_MS && !study.covers);
+    const due = headset.inHeadset || (wall - drawnAt >= MIN_FRAME_INTERVAL_MS && !study.coversScene);
     if (due) drawnAt = wall;
-    if (due && stage.draw(motion.at(wall), frame, seconds, wall)) {
-      live.pictures.draw(motion.drawn);
-      debug.framesDrawn = stage.drawn;
-      debug.worn = headset.worn;
+    if (due && stage.draw(motion.interpolateAt(wall), frame, seconds, wall)) {
+      live.frameTimes.recordDrawn(motion.drawnTimeMs);
+      debug.framesDrawn = stage.frameCount;
+      debug.worn = headset.inHeadset;
       if (!drawn && frame && live.open) {
         drawn = true;
         live.send({ type: "drawn" });
       }
-      marks.follow(debug.project);
-      signals.drawer?.intent.follow(debug.project, signals.open);
-      const looked = check.followed ?? marks.point();
-      if (frame && room && interactive() && (check.followed || (acted && (cursor || looked))) && !controls.suspended && !headset.worn) {
+      marks.updatePositions(debug.project);
+      signals.drawer?.intent.updateOverlay(debug.project, signals.open);
+      const looked = check.followedPoint ?? marks.gazePoint();
+      if (frame && room && interactive() && (check.followedPoint || (acted && (cursor || looked))) && !controls.suspended && !headset.inHeadset) {
         const eye = new Vector3(...frame.world_from_head.translation);
-        const at = looked ?? pointing.point(cursor ?? new Vector2(), cameras.camera, room, heldOrNone());
+        const at = looked ?? pointing.pickAtCursor(cursor ?? new Vector2(), cameras.camera, room, heldOrNone());
         const direction = at.sub(eye).normalize();
         live.send({ type: "gaze", origin: eye.toArray(), direction: direction.toArray() });
       }
@@ -566,8 +566,8 @@ function start(): void {
     if (wall - shown.since > 1000) measure(wall);
     const took = performance.now() - began;
     whole.take(took);
-    script.take(took - stage.drawingMs);
-    Object.assign(debug, { drawCalls: stage.drawCalls, triangles: stage.triangles, faded: stage.fading.count });
+    script.take(took - stage.drawTimeMs);
+    Object.assign(debug, { drawCalls: stage.drawCalls, triangles: stage.triangles, faded: stage.occlusion.count });
   }
 
   /** The line above the hint on the headset's board. */
@@ -575,15 +575,15 @@ function start(): void {
     const score = scoreText(frame.score, stage.content?.briefing);
     const left = strings.hud.left(Math.max(Math.round(frame.time_left_secs), 0));
     const first = study.active ? study.sceneTitle : strings.hud.byMethod(frame.method);
-    return [first, score, study.timed ? left : ""].filter(Boolean).join(" · ");
+    return [first, score, study.showsTime ? left : ""].filter(Boolean).join(" · ");
   }
 
   function measure(wall: number): void {
     const span = (wall - shown.since) / 1000;
-    const drawnRate = (stage.drawn - shown.drawn) / span;
+    const drawnRate = (stage.frameCount - shown.drawn) / span;
     hud.setRate((count.received - shown.received) / span, drawnRate, count.dropped);
-    stage.rate(drawnRate);
-    Object.assign(shown, { since: wall, received: count.received, drawn: stage.drawn });
+    stage.adaptQuality(drawnRate);
+    Object.assign(shown, { since: wall, received: count.received, drawn: stage.frameCount });
   }
 
   stage.renderer.setAnimationLoop(draw);
@@ -592,5 +592,5 @@ function start(): void {
 try {
   start();
 } catch (error) {
-  overlay.append(element("div", "banner", whyNotDrawn(error)));
+  overlay.append(element("div", "banner", drawErrorText(error)));
 }

@@ -17,10 +17,10 @@ import {
   TorusGeometry,
   Vector3,
 } from "three";
-import { marking, type Marking } from "./marking";
+import { selectionState, type SelectionState } from "./selectionState";
 import type { DisplayFrame, Shape } from "./generated/types";
-import { objectColour } from "./objects";
-import type { Room } from "./room";
+import { objectColor } from "./objects";
+import type { TaskScene } from "./scene";
 import { drawnTexture, shapeGeometry } from "./shapes";
 
 /** The states differ in brightness and in form, not in hue alone. */
@@ -30,7 +30,7 @@ export const REACHABLE = new Color("#00c48c");
 export const UNREACHABLE = new Color("#ff5d8f");
 
 const UNLOCKED_PLACE = new Color("#2b2f33");
-const COLOURS: Record<Marking, Color> = { free: FREE, locked: LOCKED, reachable: REACHABLE, unreachable: UNREACHABLE };
+const COLORS: Record<SelectionState, Color> = { free: FREE, locked: LOCKED, reachable: REACHABLE, unreachable: UNREACHABLE };
 
 export class Markers {
   readonly root = new Group();
@@ -53,15 +53,15 @@ export class Markers {
   private readonly placeCross: Mesh;
   private readonly gaze: Sprite;
   /** Above an object's middle the pointer to it, metres. */
-  private readonly above: number;
+  private readonly pointerHeight: number;
   private readonly next: Mesh;
   private readonly nextMaterial = new MeshBasicMaterial({ transparent: true, opacity: 0.9 });
   private readonly ray = new Raycaster();
 
-  constructor(private readonly room: Room) {
+  constructor(private readonly room: TaskScene) {
     const shape: Shape = room.objects[0]?.shape ?? { type: "cylinder", radius: 0.025, length: 0.05 };
     const [radius, height] = outline(shape);
-    this.above = height / 2 + 0.03;
+    this.pointerHeight = height / 2 + 0.03;
     // Open at both ends: the number on top stays readable.
     this.shell = new Mesh(
       new CylinderGeometry(radius * 1.16, radius * 1.16, height * 1.04, 64, 1, true).rotateX(Math.PI / 2),
@@ -100,8 +100,8 @@ export class Markers {
   update(frame: DisplayFrame, seconds: number): void {
     const { target, hand } = frame;
     const pulse = 0.5 + 0.5 * Math.sin(4.5 * seconds);
-    const state = marking(frame);
-    const colour = COLOURS[state];
+    const state = selectionState(frame);
+    const colour = COLORS[state];
 
     // The highlighted object.
     const block = target.object !== null && hand.holds === null ? this.room.object(target.object) : undefined;
@@ -139,8 +139,8 @@ export class Markers {
     this.next.visible = next !== undefined && frame.next !== target.object;
     if (next && frame.next !== null) {
       this.next.position.copy(next.position);
-      this.next.position.z += this.above + 0.008 * pulse;
-      this.nextMaterial.color.set(objectColour(frame.next));
+      this.next.position.z += this.pointerHeight + 0.008 * pulse;
+      this.nextMaterial.color.set(objectColor(frame.next));
     }
   }
 

@@ -8,27 +8,27 @@ const OKABE_ITO = ["#e69f00", "#0b4f8a", "#009e73", "#cc79a7", "#56b4e9", "#d55e
 
 export type Palette = "standard" | "colour-blind";
 
-let things: SceneThing[] = [];
+let sceneObjects: SceneThing[] = [];
 let palette: Palette = "standard";
 
 /** From now on the objects of this scene are meant. */
-export function knowObjects(scene: Scene): void {
-  things = scene.objects;
+export function setSceneObjects(scene: Scene): void {
+  sceneObjects = scene.objects;
 }
 
 /** Takes effect on what is made from now on. */
-export function choosePalette(next: Palette): void {
+export function setPalette(next: Palette): void {
   palette = next;
   document.documentElement.dataset["palette"] = next;
 }
 
 /** As read by a person: `red1` is "red 1". */
 export function plainName(id: ObjectId): string {
-  return readName(things[id]?.name ?? `object ${id}`);
+  return readableName(sceneObjects[id]?.name ?? `object ${id}`);
 }
 
 /** A name as read by a person. */
-export function readName(name: string): string {
+export function readableName(name: string): string {
   return name.replace(/[_-]+/g, " ").replace(/([a-z])(\d+)$/i, "$1 $2");
 }
 
@@ -40,14 +40,14 @@ export function objectName(id: ObjectId): string {
 
 /** What is painted on it. */
 export function objectLabel(id: ObjectId): string {
-  return things[id]?.label ?? "";
+  return sceneObjects[id]?.label ?? "";
 }
 
 /** Its colour as CSS has it. */
-export function objectColour(id: ObjectId): string {
-  const own = things[id]?.colour ?? [0.5, 0.5, 0.5];
+export function objectColor(id: ObjectId): string {
+  const own = sceneObjects[id]?.colour ?? [0.5, 0.5, 0.5];
   const css = ([r, g, b]: readonly number[]) => `#${new Color().setRGB(r ?? 0, g ?? 0, b ?? 0, "srgb").getHexString()}`;
   if (palette === "standard") return css(own);
-  const different = [...new Set(things.map(({ colour }) => css(colour)))];
+  const different = [...new Set(sceneObjects.map(({ colour }) => css(colour)))];
   return OKABE_ITO[different.indexOf(css(own)) % OKABE_ITO.length] ?? css(own);
 }

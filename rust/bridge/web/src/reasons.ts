@@ -6,11 +6,11 @@ import type { StudyRequest } from "./generated/types";
 import { strings } from "./strings";
 
 /** What the server takes only with a reason. */
-export type Reasoned = Extract<StudyRequest, { reason: string }>["ask"];
+export type RequestWithReason = Extract<StudyRequest, { reason: string }>["ask"];
 /** What is asked about first: beside these, whatever ends a trial or the day by a single click. */
-export type Asked = Reasoned | "abort" | "leave";
+export type ConfirmedRequest = RequestWithReason | "abort" | "leave";
 
-interface Question {
+interface ReasonQuestion {
   title: string;
   /** On the button that does it. */
   act: string;
@@ -21,16 +21,16 @@ interface Question {
 
 const words = strings.reasons;
 
-export const QUESTIONS: Record<Asked, Question> = words.questions;
+export const QUESTIONS: Record<ConfirmedRequest, ReasonQuestion> = words.questions;
 /** Longest reason in free words, characters. */
-const MOST_WORDS = 300;
+const MAX_REASON_CHARS = 300;
 
 export class ReasonDialog {
   private readonly title = element("h2");
   private readonly form = element("form", "reasons");
   private readonly dialog = new Dialog("ask", this.title, () => {});
 
-  constructor(private readonly decided: (what: Asked, reason: string) => void) {
+  constructor(private readonly decided: (what: ConfirmedRequest, reason: string) => void) {
     this.dialog.root.append(this.title, this.form);
   }
 
@@ -47,12 +47,12 @@ export class ReasonDialog {
   }
 
   /** Asks; `about` is the step that it is about. */
-  ask(what: Asked, about: string): void {
+  ask(what: ConfirmedRequest, about: string): void {
     const { title, act, reasons, optional } = QUESTIONS[what];
     setText(this.title, title);
     const own = element("input", "words");
     own.type = "text";
-    own.maxLength = MOST_WORDS;
+    own.maxLength = MAX_REASON_CHARS;
     own.setAttribute("aria-label", words.another);
     const radios = [...reasons, ""].map((reason) => {
       const radio = element("input");

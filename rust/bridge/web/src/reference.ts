@@ -2,7 +2,7 @@
 // virtual table stands on a real one.
 
 /** Width of the picture on paper, metres. */
-export const BOARD_WIDTH = 0.18;
+export const BOARD_WIDTH_M = 0.18;
 const PIXELS = 900;
 
 /** What the draft of Marker Tracking adds to a frame. */
@@ -45,7 +45,7 @@ export function drawBoard(): HTMLCanvasElement {
 /** What a session is asked for to find the board; nothing where the browser knows no tracked images. */
 export async function boardOptions(): Promise<Partial<XRSessionInit>> {
   if (!("XRImageTrackingResult" in window)) return {};
-  const trackedImages = [{ image: await createImageBitmap(drawBoard()), widthInMeters: BOARD_WIDTH }];
+  const trackedImages = [{ image: await createImageBitmap(drawBoard()), widthInMeters: BOARD_WIDTH_M }];
   return { optionalFeatures: ["image-tracking"], trackedImages } as Partial<XRSessionInit>;
 }
 

@@ -2,17 +2,17 @@
 // slow motion, pictures, videos, and links to a moment.
 
 import "./theme.css";
-import "./desk.css";
+import "./workstation.css";
 import "./replay.css";
 import { CAMERA_KINDS, CAMERA_NAMES, type CameraKind } from "./cameras";
 import { button, element, setClass, setText } from "./dom";
-import { Recorder, saveAs } from "./export";
+import { Recorder, saveAs } from "./videoExport";
 import type { TrialEvent, TrialSummary } from "./generated/types";
-import { EventList, timeOf } from "./replayevents";
-import { momentOf, queryOf, type ReplayMoment } from "./replaylink";
-import { CanvasPen, SvgPen, drawPicture, sizeOf } from "./replaypicture";
-import { ReplayView } from "./replayview";
-import { whyNotDrawn } from "./stage";
+import { EventList, timeOf } from "./replayEvents";
+import { fromQuery, toQuery, type ReplayMoment } from "./replayLink";
+import { CanvasPen, SvgPen, drawFigure, sizeOf } from "./replayFigure";
+import { ReplayView } from "./replayView";
+import { drawErrorText } from "./renderer";
 import { strings } from "./strings";
 import { fixed } from "./numbers";
 
@@ -22,18 +22,18 @@ const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
 /** A step of the arrow keys, ms. */
 const STEP_MS = 100;
 /** One step of zooming, and the shortest part of the axis on display, ms. */
-const ZOOM = 2;
-const SHORTEST_MS = 200;
+const ZOOM_FACTOR = 2;
+const MIN_WINDOW_MS = 200;
 /** Pixels of a saved PNG a CSS pixel. */
 const PNG_SCALE = 2;
 
-const desk = document.getElementById("desk") as HTMLDivElement;
+const pageRoot = document.getElementById("desk") as HTMLDivElement;
 
 async function start(): Promise<void> {
   const answer = await fetch("/api/trials", { cache: "no-store" });
   const trials = answer.ok ? ((await answer.json()) as TrialSummary[]) : [];
   if (trials.length === 0) {
-    desk.append(element("p", "pane", words.none));
+    pageRoot.append(element("p", "pane", words.none));
     return;
   }
   (window as unknown as { __proact: object }).__proact = new Replay(trials);
@@ -51,17 +51,17 @@ class Replay {
   private readonly speed = element("select", "", ...SPEEDS.map((value) => element("option", "", `${value}×`)));
   private readonly align = element("select");
   private readonly alignNumber = element("input");
-  private readonly told = element("span", "small told");
+  private readonly message = element("span", "small told");
   private readonly play = button(words.play, () => this.setPlaying(!this.state.playing), "primary");
   private readonly compare = button(words.compare, () => this.toggleSecond());
-  private readonly below = button(words.below, () => this.setBelow(!this.state.below));
+  private readonly plotsBelow = button(words.below, () => this.setBelow(!this.state.below));
   private readonly video = button(words.video, () => void this.toggleVideo());
   private readonly cameras = CAMERA_KINDS.map((kind) => button(CAMERA_NAMES[kind], () => this.chooseCamera(kind)));
   /** The address that is in the bar. */
-  private linked = "";
+  private currentLink = "";
 
   constructor(private readonly trials: TrialSummary[]) {
-    const asked = momentOf(new URLSearchParams(location.search), trials.length, SPEEDS);
+    const asked = fromQuery(new URLSearchParams(location.search), trials.length, SPEEDS);
     this.state = { ...asked, playing: false, begin: 0, length: 0 };
     this.events = new EventList(asked.hidden, (time) => this.seek(time), () => this.filter());
     this.build();
@@ -86,17 +86,17 @@ class Replay {
     speed.value = `${this.state.speed}×`;
     speed.setAttribute("aria-label", words.speed);
     speed.addEventListener("change", () => (this.state.speed = Number.parseFloat(speed.value)));
-    Object.assign(alignNumber, { type: "number", min: "1", value: String(this.state.align?.number ?? 1) });
+    Object.assign(alignNumber, { type: "number", min: "1", value: String(this.state.align?.occurrence ?? 1) });
     alignNumber.setAttribute("aria-label", words.alignNumber);
     for (const node of [align, alignNumber]) node.addEventListener("change", () => this.alignBy());
-    this.told.setAttribute("role", "status");
+    this.message.setAttribute("role", "status");
     const zoom = (label: string, name: string, act: () => void) => {
       const node = button(label, act);
       node.title = name;
       node.setAttribute("aria-label", name);
       return node;
     };
-    desk.append(
+    pageRoot.append(
       element(
         "header",
         "deskbar replaybar",
@@ -104,14 +104,14 @@ class Replay {
         ...this.cameras,
         element("span", "push"),
         this.compare,
-        this.below,
+        this.plotsBelow,
         element("label", "align", words.align, align),
         alignNumber,
         button(words.picture, () => void this.savePng()),
         button(words.drawing, () => this.saveSvg()),
         this.video,
         button(words.link, () => void this.copyLink()),
-        this.told,
+        this.message,
       ),
       element("div", "replay", this.shown, this.events.root),
       element(
@@ -119,11 +119,11 @@ class Replay {
         "pane scrub",
         this.play,
         speed,
-        zoom("|◂", words.previousEvent, () => this.toEvent(-1)),
-        zoom("▸|", words.nextEvent, () => this.toEvent(1)),
+        zoom("|◂", words.previousEvent, () => this.seekEvent(-1)),
+        zoom("▸|", words.nextEvent, () => this.seekEvent(1)),
         range,
-        zoom("−", words.zoomOut, () => this.zoom(ZOOM)),
-        zoom("+", words.zoomIn, () => this.zoom(1 / ZOOM)),
+        zoom("−", words.zoomOut, () => this.zoom(ZOOM_FACTOR)),
+        zoom("+", words.zoomIn, () => this.zoom(1 / ZOOM_FACTOR)),
         zoom("⤢", words.whole, () => this.show(null)),
         this.now,
       ),
@@ -141,11 +141,11 @@ class Replay {
         const others = this.state.folded.filter((other) => other !== lane);
         this.state.folded = fold ? [...others, lane] : others;
       },
-      shows: (event) => this.events.shows(event),
+      shows: (event) => this.events.isShown(event),
     });
     this.views.push(view);
     this.shown.append(view.root);
-    view.load(number).catch((error: unknown) => desk.append(element("p", "pane", String(error))));
+    view.load(number).catch((error: unknown) => pageRoot.append(element("p", "pane", String(error))));
     this.arrange();
   }
 
@@ -162,14 +162,14 @@ class Replay {
 
   private arrange(): void {
     setText(this.compare, this.views.length === 1 ? words.compare : words.one);
-    this.below.hidden = this.views.length === 1;
+    this.plotsBelow.hidden = this.views.length === 1;
     setClass(this.shown, "two", this.views.length > 1);
     for (const each of this.views) each.stage.resize();
   }
 
   private setBelow(below: boolean): void {
     this.state.below = below;
-    setText(this.below, below ? words.beside : words.below);
+    setText(this.plotsBelow, below ? words.beside : words.below);
     setClass(this.shown, "below", below);
     for (const each of this.views) each.stage.resize();
   }
@@ -183,7 +183,7 @@ class Replay {
     const { align } = this.state;
     const missing: string[] = [];
     for (const view of this.views) {
-      const time = align && view.timeline ? timeOf(view.timeline.events, align.event, align.number) : 0;
+      const time = align && view.timeline ? timeOf(view.timeline.events, align.event, align.occurrence) : 0;
       view.zero = time ?? 0;
       const { timeline } = view;
       if (align && timeline && time === null) {
@@ -191,7 +191,7 @@ class Replay {
         missing.push(words.alignMissing(timeline.record.name, count));
       }
     }
-    setText(this.told, missing.join("; "));
+    setText(this.message, missing.join("; "));
     const extents = this.views.filter(({ timeline }) => timeline).map(({ extent }) => extent);
     if (extents.length === 0) return;
     const begin = Math.min(...extents.map(([from]) => from));
@@ -219,7 +219,7 @@ class Replay {
     this.alignNumber.value = String(number);
     // What is on display of the first trial stays on display.
     const own = this.state.time + (this.views[0]?.zero ?? 0);
-    this.state.align = event === "" ? null : { event, number };
+    this.state.align = event === "" ? null : { event, occurrence: number };
     this.state.window = null;
     this.measure();
     this.seek(event === "" ? own : 0);
@@ -228,35 +228,35 @@ class Replay {
   private filter(): void {
     this.state.hidden = this.events.hiddenGroups;
     const placed = this.views.flatMap(({ timeline, zero }, view) => timeline?.events.map((event) => ({ event, time: event.time - zero, view })) ?? []);
-    this.events.put(placed, this.views.length);
+    this.events.setEvents(placed, this.views.length);
     this.show(this.state.window);
   }
 
   /** Shows this part of the axis; null for all of it. */
   private show(part: [number, number] | null): void {
     this.state.window = part;
-    for (const view of this.views) view.rule(part ?? this.whole, this.whole);
+    for (const view of this.views) view.setWindow(part ?? this.showAll, this.showAll);
   }
 
-  private get whole(): [number, number] {
+  private get showAll(): [number, number] {
     return [this.state.begin, this.state.begin + this.state.length];
   }
 
   private zoom(factor: number): void {
-    const [from, to] = this.state.window ?? this.whole;
-    const span = Math.max((to - from) * factor, SHORTEST_MS);
-    this.show(span >= this.state.length ? null : this.around(this.state.time, span));
+    const [from, to] = this.state.window ?? this.showAll;
+    const span = Math.max((to - from) * factor, MIN_WINDOW_MS);
+    this.show(span >= this.state.length ? null : this.windowAround(this.state.time, span));
   }
 
   /** A part of the axis about `time`. */
-  private around(time: number, span: number): [number, number] {
-    const [begin, end] = this.whole;
+  private windowAround(time: number, span: number): [number, number] {
+    const [begin, end] = this.showAll;
     const from = Math.min(Math.max(time - span / 2, begin), end - span);
     return [from, from + span];
   }
 
   private seek(time: number): void {
-    const [begin, end] = this.whole;
+    const [begin, end] = this.showAll;
     this.state.time = Math.min(Math.max(time, begin), end);
     this.follow();
   }
@@ -266,11 +266,11 @@ class Replay {
     const { window: part, time } = this.state;
     if (!part || (time >= part[0] && time <= part[1])) return;
     const span = part[1] - part[0];
-    this.show(this.state.playing ? this.around(time + span / 2, span) : this.around(time, span));
+    this.show(this.state.playing ? this.windowAround(time + span / 2, span) : this.windowAround(time, span));
   }
 
-  private toEvent(direction: 1 | -1): void {
-    const time = this.events.beside(this.state.time, direction);
+  private seekEvent(direction: 1 | -1): void {
+    const time = this.events.neighbor(this.state.time, direction);
     if (time !== null) this.seek(time);
   }
 
@@ -278,14 +278,14 @@ class Replay {
     const { eye, at } = this.state;
     this.state.camera = kind;
     for (const { stage } of this.views) {
-      stage.cameras.choose(kind, stage.room);
-      if (kind === "free" && eye && at) stage.cameras.put(eye, at);
+      stage.cameras.choose(kind, stage.taskScene);
+      if (kind === "free" && eye && at) stage.cameras.placeFreeCamera(eye, at);
     }
     this.cameras.forEach((node, k) => setClass(node, "now", CAMERA_KINDS[k] === kind));
   }
 
   private setPlaying(playing: boolean): void {
-    const [begin, end] = this.whole;
+    const [begin, end] = this.showAll;
     if (playing && this.state.time >= end) this.state.time = begin;
     this.state.playing = playing;
     setText(this.play, playing ? words.pause : words.play);
@@ -293,7 +293,7 @@ class Replay {
 
   private draw(seconds: number, wall: number): void {
     const { state } = this;
-    const [begin, end] = this.whole;
+    const [begin, end] = this.showAll;
     // Where drawing takes all of the processor, a trial of megabytes would not come through.
     if (this.views.some(({ loading }) => loading)) return;
     if (state.playing) {
@@ -304,7 +304,7 @@ class Replay {
         if (this.recorder.running) void this.toggleVideo();
       }
     }
-    for (const view of this.views) view.draw(state.time, this.whole, seconds, wall);
+    for (const view of this.views) view.draw(state.time, this.showAll, seconds, wall);
     this.recorder.draw(this.views, state.time);
     this.events.moveTo(state.time);
     if (document.activeElement !== this.range || state.playing) this.range.value = String(state.time);
@@ -315,11 +315,11 @@ class Replay {
   /** The address bar has the link to what is on display. */
   private keepLink(): void {
     this.state.trials = this.views.map(({ number }) => number);
-    const place = this.views[0]?.stage.cameras.place ?? null;
+    const place = this.views[0]?.stage.cameras.freeCameraPose ?? null;
     Object.assign(this.state, { eye: place?.eye ?? null, at: place?.at ?? null });
-    const query = queryOf(this.state, new URLSearchParams(location.search)).toString();
-    if (query === this.linked) return;
-    this.linked = query;
+    const query = toQuery(this.state, new URLSearchParams(location.search)).toString();
+    if (query === this.currentLink) return;
+    this.currentLink = query;
     history.replaceState(null, "", `?${query}`);
   }
 
@@ -327,15 +327,15 @@ class Replay {
     this.keepLink();
     try {
       await navigator.clipboard.writeText(location.href);
-      setText(this.told, words.linkCopied);
+      setText(this.message, words.linkCopied);
     } catch {
-      setText(this.told, words.linkShown);
+      setText(this.message, words.linkShown);
     }
   }
 
   private get axis(): string {
     const { align } = this.state;
-    return align ? words.axisFrom(`${words.kinds[align.event]} ${align.number}`) : words.axis;
+    return align ? words.axisFrom(`${words.kinds[align.event]} ${align.occurrence}`) : words.axis;
   }
 
   private fileName(ending: string): string {
@@ -343,22 +343,22 @@ class Replay {
   }
 
   private async savePng(): Promise<void> {
-    const pictured = this.views.map((view) => view.pictured(this.state.time));
+    const pictured = this.views.map((view) => view.toFigure(this.state.time));
     const { width, height } = sizeOf(pictured);
     const canvas = element("canvas");
     Object.assign(canvas, { width: PNG_SCALE * width, height: PNG_SCALE * height });
     const context = canvas.getContext("2d");
     if (!context) return;
-    drawPicture(new CanvasPen(context, PNG_SCALE), pictured, this.axis);
+    drawFigure(new CanvasPen(context, PNG_SCALE), pictured, this.axis);
     const blob = await new Promise<Blob | null>((resolve) => canvas.toBlob(resolve, "image/png"));
     if (blob) saveAs(blob, this.fileName("png"));
   }
 
   private saveSvg(): void {
-    const pictured = this.views.map((view) => view.pictured(this.state.time));
+    const pictured = this.views.map((view) => view.toFigure(this.state.time));
     const { width, height } = sizeOf(pictured);
     const pen = new SvgPen(width, height, pictured.map(({ caption }) => caption).join(" · "));
-    drawPicture(pen, pictured, this.axis);
+    drawFigure(pen, pictured, this.axis);
     saveAs(new Blob([pen.toString()], { type: "image/svg+xml" }), this.fileName("svg"));
   }
 
@@ -381,14 +381,14 @@ class Replay {
     const direction = event.code === "ArrowRight" ? 1 : event.code === "ArrowLeft" ? -1 : 0;
     // Space is the button's or the box's that has the focus.
     const plays = event.code === "Space" && (target === document.body || target === this.range);
-    if (direction !== 0 && event.shiftKey) this.toEvent(direction);
+    if (direction !== 0 && event.shiftKey) this.seekEvent(direction);
     else if (direction !== 0) this.seek(this.state.time + direction * STEP_MS);
     else if (plays) this.setPlaying(!this.state.playing);
-    else if (event.key === "+") this.zoom(1 / ZOOM);
-    else if (event.key === "-") this.zoom(ZOOM);
+    else if (event.key === "+") this.zoom(1 / ZOOM_FACTOR);
+    else if (event.key === "-") this.zoom(ZOOM_FACTOR);
     else return;
     event.preventDefault();
   }
 }
 
-start().catch((error: unknown) => desk.append(element("div", "banner", whyNotDrawn(error))));
+start().catch((error: unknown) => pageRoot.append(element("div", "banner", drawErrorText(error))));

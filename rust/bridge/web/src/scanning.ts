@@ -3,14 +3,14 @@
 
 import type { GestureKey } from "./settings";
 
-export type Choice =
+export type ScanChoice =
   | { kind: "look" }
   | { kind: "back" }
   | { kind: "restart" }
   | { kind: "gesture"; gesture: GestureKey }
   | { kind: "place"; place: number };
 
-export type Action =
+export type ScanAction =
   | { act: "none" }
   | { act: "look"; place: number }
   | { act: "tap"; gesture: GestureKey }
@@ -19,53 +19,53 @@ export type Action =
   | { act: "restart" };
 
 /** Gestures whose effect lasts as long as they are made. */
-export type Lasts = (gesture: GestureKey) => boolean;
+export type HasDuration = (gesture: GestureKey) => boolean;
 
 const GESTURES: GestureKey[] = ["wrist_flexion", "wrist_extension", "hand_close", "hand_open"];
 
 export class Scanner {
   private level: "all" | "places" = "all";
-  private at = 0;
+  private index = 0;
   private since: number | null = null;
   private held: GestureKey | null = null;
 
   constructor(
-    private readonly lasts: Lasts,
+    private readonly isHoldable: HasDuration,
     /** Another trial may be begun. */
-    private readonly restarts = () => true,
+    private readonly mayRestart = () => true,
   ) {}
 
   /** What is offered, in order. `looks`: the method follows the gaze; `places`: how many there are to look at. */
-  choices(looks: boolean, places: number): Choice[] {
+  choices(looks: boolean, places: number): ScanChoice[] {
     if (this.level === "places") {
-      return [...Array.from({ length: places }, (_, place): Choice => ({ kind: "place", place })), { kind: "back" }];
+      return [...Array.from({ length: places }, (_, place): ScanChoice => ({ kind: "place", place })), { kind: "back" }];
     }
-    const gestures = GESTURES.map((gesture): Choice => ({ kind: "gesture", gesture }));
-    const restart = this.restarts() ? [{ kind: "restart" } as const] : [];
+    const gestures = GESTURES.map((gesture): ScanChoice => ({ kind: "gesture", gesture }));
+    const restart = this.mayRestart() ? [{ kind: "restart" } as const] : [];
     return [...(looks && places > 0 ? [{ kind: "look" } as const] : []), ...gestures, ...restart];
   }
 
   /** What is offered now, each for `periodMs`; none while a gesture is held. */
-  offered(nowMs: number, periodMs: number, looks: boolean, places: number): Choice | null {
+  currentChoice(nowMs: number, periodMs: number, looks: boolean, places: number): ScanChoice | null {
     if (this.held) return null;
     const choices = this.choices(looks, places);
     this.since ??= nowMs;
     while (nowMs - this.since >= periodMs) {
       this.since += periodMs;
-      this.at += 1;
+      this.index += 1;
     }
-    this.at %= choices.length;
-    return choices[this.at] ?? null;
+    this.index %= choices.length;
+    return choices[this.index] ?? null;
   }
 
   /** The switch was pressed. */
-  press(nowMs: number, periodMs: number, looks: boolean, places: number): Action {
+  press(nowMs: number, periodMs: number, looks: boolean, places: number): ScanAction {
     if (this.held) {
       this.begin("all", nowMs);
       this.held = null;
       return { act: "release" };
     }
-    const choice = this.offered(nowMs, periodMs, looks, places);
+    const choice = this.currentChoice(nowMs, periodMs, looks, places);
     switch (choice?.kind) {
       case "look":
         this.begin("places", nowMs);
@@ -73,11 +73,11 @@ export class Scanner {
       case "place":
         // What is looked at is locked next.
         this.begin("all", nowMs);
-        this.at = 1;
+        this.index = 1;
         return { act: "look", place: choice.place };
       case "gesture":
         this.since = nowMs;
-        if (!this.lasts(choice.gesture)) return { act: "tap", gesture: choice.gesture };
+        if (!this.isHoldable(choice.gesture)) return { act: "tap", gesture: choice.gesture };
         this.held = choice.gesture;
         return { act: "hold", gesture: choice.gesture };
       case "restart":
@@ -93,13 +93,13 @@ export class Scanner {
   reset(): void {
     this.held = null;
     this.level = "all";
-    this.at = 0;
+    this.index = 0;
     this.since = null;
   }
 
   private begin(level: "all" | "places", nowMs: number): void {
     this.level = level;
-    this.at = 0;
+    this.index = 0;
     this.since = nowMs;
   }
 }

@@ -1,18 +1,18 @@
 // What a person has chosen, kept by the browser from visit to visit.
 
-import type { Gesture } from "./generated/types";
+import type { Command } from "./generated/types";
 
-export type GestureKey = Exclude<Gesture, "no_motion">;
+export type GestureKey = Exclude<Command, "no_motion">;
 export type LeanKey = "turn_left" | "ahead" | "turn_right" | "left" | "back" | "right";
 export type ActionKey = "upright" | "camera" | "signals" | "views" | "scores" | "restart";
-export type Command = GestureKey | LeanKey | ActionKey;
+export type KeyCommand = GestureKey | LeanKey | ActionKey;
 
 export type Palette = "standard" | "colour-blind";
 export type Cues = "chimes" | "speech" | "off";
 
 export interface Settings {
   /** Values of KeyboardEvent.code for each command: places on the keyboard, whatever its layout prints on them. */
-  keys: Record<Command, string[]>;
+  keys: Record<KeyCommand, string[]>;
   palette: Palette;
   cues: Cues;
   /** Each sound is named on the page. */
@@ -49,23 +49,23 @@ export const DEFAULT_KEYS: Settings["keys"] = {
   scores: ["KeyB"],
   restart: ["KeyR"],
 };
-export const COMMANDS = Object.keys(DEFAULT_KEYS) as Command[];
+export const COMMANDS = Object.keys(DEFAULT_KEYS) as KeyCommand[];
 
-const PLACE = "proact.settings";
-const LANGUAGE_PLACE = "proact.language";
+const SETTINGS_STORAGE_KEY = "proact.settings";
+const LANGUAGE_STORAGE_KEY = "proact.language";
 /** Longest name, characters. */
-export const MOST_NAME = 40;
+export const MAX_NAME_CHARS = 40;
 
 /** Times that may be chosen, ms. */
-export const DWELLS_MS = [0, 600, 1000, 1600];
-export const SCANS_MS = [0, 800, 1500, 2500];
+export const DWELL_CHOICES_MS = [0, 600, 1000, 1600];
+export const SCAN_CHOICES_MS = [0, 800, 1500, 2500];
 
-function chosenOf(times: number[], stored: unknown): number {
+function oneOf(times: number[], stored: unknown): number {
   return times.find((time) => time === stored) ?? 0;
 }
 
 /** What was stored, with everything that is missing or malformed taken from the defaults. */
-export function readSettings(text: string | null): Settings {
+export function parseSettings(text: string | null): Settings {
   let stored: Partial<Record<keyof Settings, unknown>> = {};
   try {
     const parsed: unknown = JSON.parse(text ?? "{}");
@@ -87,14 +87,14 @@ export function readSettings(text: string | null): Settings {
     leftArm: stored.leftArm === true,
     welcomed: stored.welcomed === true,
     mouseGestures: stored.mouseGestures !== false,
-    dwellMs: chosenOf(DWELLS_MS, stored.dwellMs),
-    scanMs: chosenOf(SCANS_MS, stored.scanMs),
-    name: typeof stored.name === "string" ? stored.name.slice(0, MOST_NAME) : "",
+    dwellMs: oneOf(DWELL_CHOICES_MS, stored.dwellMs),
+    scanMs: oneOf(SCAN_CHOICES_MS, stored.scanMs),
+    name: typeof stored.name === "string" ? stored.name.slice(0, MAX_NAME_CHARS) : "",
   };
 }
 
 /** `command` gets this key and no other; whatever had it gets the one that `command` had first. */
-export function remap(keys: Settings["keys"], command: Command, code: string): Settings["keys"] {
+export function remap(keys: Settings["keys"], command: KeyCommand, code: string): Settings["keys"] {
   const next = structuredClone(keys);
   const before = next[command][0];
   for (const other of COMMANDS) {
@@ -112,18 +112,18 @@ export function keyName(code: string): string {
   return arrows[code] ?? code.replace(/^(Key|Digit)/, "").replace(/^Numpad/, "Num ");
 }
 
-export function load(): Settings {
+export function loadSettings(): Settings {
   try {
-    return readSettings(localStorage.getItem(PLACE));
+    return parseSettings(localStorage.getItem(SETTINGS_STORAGE_KEY));
   } catch {
     // Storage may be forbidden.
-    return readSettings(null);
+    return parseSettings(null);
   }
 }
 
-export function store(settings: Settings): void {
+export function storeSettings(settings: Settings): void {
   try {
-    localStorage.setItem(PLACE, JSON.stringify(settings));
+    localStorage.setItem(SETTINGS_STORAGE_KEY, JSON.stringify(settings));
   } catch {
     // Then the choice lasts as long as the page.
   }
@@ -132,7 +132,7 @@ export function store(settings: Settings): void {
 /** The language that was chosen for questionnaires; empty if none was. */
 export function loadLanguage(): string {
   try {
-    return localStorage.getItem(LANGUAGE_PLACE) ?? "";
+    return localStorage.getItem(LANGUAGE_STORAGE_KEY) ?? "";
   } catch {
     return "";
   }
@@ -140,7 +140,7 @@ export function loadLanguage(): string {
 
 export function storeLanguage(language: string): void {
   try {
-    localStorage.setItem(LANGUAGE_PLACE, language);
+    localStorage.setItem(LANGUAGE_STORAGE_KEY, language);
   } catch {
     // Then the choice lasts as long as the questionnaire.
   }

@@ -15,11 +15,11 @@ import {
 } from "three";
 import type { Pose, Shape } from "./generated/types";
 
-let mirrored = false;
+let textIsMirrored = false;
 
 /** Text is drawn mirrored from now on, for a scene that is shown mirrored. */
-export function mirrorText(on: boolean): void {
-  mirrored = on;
+export function setTextMirrored(on: boolean): void {
+  textIsMirrored = on;
 }
 
 /** A shape in its own frame, axes along z as everywhere in ProACT (three.js has them along y). */
@@ -36,7 +36,7 @@ export function shapeGeometry(shape: Shape, segments = 48): BufferGeometry {
   }
 }
 
-export function place(object: Object3D, pose: Pose): void {
+export function setPose(object: Object3D, pose: Pose): void {
   object.position.set(...pose.translation);
   object.quaternion.set(...pose.rotation);
 }
@@ -77,7 +77,7 @@ export function writeText(context: CanvasRenderingContext2D, text: string, heigh
   context.textAlign = "center";
   context.textBaseline = "middle";
   context.save();
-  if (mirrored) context.scale(-1, 1);
+  if (textIsMirrored) context.scale(-1, 1);
   context.fillText(text, 0, 0.05 * height);
   context.restore();
 }

@@ -23,7 +23,7 @@ const CAPTION_MS = 1800;
 const { captions } = strings;
 
 /** What the testbed's own cues are in words. Those that go on are heard as tones only. */
-export const SPOKEN: Partial<Record<Occasion, string>> = {
+export const SPOKEN_CUES: Partial<Record<Occasion, string>> = {
   contact_made: "contact",
   contact_lost: "contact lost",
   on_target: "on target",
@@ -56,10 +56,10 @@ export function cueOf(event: TrialEvent): Cue | null {
 export class Sounds {
   cues: Cues = "chimes";
   /** Captions are shown, whatever is heard. */
-  captioned = false;
+  showsCaptions = false;
   readonly caption = element("div", "caption");
   /** Cues given so far. */
-  given = 0;
+  cueCount = 0;
   private captionTimer = 0;
   private context: AudioContext | null = null;
   private held: { tone: OscillatorNode; volume: GainNode; until: number } | null = null;
@@ -75,37 +75,37 @@ export class Sounds {
     for (const touch of ["pointerdown", "keydown"] as const) window.addEventListener(touch, wake);
   }
 
-  take(frame: DisplayFrame): void {
+  updateFromFrame(frame: DisplayFrame): void {
     for (const event of frame.events) {
       const cue = cueOf(event);
       if (!cue) continue;
-      this.say(cue.caption);
+      this.playCue(cue.caption);
       if (this.cues === "off") continue;
-      this.given += 1;
+      this.cueCount += 1;
       if (this.cues === "speech") this.speak(cue.words);
       else this.play(cue);
     }
-    for (const { cue, sound } of frame.feedback) if (sound || SPOKEN[cue]) this.say(captions[cue]);
+    for (const { cue, sound } of frame.feedback) if (sound || SPOKEN_CUES[cue]) this.playCue(captions[cue]);
     if (this.cues === "off") return;
-    for (const cue of frame.feedback) this.give(cue);
+    for (const cue of frame.feedback) this.playFeedbackCue(cue);
   }
 
   /** A cue of the testbed. */
-  private give({ cue, sound }: FeedbackCue): void {
-    const words = SPOKEN[cue];
+  private playFeedbackCue({ cue, sound }: FeedbackCue): void {
+    const words = SPOKEN_CUES[cue];
     if (this.cues === "speech" && words) {
-      this.given += 1;
+      this.cueCount += 1;
       this.speak(words);
     } else if (cue === "grip") {
-      this.hold(sound);
+      this.playContinuous(sound);
     } else if (sound) {
-      this.given += 1;
+      this.cueCount += 1;
       this.glide(sound);
     }
   }
 
-  private say(text: string): void {
-    if (!this.captioned) return;
+  private playCue(text: string): void {
+    if (!this.showsCaptions) return;
     setText(this.caption, `♪ ${text}`);
     this.caption.hidden = false;
     window.clearTimeout(this.captionTimer);
@@ -122,7 +122,7 @@ export class Sounds {
     const context = this.context;
     if (!context || context.state !== "running") return;
     for (const [hertz, start, seconds] of notes) {
-      const { tone, volume } = voice(context, hertz, timbre);
+      const { tone, volume } = createOscillator(context, hertz, timbre);
       const from = context.currentTime + start;
       // Square and saw are louder at the same height.
       const loud = timbre === "triangle" ? 0.16 : 0.07;
@@ -139,7 +139,7 @@ export class Sounds {
     const context = this.context;
     if (!context || context.state !== "running") return;
     const now = context.currentTime;
-    const { tone, volume } = voice(context, from);
+    const { tone, volume } = createOscillator(context, from);
     tone.frequency.linearRampToValueAtTime(to, now + ms / 1000);
     volume.gain.setValueAtTime(0, now);
     volume.gain.linearRampToValueAtTime(0.16, now + 0.012);
@@ -149,13 +149,13 @@ export class Sounds {
   }
 
   /** A tone that goes on until the next one, or for as long as it says. */
-  private hold(sound: Tone | null): void {
+  private playContinuous(sound: Tone | null): void {
     const context = this.context;
     if (!context || context.state !== "running") return;
     const now = context.currentTime;
     if (this.held === null || this.held.until < now) {
       if (!sound) return;
-      const held = { ...voice(context, sound.hz[0]), until: 0 };
+      const held = { ...createOscillator(context, sound.hz[0]), until: 0 };
       held.volume.gain.setValueAtTime(0, now);
       held.tone.start(now);
       this.held = held;
@@ -172,7 +172,7 @@ export class Sounds {
   }
 }
 
-function voice(context: AudioContext, hertz: number, timbre: OscillatorType = "triangle"): { tone: OscillatorNode; volume: GainNode } {
+function createOscillator(context: AudioContext, hertz: number, timbre: OscillatorType = "triangle"): { tone: OscillatorNode; volume: GainNode } {
   const tone = context.createOscillator();
   const volume = context.createGain();
   tone.type = timbre;

@@ -2,7 +2,7 @@
 
 /** Length of a segment, seconds: a line every 2 to 4 Hz tells mains hum from muscle. */
 const SEGMENT_SECS = 0.5;
-const LEAST_SEGMENT = 32;
+const MIN_SEGMENT_SAMPLES = 32;
 
 export interface Spectrum {
   /** From line to line, hertz; the first is at zero. */
@@ -13,7 +13,7 @@ export interface Spectrum {
 
 /** Welch's estimate: segments of half a second under a Hann window that overlap by half. None of too few values. */
 export function powerSpectrum(values: number[], rateHz: number): Spectrum | null {
-  const size = 2 ** Math.floor(Math.log2(Math.max(SEGMENT_SECS * rateHz, LEAST_SEGMENT)));
+  const size = 2 ** Math.floor(Math.log2(Math.max(SEGMENT_SECS * rateHz, MIN_SEGMENT_SAMPLES)));
   if (values.length < size) return null;
   const mean = values.reduce((sum, value) => sum + value, 0) / values.length;
   const window = Array.from({ length: size }, (_, k) => 0.5 - 0.5 * Math.cos((2 * Math.PI * k) / size));
@@ -23,7 +23,7 @@ export function powerSpectrum(values: number[], rateHz: number): Spectrum | null
   for (let end = values.length; end >= size; end -= size / 2) {
     const real = window.map((weight, k) => weight * ((values[end - size + k] ?? mean) - mean));
     const imaginary = new Array<number>(size).fill(0);
-    transform(real, imaginary);
+    fft(real, imaginary);
     // Twice: the half with negative frequencies is not kept.
     for (let k = 1; k < size / 2; k++) {
       density[k] = (density[k] ?? 0) + (2 * ((real[k] ?? 0) ** 2 + (imaginary[k] ?? 0) ** 2)) / (power * rateHz);
@@ -43,7 +43,7 @@ export function medianFrequency({ stepHz, density }: Spectrum): number | null {
 }
 
 /** Fast Fourier transform in place, radix 2 (Cooley and Tukey 1965); the length is a power of two. */
-function transform(real: number[], imaginary: number[]): void {
+function fft(real: number[], imaginary: number[]): void {
   const size = real.length;
   for (let k = 0, reversed = 0; k < size; k++) {
     if (k < reversed) {

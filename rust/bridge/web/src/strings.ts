@@ -202,7 +202,7 @@ const controls = {
   gone: "The gamepad is disconnected",
 };
 
-const wheel = {
+const controlLease = {
   you: "You drive",
   nobody: "Nobody drives",
   other: (name: string) => `${name} drives. You watch.`,
@@ -334,7 +334,7 @@ const signals = {
   locked: (name: string) => `${name}, locked`,
 };
 
-const views = {
+const insets = {
   cameras: { shoulder: "Over the shoulder", eyes: "First person", free: "Free" },
   camera: (name: string, turns: boolean) => `Camera: ${name}${turns ? " — Shift and arrows or a drag turn it" : ""}`,
   hand: "Hand",
@@ -375,7 +375,7 @@ const captions = {
   grip: "grip: hum",
 };
 
-const refused = {
+const startError = {
   close: "OK",
 };
 
@@ -397,7 +397,7 @@ const intent = {
 // --- The other pages --------------------------------------------------------------------------------------------------------------
 
 export const strings = {
-  hud, events, result, settings, controls, wheel, guide, hints, tutorial, signals, views, scores, captions, refused, intent,
+  hud, events, result, settings, controls, wheel: controlLease, guide, hints, tutorial, signals, views: insets, scores, captions, refused: startError, intent,
   replay: {
     title: "Replay",
     none: "No trial is loaded. Start this page with: proact replay TRIAL_DIRECTORY [ANOTHER] --page",

@@ -1,6 +1,6 @@
 // A recorded trial, to be looked at at any instant.
 
-import { between, type Drawn } from "./motion";
+import { interpolateFrames, type InterpolatedFrame } from "./frameInterpolation";
 import type { DisplayFrame, RecordedTrial, TrialEvent } from "./generated/types";
 
 export class Timeline {
@@ -16,7 +16,7 @@ export class Timeline {
   }
 
   /** The frame in force at `time`, and what to draw then; none for a trial without frames. */
-  at(time: number): { frame: DisplayFrame; drawn: Drawn } | null {
+  at(time: number): { frame: DisplayFrame; drawn: InterpolatedFrame } | null {
     const { frames } = this.record;
     if (frames.length === 0) return null;
     let [low, high] = [0, frames.length - 1];
@@ -30,7 +30,7 @@ export class Timeline {
     if (!from || !to) return null;
     const span = to.time - from.time;
     const share = span > 0 ? Math.min(Math.max((time - from.time) / span, 0), 1) : 0;
-    return { frame: from, drawn: between(from, to, share) };
+    return { frame: from, drawn: interpolateFrames(from, to, share) };
   }
 
   /** The last event up to `time`; changes of the gesture are on display anyway. */

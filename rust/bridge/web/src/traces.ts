@@ -6,14 +6,14 @@ import { strings } from "./strings";
 /** Length of what is shown, seconds. */
 const SPAN_SECS = 5;
 /** Widest deviation that fills a lane, at least this many units of the stream: noise is not blown up. */
-const LEAST_RANGE = 4;
+const MIN_RANGE = 4;
 /** Height that a label needs, pixels: of lower lanes only some are labelled. */
 const LABEL_HEIGHT = 14;
-const LIGHTS: Record<string, string> = { green: "#00a37a", amber: "#e08a00", red: "#d0342c" };
-const GREY = "#b6c0c9";
+const STATUS_COLORS: Record<string, string> = { green: "#00a37a", amber: "#e08a00", red: "#d0342c" };
+const GRAY = "#b6c0c9";
 const INK = "#23415c";
 
-export class Traces {
+export class TraceView {
   private samples: number[][] = [];
   private lights: string[] = [];
   private faults: (string | null)[] = [];
@@ -29,7 +29,7 @@ export class Traces {
     this.samples = [];
   }
 
-  take(signals: Signals): void {
+  setSignals(signals: Signals): void {
     this.rate = signals.emg_row_hz;
     this.lights = signals.lights;
     this.faults = signals.faults;
@@ -65,7 +65,7 @@ export class Traces {
     context.textBaseline = "middle";
     for (let channel = 0; channel < lanes; channel++) {
       const middle = (channel + 0.5) * lane;
-      context.fillStyle = LIGHTS[this.lights[channel] ?? ""] ?? GREY;
+      context.fillStyle = STATUS_COLORS[this.lights[channel] ?? ""] ?? GRAY;
       context.beginPath();
       context.arc(10, middle, dot, 0, 2 * Math.PI);
       context.fill();
@@ -73,7 +73,7 @@ export class Traces {
       if (channel % labelled === 0) context.fillText(strings.experimenter.channel(channel + 1), 22, middle);
       const fault = this.faults[channel];
       if (fault && labelled === 1) {
-        context.fillStyle = LIGHTS["red"] ?? INK;
+        context.fillStyle = STATUS_COLORS["red"] ?? INK;
         context.fillText(fault.replaceAll("_", " "), 86, middle);
       }
       this.drawLane(context, channel, { left, width: width - left, middle, half: 0.46 * lane, total });
@@ -93,7 +93,7 @@ export class Traces {
     context.stroke();
     const values = this.samples.map((sample) => sample[channel] ?? 0);
     const mean = values.reduce((sum, value) => sum + value, 0) / Math.max(values.length, 1);
-    const range = values.reduce((most, value) => Math.max(most, Math.abs(value - mean)), LEAST_RANGE);
+    const range = values.reduce((most, value) => Math.max(most, Math.abs(value - mean)), MIN_RANGE);
     context.strokeStyle = INK;
     context.beginPath();
     const first = total - values.length;

@@ -21,16 +21,16 @@ import {
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { element, setClass, setText } from "./dom";
-import type { Pose, ReachPicture, StreamFigures, TrackingReport } from "./generated/types";
+import type { Pose, ReachGrid, PoseStreamStatistics, TrackingReport } from "./generated/types";
 import { strings } from "./strings";
 import { fixed } from "./numbers";
 
 const words = strings.tracking;
 
 /** From report to report, ms. */
-const EVERY_MS = 100;
+const REPORT_INTERVAL_MS = 100;
 /** Places of a body that its trail shows: three seconds. */
-const TRAIL = 30;
+const TRAIL_LENGTH = 30;
 
 const link = element("span", "muted", words.connecting);
 const scene = element("div", "scene");
@@ -44,7 +44,7 @@ cards.setAttribute("aria-label", words.sources);
 document.getElementById("page")?.append(element("header", "", element("h1", "", words.title), link), scene, cards);
 
 /** The figures of one source. */
-class Card {
+class SourceCard {
   readonly root = element("article", "card");
   private readonly title = element("h2");
   private readonly verdict = element("p", "verdict");
@@ -100,18 +100,18 @@ function ms(secs: number): string {
 }
 
 /** Of the last ten seconds. */
-function dropouts({ dropouts: count, longest_secs: longest, missing }: StreamFigures): string {
+function dropouts({ dropouts: count, longest_secs: longest, missing }: PoseStreamStatistics): string {
   return count === 0 ? words.noDropouts : words.dropouts(count, ms(longest), 100 * missing);
 }
 
 /** The frames of one source in `world`. */
-class Frames {
+class FramesView {
   readonly root = new Group();
   private readonly tracking = new AxesHelper(0.3);
   private readonly body = new AxesHelper(0.18);
   private readonly ring = new Mesh(new RingGeometry(0.05, 0.06, 40), new MeshBasicMaterial({ color: "#0b6fb8", side: DoubleSide }));
   private readonly trail = new Line(
-    new BufferGeometry().setAttribute("position", new BufferAttribute(new Float32Array(3 * TRAIL), 3)),
+    new BufferGeometry().setAttribute("position", new BufferAttribute(new Float32Array(3 * TRAIL_LENGTH), 3)),
     new LineBasicMaterial({ color: "#0b6fb8" }),
   );
   private readonly places: number[][] = [];
@@ -124,7 +124,7 @@ class Frames {
   }
 
   /** Places of the box, coloured by what it takes to get there. */
-  private showReach(picture: ReachPicture | null): void {
+  private showReach(picture: ReachGrid | null): void {
     const key = JSON.stringify(picture);
     if (key === this.reached) return;
     this.reached = key;
@@ -149,9 +149,9 @@ class Frames {
     this.ring.material.color.set(fault === null ? "#00a070" : "#d03a2f");
     if (!body) return;
     this.places.push(body.translation);
-    if (this.places.length > TRAIL) this.places.shift();
+    if (this.places.length > TRAIL_LENGTH) this.places.shift();
     const points = this.trail.geometry.getAttribute("position");
-    for (let k = 0; k < TRAIL; k++) {
+    for (let k = 0; k < TRAIL_LENGTH; k++) {
       const [x = 0, y = 0, z = 0] = this.places[Math.min(k, this.places.length - 1)] ?? [];
       points.setXYZ(k, x, y, z);
     }
@@ -197,7 +197,7 @@ function makeView(): { world: Scene; draw: () => void } | null {
 }
 
 const view = makeView();
-const shown = new Map<string, { card: Card; frames: Frames }>();
+const shown = new Map<string, { card: SourceCard; frames: FramesView }>();
 const none = element("p", "card", words.none);
 
 function show(reports: TrackingReport[]): void {
@@ -205,7 +205,7 @@ function show(reports: TrackingReport[]): void {
   for (const report of reports) {
     let parts = shown.get(report.source);
     if (!parts) {
-      parts = { card: new Card(), frames: new Frames() };
+      parts = { card: new SourceCard(), frames: new FramesView() };
       shown.set(report.source, parts);
       cards.append(parts.card.root);
       view?.world.add(parts.frames.root);
@@ -225,7 +225,7 @@ async function ask(): Promise<void> {
   } catch {
     setText(link, words.gone);
   }
-  setTimeout(() => void ask(), EVERY_MS);
+  setTimeout(() => void ask(), REPORT_INTERVAL_MS);
 }
 
 cards.append(none);

@@ -2,7 +2,7 @@
 
 import { Dialog } from "./dialog";
 import { button, element, setClass, setText } from "./dom";
-import { nextThing, STEPS, type Circumstances } from "./hints";
+import { nextHint, STEPS, type HintContext } from "./hints";
 import { objectName } from "./objects";
 import type { DisplayFrame, MethodInfo, ObjectId } from "./generated/types";
 import { keyName, type Settings } from "./settings";
@@ -11,7 +11,7 @@ import { strings } from "./strings";
 const words = strings.tutorial;
 
 /** One for each step of the guide, by whose gesture it is done. */
-const LESSONS = words.lessons.map((lesson, k) => ({ ...lesson, gesture: STEPS[k]?.gesture ?? null }));
+const LESSON_BY_STEP = words.lessons.map((lesson, k) => ({ ...lesson, gesture: STEPS[k]?.gesture ?? null }));
 
 export interface TutorialHandlers {
   /** Begin a trial with this method. */
@@ -29,13 +29,13 @@ export class Tutorial {
   private readonly text = element("span");
   private readonly key = element("kbd", "big");
   private readonly hint = element("p", "note");
-  private readonly dots = LESSONS.map(() => element("i"));
+  private readonly dots = LESSON_BY_STEP.map(() => element("i"));
   private readonly pointer = element("div", "pointer", "▼");
   private readonly done: Dialog;
   private readonly doneTitle = element("h2", "", words.done);
   private active = false;
   /** Name of the method that the lessons are about. */
-  private taught: string | undefined;
+  private lessonMethod: string | undefined;
 
   constructor(
     private readonly handlers: TutorialHandlers,
@@ -66,7 +66,7 @@ export class Tutorial {
   /** The methods that there are. The lessons are those of the one that selects and knows the task. */
   setMethods(methods: MethodInfo[]): void {
     const selecting = methods.filter(({ style }) => style === "selecting");
-    this.taught = (selecting.find(({ needs }) => needs.prior) ?? selecting[0])?.name;
+    this.lessonMethod = (selecting.find(({ needs }) => needs.prior) ?? selecting[0])?.name;
     const choice = ({ name, title }: MethodInfo) =>
       button(
         `${name} · ${title}`,
@@ -78,9 +78,9 @@ export class Tutorial {
       );
     this.done.root.replaceChildren(
       this.doneTitle,
-      element("p", "", words.others(this.taught ?? "")),
-      element("div", "choices", ...methods.filter(({ name }) => name !== this.taught).map(choice)),
-      element("div", "buttons", button(words.goOn(this.taught ?? ""), () => this.end(), "primary")),
+      element("p", "", words.others(this.lessonMethod ?? "")),
+      element("div", "choices", ...methods.filter(({ name }) => name !== this.lessonMethod).map(choice)),
+      element("div", "buttons", button(words.goOn(this.lessonMethod ?? ""), () => this.end(), "primary")),
     );
   }
 
@@ -98,20 +98,20 @@ export class Tutorial {
     this.keys = keys;
   }
 
-  greet(): void {
+  showWelcome(): void {
     this.welcome.show();
   }
 
   start(): void {
-    if (this.taught === undefined) return;
+    if (this.lessonMethod === undefined) return;
     this.welcome.close();
     this.done.close();
     this.active = true;
-    this.handlers.choose(this.taught);
+    this.handlers.choose(this.lessonMethod);
   }
 
   /** Goes away without having been done or skipped. */
-  leave(): void {
+  close(): void {
     this.active = false;
     this.welcome.close();
     this.done.close();
@@ -119,24 +119,24 @@ export class Tutorial {
   }
 
   private end(): void {
-    this.leave();
+    this.close();
     this.handlers.ended();
   }
 
   update(
     frame: DisplayFrame,
-    now: Circumstances,
+    now: HintContext,
     project: (what: "object" | "target", id: ObjectId) => { x: number; y: number } | null,
   ): void {
-    if (!this.active || frame.method !== this.taught) return;
+    if (!this.active || frame.method !== this.lessonMethod) return;
     if (frame.score > 0) {
       this.active = false;
       this.card.hidden = this.pointer.hidden = true;
       this.done.show();
       return;
     }
-    const { step, hint } = nextThing(frame, now);
-    const lesson = LESSONS[step ?? -1];
+    const { step, hint } = nextHint(frame, now);
+    const lesson = LESSON_BY_STEP[step ?? -1];
     this.card.hidden = false;
     const block = frame.hand.holds ?? frame.next;
     setText(this.number, step === null ? "!" : String(step + 1));

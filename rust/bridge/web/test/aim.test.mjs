@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { load } from "./bundle.mjs";
 
-const { aim } = await load("aim");
+const { jogGoal } = await load("jogGoal");
 
 const arm = { grasps: [{ widths: [0, 0.06], centre: [0, 0, 0], roll: 0, roll_range: [-0.5, 0.5], lean: 0.5 }] };
 const scene = { table_height: 1, objects: [{ shape: { type: "cylinder", radius: 0.025, length: 0.05 } }], targets: [] };
@@ -18,7 +18,7 @@ const frame = (x, y, moves) => ({
   world_from_base: { translation: [0, 0, 1.5], rotation: still },
   world_from_tip: { translation: [-x, -y, 1.3], rotation: still },
 });
-const next = (...now) => aim(frame(...now), arm, scene).next;
+const next = (...now) => jogGoal(frame(...now), arm, scene).nextMove;
 
 test("the axis that is chosen is used up before the next one comes", () => {
   assert.equal(next(0.1, 0.2, { translation: 2 }).axis, 1, "the longer way first");

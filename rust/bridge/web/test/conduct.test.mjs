@@ -5,21 +5,21 @@ import { test } from "node:test";
 import { load } from "./bundle.mjs";
 
 const {
-  aboutText,
+  subjectText,
   ageText,
-  answeredOf,
+  answerCounts,
   beginLabel,
   BreakClock,
   breakText,
   clockText,
   deviationText,
-  freshId,
+  suggestedId,
   leftText,
   nextLabel,
   stepState,
-  timesNoted,
-  whoText,
-} = await load("conductwords");
+  noteCounts,
+  participantText,
+} = await load("conductText");
 const { QUESTIONS } = await load("reasons");
 
 const KINDS = ["say", "form", "train", "calibrate_gaze", "demonstrate", "practise", "rest", "trial"];
@@ -69,20 +69,20 @@ test("ages, clocks and what is left are rounded so that none promises too much",
 });
 
 test("who is next has a place, and a pseudonym where there is one", () => {
-  assert.equal(whoText({ participant: 3, id: "P03", session: "1" }), "P03 · Participant 3 · Session 1");
-  assert.equal(whoText({ participant: 5, id: null, session: "2" }), "Participant 5 · Session 2");
+  assert.equal(participantText({ participant: 3, id: "P03", session: "1" }), "P03 · Participant 3 · Session 1");
+  assert.equal(participantText({ participant: 5, id: null, session: "2" }), "Participant 5 · Session 2");
 });
 
 test("a new participant is named after the first free place", () => {
   const people = (...ids) => ids.map((id, k) => ({ participant: k + 1, id, steps: [0, 1], trials: [0, 1] }));
-  assert.equal(freshId(people("mira", null, "P03", null)), "P02");
-  assert.equal(freshId(people("mira")), "");
+  assert.equal(suggestedId(people("mira", null, "P03", null)), "P02");
+  assert.equal(suggestedId(people("mira")), "");
 });
 
 test("optional questions do not count as questions to be answered", () => {
   const item = (key, optional = false) => ({ kind: "text", key, text: { en: key }, optional });
   const screen = { form: { items: [item("a"), item("b"), item("c", true)] }, pairs: [], missing: ["b"] };
-  assert.deepEqual(answeredOf(screen), [1, 2]);
+  assert.deepEqual(answerCounts(screen), [1, 2]);
 });
 
 test("a break counts on by itself, and over its time once it is over", () => {
@@ -117,18 +117,18 @@ test("a dialog says what it is about", () => {
   ];
   const steps = [line(1, "trial 1 of A", { outcome: "done" }), line(2, "break", { outcome: "done" }), line(3, "trial 2 of A")];
   const session = { steps, now: { ...now(3, "trial", false, { checks }), label: "trial 2 of A" } };
-  assert.equal(aboutText("redo", session), "Trial 1 of A");
-  assert.equal(aboutText("skip", session), "Trial 2 of A");
-  assert.equal(aboutText("start_anyway", session), "Not ready: eye tracker (2.9° off), disk (full)");
-  assert.equal(aboutText("retrain", session), "");
-  assert.equal(aboutText("redo", { steps: [], now: null }), "");
+  assert.equal(subjectText("redo", session), "Trial 1 of A");
+  assert.equal(subjectText("skip", session), "Trial 2 of A");
+  assert.equal(subjectText("start_anyway", session), "Not ready: eye tracker (2.9° off), disk (full)");
+  assert.equal(subjectText("retrain", session), "");
+  assert.equal(subjectText("redo", { steps: [], now: null }), "");
 });
 
 test("a note has come through once it is there once more", () => {
   const before = ["09:31 band moved", "band moved"];
-  assert.equal(timesNoted(before, "band moved"), 2);
-  assert.equal(timesNoted([...before, "09:40 band moved"], "band moved"), 3);
-  assert.equal(timesNoted(before, "moved away"), 0);
+  assert.equal(noteCounts(before, "band moved"), 2);
+  assert.equal(noteCounts([...before, "09:40 band moved"], "band moved"), 3);
+  assert.equal(noteCounts(before, "moved away"), 0);
 });
 
 test("every question has reasons to choose from by mouse, each once", () => {

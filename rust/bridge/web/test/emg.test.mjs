@@ -4,36 +4,36 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { load } from "./bundle.mjs";
 
-const { EmgColumns, SPAN_SECS } = await load("emgcolumns");
+const { EmgColumns, SPAN_SECS } = await load("emgColumns");
 const { powerSpectrum, medianFrequency } = await load("spectrum");
 
 test("a peak of one sample stays in its column, and the oldest columns go", () => {
   const columns = new EmgColumns();
   const rows = (from, count) => Array.from({ length: count }, (_, k) => [from + k === 5003 ? 99 : 1, 10]);
-  for (let from = 0; from < 6000; from += 100) columns.take(rows(from, 100), 1000);
-  assert.equal(columns.begun, Math.floor((5999 * columns.count) / (1000 * SPAN_SECS)) + 1);
-  assert.equal(columns.begun - columns.oldest, 1.15 * columns.count);
-  assert.equal(columns.high(Math.floor((5003 * columns.count) / (1000 * SPAN_SECS)), 0), 99);
-  assert.equal(columns.level(1), 10);
+  for (let from = 0; from < 6000; from += 100) columns.push(rows(from, 100), 1000);
+  assert.equal(columns.columnCount, Math.floor((5999 * columns.count) / (1000 * SPAN_SECS)) + 1);
+  assert.equal(columns.columnCount - columns.oldest, 1.15 * columns.count);
+  assert.equal(columns.maximum(Math.floor((5003 * columns.count) / (1000 * SPAN_SECS)), 0), 99);
+  assert.equal(columns.baseline(1), 10);
   assert.equal(columns.peak(1, 10), 0);
-  assert.ok(columns.peak(0, columns.level(0)) > 97);
+  assert.ok(columns.peak(0, columns.baseline(0)) > 97);
 });
 
 test("a slow stream has a column for two rows, and another number of channels begins anew", () => {
   const columns = new EmgColumns();
-  columns.take([[1, 2], [3, 4], [5, 6]], 50);
-  assert.deepEqual([columns.count, columns.begun, columns.channels], [25 * SPAN_SECS, 2, 2]);
-  assert.deepEqual([columns.low(0, 0), columns.high(0, 1), columns.low(1, 0)], [1, 4, 5]);
-  columns.take([[7, 7, 7]], 50);
-  assert.deepEqual([columns.begun, columns.channels, columns.low(0, 2)], [1, 3, 7]);
+  columns.push([[1, 2], [3, 4], [5, 6]], 50);
+  assert.deepEqual([columns.count, columns.columnCount, columns.channels], [25 * SPAN_SECS, 2, 2]);
+  assert.deepEqual([columns.minimum(0, 0), columns.maximum(0, 1), columns.minimum(1, 0)], [1, 4, 5]);
+  columns.push([[7, 7, 7]], 50);
+  assert.deepEqual([columns.columnCount, columns.channels, columns.minimum(0, 2)], [1, 3, 7]);
 });
 
 test("of a dense stream each column has a lowest and a highest value", () => {
   for (const rowHz of [31.25, 250, 400]) {
     const columns = new EmgColumns();
-    columns.take(Array.from({ length: 2 * Math.round(SPAN_SECS * rowHz) }, (_, k) => [k % 2 === 0 ? -1 : 1]), rowHz);
-    for (let column = columns.oldest; column < columns.begun - 1; column++) {
-      assert.deepEqual([columns.low(column, 0), columns.high(column, 0)], [-1, 1], `${rowHz} Hz, column ${column}`);
+    columns.push(Array.from({ length: 2 * Math.round(SPAN_SECS * rowHz) }, (_, k) => [k % 2 === 0 ? -1 : 1]), rowHz);
+    for (let column = columns.oldest; column < columns.columnCount - 1; column++) {
+      assert.deepEqual([columns.minimum(column, 0), columns.maximum(column, 0)], [-1, 1], `${rowHz} Hz, column ${column}`);
     }
   }
 });

@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { load } from "./bundle.mjs";
 
-const { BOARD_HEIGHT, BOARD_WIDTH, cellAt, Dwell, DWELL_MS, pageOf, pagesOf, wrapped } = await load("formlayout");
+const { BOARD_HEIGHT, BOARD_WIDTH, cellAt, DwellSelector, DWELL_MS, pageOf, pagesOf, wrapLines } = await load("formLayout");
 const { questionsOf, ranksOf } = await load("forms");
 
 const scale = (key, most = 5, step = 1) => ({ kind: "scale", key, name: {}, text: { en: key }, low: { en: "low" }, high: { en: "high" }, least: 0, most, step });
@@ -26,8 +26,8 @@ const items = [
 const pages = pagesOf(questionsOf({ form: { items }, pairs: [{ key: "short_or_long", first: "short", second: "long" }] }));
 const at = (key) => pages.findIndex((page) => page.key === key);
 const pageWith = (key, answers = {}, ranks = ranksOf(answers[key])) =>
-  pageOf({ pages, at: at(key), conditions: ["A", "B", "C"], language: "en", answer: (name) => answers[name] ?? null, ranks });
-const answersOf = (page) => page.cells.filter(({ act }) => act.act === "answer").map(({ act }) => act.answer);
+  pageOf({ pages, pageIndex: at(key), conditions: ["A", "B", "C"], language: "en", answer: (name) => answers[name] ?? null, ranks });
+const answersOf = (page) => page.cells.filter(({ action }) => action.act === "answer").map(({ action }) => action.answer);
 
 test("every question has cells on the board, wide enough for a ray, that do not overlap", () => {
   for (const { key } of pages) {
@@ -53,8 +53,8 @@ test("each kind gives the answers that the server takes", () => {
   assert.deepEqual(answersOf(pageWith("consent")), ["2"]);
   assert.deepEqual(answersOf(pageWith("consent", { consent: "2" })), [null], "agreement can be taken back");
   assert.deepEqual(answersOf(pageWith("short_or_long")), ["short", "long"]);
-  const ranks = pageWith("ranks").cells.filter(({ act }) => act.act === "rank");
-  assert.deepEqual(ranks.slice(0, 3).map(({ act }) => [act.condition, act.place]), [["A", 1], ["A", 2], ["A", 3]]);
+  const ranks = pageWith("ranks").cells.filter(({ action }) => action.act === "rank");
+  assert.deepEqual(ranks.slice(0, 3).map(({ action }) => [action.condition, action.place]), [["A", 1], ["A", 2], ["A", 3]]);
 });
 
 test("what was answered is marked", () => {
@@ -68,19 +68,19 @@ test("what was answered is marked", () => {
 test("words that are wanted are asked for at the screen, and others are left out", () => {
   assert.equal(pageWith("why").note, "Answer this one at the screen.");
   assert.equal(at("more"), -1);
-  const empty = pageOf({ pages: [], at: 0, conditions: [], language: "en", answer: () => null, ranks: new Map() });
+  const empty = pageOf({ pages: [], pageIndex: 0, conditions: [], language: "en", answer: () => null, ranks: new Map() });
   assert.deepEqual(empty.cells.map(({ label }) => label), ["Done"]);
 });
 
 test("the first page has no way back, and the last one ends the questionnaire", () => {
-  const turns = (key) => pageWith(key).cells.filter(({ act }) => act.act === "turn" || act.act === "done").map(({ label }) => label);
+  const turns = (key) => pageWith(key).cells.filter(({ action }) => action.act === "turn" || action.act === "done").map(({ label }) => label);
   assert.deepEqual(turns(pages[0].key), ["Next"]);
   assert.deepEqual(turns(pages[1].key), ["Back", "Next"]);
   assert.deepEqual(turns(pages[pages.length - 1].key), ["Back", "Done"]);
 });
 
 test("a ray that rests chooses once, and again only after it has left", () => {
-  const dwell = new Dwell();
+  const dwell = new DwellSelector();
   const next = { x: 1, y: 2, width: 3, height: 4 };
   assert.equal(dwell.update(0, next).chosen, false);
   assert.equal(dwell.update(DWELL_MS / 2, next).share, 0.5);
@@ -93,7 +93,7 @@ test("a ray that rests chooses once, and again only after it has left", () => {
 });
 
 test("a new questionnaire chooses nothing that comes to be under the ray by chance", () => {
-  const dwell = new Dwell();
+  const dwell = new DwellSelector();
   const [done, other] = [{ x: 1, y: 2, width: 3, height: 4 }, { x: 9, y: 2, width: 3, height: 4 }];
   dwell.update(0, null);
   dwell.begin();
@@ -104,17 +104,17 @@ test("a new questionnaire chooses nothing that comes to be under the ray by chan
 });
 
 test("a ray that leaves too early chooses nothing, and what the trigger chose is not chosen again", () => {
-  const dwell = new Dwell();
+  const dwell = new DwellSelector();
   const [one, other] = [{ x: 1, y: 2, width: 3, height: 4 }, { x: 9, y: 2, width: 3, height: 4 }];
   dwell.update(0, one);
   dwell.update(0.9 * DWELL_MS, other);
   assert.equal(dwell.update(1.5 * DWELL_MS, other).chosen, false);
-  dwell.spend();
+  dwell.reset();
   assert.equal(dwell.update(9 * DWELL_MS, other).chosen, false);
 });
 
 test("text is broken between words", () => {
   const measure = (text) => text.length;
-  assert.deepEqual(wrapped("one two three four", 9, measure), ["one two", "three", "four"]);
-  assert.deepEqual(wrapped("immeasurable", 5, measure), ["immeasurable"]);
+  assert.deepEqual(wrapLines("one two three four", 9, measure), ["one two", "three", "four"]);
+  assert.deepEqual(wrapLines("immeasurable", 5, measure), ["immeasurable"]);
 });

@@ -5,8 +5,8 @@ import { test } from "node:test";
 import { load } from "./bundle.mjs";
 
 const forms = await load("forms");
-const { Draft } = await load("draft");
-const { clockText, Countdown, promptTexts, sentenceOf } = await load("participantscreens");
+const { FormState } = await load("formState");
+const { clockText, Countdown, promptTexts, sentenceOf } = await load("participantScreens");
 
 const scale = (key, more = {}) => ({ kind: "scale", key, name: {}, text: { en: key }, low: { en: "low" }, high: { en: "high" }, least: 1, most: 5, step: 1, ...more });
 const text = (key, optional) => ({ kind: "text", key, text: { en: key }, optional });
@@ -32,8 +32,8 @@ test("of the languages that there are the one that is wanted is shown", () => {
   assert.equal(choose(["de", "en"], ["it", "fr"]), "en", "English else");
   assert.equal(choose(["de", "fr"], ["it"]), "de", "the first else");
   assert.equal(choose([], ["it"]), "en");
-  assert.deepEqual(forms.wordsIn({ en: "Yes", de: "Ja" }, "de"), { text: "Ja", language: "de" });
-  assert.deepEqual(forms.wordsIn({ en: "Yes" }, "de"), { text: "Yes", language: "en" }, "what was not translated says what it is");
+  assert.deepEqual(forms.textInLanguage({ en: "Yes", de: "Ja" }, "de"), { text: "Ja", language: "de" });
+  assert.deepEqual(forms.textInLanguage({ en: "Yes" }, "de"), { text: "Yes", language: "en" }, "what was not translated says what it is");
   assert.deepEqual(forms.languagesOf(form(scale("a", { low: { en: "low", de: "tief" } }))), ["de", "en"]);
 });
 
@@ -45,14 +45,14 @@ test("the numbers of a scale are those of its steps, without binary fractions", 
 
 test("a ranking becomes places without empty ones, and comes back", () => {
   const conditions = ["A", "B", "C", "D"];
-  const places = (ranks) => forms.placesOf(conditions, new Map(Object.entries(ranks)));
+  const places = (ranks) => forms.conditionsByRank(conditions, new Map(Object.entries(ranks)));
   assert.deepEqual(places({ A: 2, B: 1, C: 3, D: 4 }), [["B"], ["A"], ["C"], ["D"]]);
   assert.deepEqual(places({ A: 4, B: 1, C: 4, D: 1 }), [["B", "D"], ["A", "C"]], "shared places, and none between them");
   assert.deepEqual(places({ A: 2, B: 2, C: 2, D: 2 }), [conditions]);
   assert.equal(places({ A: 1, B: 2, C: 3 }), null, "one has no place yet");
-  assert.equal(forms.placesOf([], new Map()), null);
+  assert.equal(forms.conditionsByRank([], new Map()), null);
   for (const answer of [[["B"], ["A", "C"], ["D"]], [conditions]]) {
-    assert.deepEqual(forms.placesOf(conditions, forms.ranksOf(answer)), answer);
+    assert.deepEqual(forms.conditionsByRank(conditions, forms.ranksOf(answer)), answer);
   }
   assert.equal(forms.ranksOf(null).size, 0);
   assert.equal(forms.orderText([["B"], ["A", "C", "D"]]), "B, then A, C and D together");
@@ -60,31 +60,31 @@ test("a ranking becomes places without empty ones, and comes back", () => {
 
 test("free words are cut at the limit in bytes, never in a character", () => {
   assert.equal(forms.byteLength("für"), 4);
-  assert.equal(forms.clipped("für", 10), "für");
-  assert.equal(forms.clipped("für", 2), "f", "ü takes two bytes");
-  assert.equal(forms.clipped("a😀b", 4), "a", "a face takes four");
-  assert.equal(forms.clipped("a😀b", 5), "a😀");
-  assert.equal(forms.byteLength(forms.clipped("ü".repeat(6000))), forms.MOST_BYTES);
+  assert.equal(forms.truncateUtf8("für", 10), "für");
+  assert.equal(forms.truncateUtf8("für", 2), "f", "ü takes two bytes");
+  assert.equal(forms.truncateUtf8("a😀b", 4), "a", "a face takes four");
+  assert.equal(forms.truncateUtf8("a😀b", 5), "a😀");
+  assert.equal(forms.byteLength(forms.truncateUtf8("ü".repeat(6000))), forms.MAX_TEXT_BYTES);
 });
 
 test("several answers are listed as they are offered, and the last one taken back is no answer", () => {
   const options = ["x", "y", "z"];
-  assert.deepEqual(forms.toggled(options, ["z"], "x"), ["x", "z"]);
-  assert.deepEqual(forms.toggled(options, [], "y"), ["y"], "none of these is over then");
-  assert.equal(forms.toggled(options, ["y"], "y"), null);
+  assert.deepEqual(forms.toggleAnswer(options, ["z"], "x"), ["x", "z"]);
+  assert.deepEqual(forms.toggleAnswer(options, [], "y"), ["y"], "none of these is over then");
+  assert.equal(forms.toggleAnswer(options, ["y"], "y"), null);
 });
 
 function drafted(items, more) {
   const sent = [];
-  const draft = new Draft({ answer: (step, key, answer) => sent.push([step, key, answer]), submit: (step) => sent.push([step]) });
-  const take = (again = {}) => draft.take(screen(items, { ...more, ...again }));
+  const draft = new FormState({ answer: (step, key, answer) => sent.push([step, key, answer]), submit: (step) => sent.push([step]) });
+  const take = (again = {}) => draft.setScreen(screen(items, { ...more, ...again }));
   take();
   return { draft, sent, take };
 }
 
 test("an answer counts once it comes back, and what comes in between does not undo it", () => {
   const { draft, sent, take } = drafted([scale("ease"), scale("speed")]);
-  draft.give("ease", 4);
+  draft.setAnswer("ease", 4);
   assert.deepEqual(sent, [[3, "ease", 4]]);
   assert.deepEqual([draft.state("ease"), draft.answer("ease")], ["sending", 4]);
   take({ answers: { speed: 1 } });
@@ -92,7 +92,7 @@ test("an answer counts once it comes back, and what comes in between does not un
   assert.deepEqual(draft.progress(), { kept: 1, of: 2 });
   take({ answers: { speed: 1, ease: 4 } });
   assert.equal(draft.state("ease"), "saved");
-  draft.give("ease", null);
+  draft.setAnswer("ease", null);
   assert.deepEqual([draft.state("ease"), draft.answer("ease")], ["sending", null]);
   take({ answers: { speed: 1 } });
   assert.equal(draft.state("ease"), "none");
@@ -100,12 +100,12 @@ test("an answer counts once it comes back, and what comes in between does not un
 
 test("a refused answer stays as it was typed, with the reason, until another is given", () => {
   const { draft, take } = drafted([text("why", false)]);
-  draft.give("why", "long");
+  draft.setAnswer("why", "long");
   const refused = { key: "why", reason: "too long" };
   take({ refused });
   assert.deepEqual([draft.state("why"), draft.reason("why"), draft.answer("why")], ["refused", "too long", "long"]);
   assert.deepEqual(draft.missing().map(({ key }) => key), ["why"], "it is still to be answered");
-  draft.give("why", "short");
+  draft.setAnswer("why", "short");
   assert.deepEqual([draft.state("why"), draft.reason("why")], ["sending", ""]);
   take({ answers: { why: "short" }, refused });
   assert.deepEqual([draft.state("why"), draft.reason("why")], ["saved", ""]);
@@ -113,25 +113,25 @@ test("a refused answer stays as it was typed, with the reason, until another is 
 
 test("an answer that is changed and changed back is what the server has", () => {
   const { draft, sent } = drafted([scale("ease")], { answers: { ease: 4 } });
-  draft.give("ease", 5);
+  draft.setAnswer("ease", 5);
   assert.equal(draft.state("ease"), "sending");
-  draft.give("ease", 4);
+  draft.setAnswer("ease", 4);
   assert.equal(draft.state("ease"), "saved", "no message may come of it");
   assert.deepEqual(sent.map(([, , answer]) => answer), [5, 4]);
 });
 
 test("what is refused twice for the same reason stays refused", () => {
   const { draft, take } = drafted([text("why", false)]);
-  draft.give("why", "x");
+  draft.setAnswer("why", "x");
   take({ refused: { key: "why", reason: "too short" } });
-  draft.give("why", "x");
+  draft.setAnswer("why", "x");
   assert.equal(draft.reason("why"), "too short");
 });
 
 test("what is typed is sent when the typing ends, and again when the line was lost", () => {
   const { draft, sent, take } = drafted([text("why", false)]);
-  draft.give("why", "a", true);
-  draft.give("why", "ab", true);
+  draft.setAnswer("why", "a", true);
+  draft.setAnswer("why", "ab", true);
   assert.deepEqual(sent, []);
   take();
   assert.equal(draft.answer("why"), "ab", "a message does not undo what is typed");
@@ -149,9 +149,9 @@ test("a questionnaire is sent when nothing is missing but what may be", () => {
   const { draft, sent, take } = drafted([scale("ease"), text("more", true)], { pairs: [{ key: "ease_or_more", first: "ease", second: "more" }] });
   assert.deepEqual(draft.submit().map(({ number }) => number), [1, 3]);
   assert.equal(forms.numbersText(draft.missing()), "1 and 3");
-  draft.give("ease", 2);
-  draft.give("ease_or_more", "ease");
-  draft.give("more", "words", true);
+  draft.setAnswer("ease", 2);
+  draft.setAnswer("ease_or_more", "ease");
+  draft.setAnswer("more", "words", true);
   sent.length = 0;
   assert.deepEqual(draft.submit(), []);
   assert.deepEqual(sent, [[3, "more", "words"], [3]], "words that were still being typed go first");

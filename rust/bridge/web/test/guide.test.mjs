@@ -4,13 +4,13 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { load } from "./bundle.mjs";
 
-const { STEPS, nextThing, knowObjects } = await load("hints", "objects");
-knowObjects({ objects: ["red1", "red2", "blue1", "blue2"].map((name) => ({ name })) });
+const { STEPS, nextHint, setSceneObjects } = await load("hints", "objects");
+setSceneObjects({ objects: ["red1", "red2", "blue1", "blue2"].map((name) => ({ name })) });
 
 const KEYS = { wrist_extension: "W", wrist_flexion: "S", hand_close: "A", hand_open: "D" };
-const page = { target: () => ({ x: 0.05, y: 0.2 }), lean: false, mouse: true, key: (gesture) => KEYS[gesture], restarts: true, aim: null };
+const page = { target: () => ({ x: 0.05, y: 0.2 }), lean: false, mouseIsGaze: true, key: (gesture) => KEYS[gesture], mayRestart: true, jogGoal: null };
 const seated = { ...page, lean: true };
-const muscles = { ...page, mouse: false, key: () => "" };
+const muscles = { ...page, mouseIsGaze: false, key: () => "" };
 
 function frame(changes = {}) {
   return {
@@ -115,18 +115,18 @@ const TABLE = [
   [{ stop: stop("limb_tracker", "frozen") }, page, "Move back to where the tracker sees your arm."],
   [{ stop: stop("stage", "lost") }, page, "Start the part of the program that ended."],
   [{ finished: true, stop: stop("page", "silent") }, page, "The trial is over. Restart begins another."],
-  [{ finished: true }, { ...page, restarts: false }, "The trial is over."],
+  [{ finished: true }, { ...page, mayRestart: false }, "The trial is over."],
 ];
 
 test("each state has its hint, which says the one next thing", () => {
   for (const [state, circumstances, said] of TABLE) {
-    assert.equal(nextThing(frame(state), circumstances).hint, said, JSON.stringify(state));
+    assert.equal(nextHint(frame(state), circumstances).hint, said, JSON.stringify(state));
   }
 });
 
 test("no hint has a bare code, a developer's word or the same verb twice", () => {
   for (const [state, circumstances] of TABLE) {
-    const { hint } = nextThing(frame(state), circumstances);
+    const { hint } = nextHint(frame(state), circumstances);
     assert.doesNotMatch(hint, /\b(WE|WF|HC|HO|NM|plan|planner|invalid|null|undefined)\b/, hint);
     assert.doesNotMatch(hint, /\bhold\b.*\bhold\b/i, hint);
     assert.ok(hint.split(/[.] /).length <= 2, `a reason and one thing to do: ${hint}`);
@@ -144,5 +144,5 @@ test("a transfer walks through all eight steps in order", () => {
     { hand: holding, target: placed },
     { hand: holding, target: placed, planner: arrived },
   ];
-  assert.deepEqual(situations.map((now) => nextThing(frame(now), page).step), STEPS.map((_, k) => k));
+  assert.deepEqual(situations.map((now) => nextHint(frame(now), page).step), STEPS.map((_, k) => k));
 });

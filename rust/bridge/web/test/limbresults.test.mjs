@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { load } from "./bundle.mjs";
 
-const { motionRows, tacRows } = await load("limbresults");
+const { motionRows, tacRows } = await load("limbResults");
 
 test("a row each gesture, and all of them", () => {
   const attempt = (prompt, selection_secs, completion_secs, wrong) => ({ prompt, selection_secs, completion_secs, right: 0, wrong });

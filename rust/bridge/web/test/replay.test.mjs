@@ -4,17 +4,17 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { load } from "./bundle.mjs";
 
-const { momentOf, queryOf, beginning } = await load("replaylink");
-const { lanesOf, spansOf } = await load("replaysignals");
-const { timeOf } = await load("replayevents");
-const { levelsOf, placed, valueAt } = await load("signaldata");
-const { SvgPen, drawPicture, marksOf, sizeOf, thinned } = await load("replaypicture");
+const { fromQuery, toQuery, defaultMoment } = await load("replayLink");
+const { lanesOf, spansOf } = await load("replaySignals");
+const { timeOf } = await load("replayEvents");
+const { axisLabels, rowPosition, valueAt } = await load("signalData");
+const { SvgPen, drawFigure, axisTicks, sizeOf, decimate } = await load("replayFigure");
 
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
 
 test("a link opens the moment that it was made at", () => {
   const moment = {
-    ...beginning(),
+    ...defaultMoment(),
     trials: [3, 1],
     time: -1234,
     camera: "free",
@@ -23,20 +23,20 @@ test("a link opens the moment that it was made at", () => {
     speed: 0.25,
     hidden: ["gesture", "plan"],
     folded: ["emg"],
-    align: { event: "grasp_made", number: 2 },
+    align: { event: "grasp_made", occurrence: 2 },
     window: [-5000, 2500],
     below: true,
   };
-  const query = queryOf(moment, new URLSearchParams("quality=3&t=9"));
+  const query = toQuery(moment, new URLSearchParams("quality=3&t=9"));
   assert.equal(query.get("quality"), "3", "what else the address says stays");
-  assert.deepEqual(momentOf(new URLSearchParams(query.toString()), 4, SPEEDS), moment);
+  assert.deepEqual(fromQuery(new URLSearchParams(query.toString()), 4, SPEEDS), moment);
 });
 
 test("what a link says wrongly is as it begins", () => {
-  const moment = momentOf(new URLSearchParams("trial=7&t=x&camera=roof&eye=1,2&speed=3&hide=no&align=grasp_made,0&window=5,1"), 1, SPEEDS);
-  assert.deepEqual(moment, { ...beginning(), trials: [0] });
-  assert.equal(momentOf(new URLSearchParams("align=no_such_event,1"), 1, SPEEDS).align, null);
-  assert.deepEqual(momentOf(new URLSearchParams(""), 3, SPEEDS).trials, [0, 1], "the first two");
+  const moment = fromQuery(new URLSearchParams("trial=7&t=x&camera=roof&eye=1,2&speed=3&hide=no&align=grasp_made,0&window=5,1"), 1, SPEEDS);
+  assert.deepEqual(moment, { ...defaultMoment(), trials: [0] });
+  assert.equal(fromQuery(new URLSearchParams("align=no_such_event,1"), 1, SPEEDS).align, null);
+  assert.deepEqual(fromQuery(new URLSearchParams(""), 3, SPEEDS).trials, [0, 1], "the first two");
 });
 
 test("trials are aligned by the event of a kind and number", () => {
@@ -46,7 +46,7 @@ test("trials are aligned by the event of a kind and number", () => {
 });
 
 test("a state is a span from its first instant to the next state", () => {
-  const spans = spansOf([0, 1, 2, 3], ["a", "a", null, "b"], (label) => ({ label, colour: "" }));
+  const spans = spansOf([0, 1, 2, 3], ["a", "a", null, "b"], (label) => ({ label, color: "" }));
   assert.deepEqual(spans.map(({ from, to, label }) => [from, to, label]), [[0, 2, "a"], [3, 3, "b"]]);
 });
 
@@ -106,11 +106,11 @@ test("a trial is plotted with its muscles, intent, plans and joints between thei
   assert.deepEqual(lanes.intent.data.lines.map(({ label, dashed }) => [label, dashed]), [["Red 1", false], ["Red 2", true]]);
   assert.deepEqual(lanes.plan.data.lines[0].values, [null, 0.25, 1]);
   const [row] = lanes.joints.data.rows;
-  assert.deepEqual([row.label, Math.round(row.low), Math.round(row.high)], ["Elbow flexion", -57, 57]);
+  assert.deepEqual([row.label, Math.round(row.minimum), Math.round(row.maximum)], ["Elbow flexion", -57, 57]);
   const [angle, goal] = lanes.joints.data.lines;
-  assert.ok(goal.beside && goal.values[0] === null);
-  const lowest = placed(lanes.joints.data, angle, row.low);
-  const highest = placed(lanes.joints.data, angle, row.high);
+  assert.ok(goal.isSecondary && goal.values[0] === null);
+  const lowest = rowPosition(lanes.joints.data, angle, row.minimum);
+  const highest = rowPosition(lanes.joints.data, angle, row.maximum);
   assert.ok(lowest > 0 && highest < 1 && highest > lowest, "the limits lie inside the row");
 });
 
@@ -124,18 +124,18 @@ test("what a trial has not is not plotted", () => {
 });
 
 test("marks of a time axis are round, and a dense line keeps its peaks", () => {
-  assert.deepEqual(marksOf(-3, 7, 5), [-2, 0, 2, 4, 6]);
+  assert.deepEqual(axisTicks(-3, 7, 5), [-2, 0, 2, 4, 6]);
   const points = Array.from({ length: 1000 }, (_, k) => [k / 100, k === 523 ? 99 : k % 2]);
-  const kept = thinned(points);
+  const kept = decimate(points);
   assert.ok(kept.length < 100 && kept.some(([, y]) => y === 99), `${kept.length} points`);
 });
 
 test("a picture says of which trial and moment it is, and names its axes and lines", () => {
-  const plots = lanesOf(recorded()).map(({ title, data }) => ({ title, data, shows: () => true }));
+  const plots = lanesOf(recorded()).map(({ title, data }) => ({ title, data, isLineShown: () => true }));
   const trial = { caption: "a <b> & c", scene: null, plots, time: 0.15, window: [0, 0.2], zero: 0.1 };
   const { width, height } = sizeOf([trial]);
   const pen = new SvgPen(width, height, "title");
-  drawPicture(pen, [trial], "Time from: grasp made 1");
+  drawFigure(pen, [trial], "Time from: grasp made 1");
   const svg = pen.toString();
   const texts = [...svg.matchAll(/<text[^>]*>([^<]*)<\/text>/g)].map((match) => match[1]);
   for (const text of ["a &lt;b&gt; &amp; c", "Time from: grasp made 1 (s)", "Joint angles", "Elbow flexion 14.3°", "Red 1 0.25", "−0.1", "−57.3"]) {
@@ -145,8 +145,8 @@ test("a picture says of which trial and moment it is, and names its axes and lin
 });
 
 test("what stands at the left of a row with edges lies within the row", () => {
-  const rows = [0, 1].map((k) => ({ label: `joint ${k}`, low: -10, high: 20 * (k + 1), edges: true }));
-  const levels = levelsOf({ rows });
+  const rows = [0, 1].map((k) => ({ label: `joint ${k}`, minimum: -10, maximum: 20 * (k + 1), edges: true }));
+  const levels = axisLabels({ rows });
   assert.deepEqual(levels.map(({ text }) => text), ["−10", "20", "−10", "40"]);
   assert.ok(levels[0].place > 1 && levels[1].place < 2 && levels[3].place < 1);
 });

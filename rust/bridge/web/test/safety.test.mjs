@@ -9,12 +9,12 @@ globalThis.window = new EventTarget();
 let pads = [];
 Object.defineProperty(globalThis, "navigator", { value: { getGamepads: () => pads }, configurable: true });
 
-const { Holding, READ_FOR_MS } = await load("holding");
+const { HeldGestures, POLL_TIMEOUT_MS } = await load("heldGestures");
 const { GamepadInput } = await load("gamepad");
 const TRIGGER = 7;
 
 test("the newest gesture is in force, and the one before it when it is let go of", () => {
-  const holding = new Holding();
+  const holding = new HeldGestures();
   assert.equal(holding.inForce, "no_motion");
   holding.press("KeyW", "wrist_extension", false);
   holding.press("gamepad 2", "hand_close", true);
@@ -26,22 +26,22 @@ test("the newest gesture is in force, and the one before it when it is let go of
 });
 
 test("what nobody reads is let go of once, and not while pictures come", () => {
-  const holding = new Holding();
-  holding.read(1000);
+  const holding = new HeldGestures();
+  holding.markPolled(1000);
   holding.press("gamepad 7", "wrist_extension", true);
-  assert.equal(holding.releaseUnread(1000 + READ_FOR_MS), false);
-  holding.read(1000 + READ_FOR_MS);
-  assert.equal(holding.releaseUnread(1000 + 2 * READ_FOR_MS), false);
+  assert.equal(holding.releaseUnpolled(1000 + POLL_TIMEOUT_MS), false);
+  holding.markPolled(1000 + POLL_TIMEOUT_MS);
+  assert.equal(holding.releaseUnpolled(1000 + 2 * POLL_TIMEOUT_MS), false);
   assert.equal(holding.inForce, "wrist_extension");
-  assert.equal(holding.releaseUnread(1001 + 2 * READ_FOR_MS), true);
+  assert.equal(holding.releaseUnpolled(1001 + 2 * POLL_TIMEOUT_MS), true);
   assert.equal(holding.inForce, "no_motion");
-  assert.equal(holding.releaseUnread(9000), false);
+  assert.equal(holding.releaseUnpolled(9000), false);
 });
 
 test("a key needs no pictures", () => {
-  const holding = new Holding();
+  const holding = new HeldGestures();
   holding.press("KeyW", "wrist_extension", false);
-  assert.equal(holding.releaseUnread(1e6), false);
+  assert.equal(holding.releaseUnpolled(1e6), false);
   assert.equal(holding.inForce, "wrist_extension");
 });
 
@@ -50,7 +50,7 @@ function played(index = 0) {
   const calls = [];
   const input = new GamepadInput({
     hold: (source, gesture, down) => calls.push(`${gesture} ${down ? "down" : "up"}`),
-    look() {},
+    moveGaze() {},
     restart() {},
     camera() {},
     found: () => calls.push("found"),

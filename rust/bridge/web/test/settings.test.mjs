@@ -4,11 +4,11 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { load } from "./bundle.mjs";
 
-const { COMMANDS, DEFAULT_KEYS, keyName, readSettings, remap } = await load("settings");
+const { COMMANDS, DEFAULT_KEYS, keyName, parseSettings, remap } = await load("settings");
 
 test("malformed storage gives the defaults", () => {
   for (const text of [null, "", "nonsense", "[]", "3", "null", '{"keys":3,"palette":"pink","cues":7}']) {
-    const settings = readSettings(text);
+    const settings = parseSettings(text);
     assert.deepEqual(settings.keys, DEFAULT_KEYS, text);
     assert.equal(settings.palette, "standard");
     assert.equal(settings.cues, "chimes");
@@ -17,7 +17,7 @@ test("malformed storage gives the defaults", () => {
 });
 
 test("what was stored comes back, and what was added since has its default", () => {
-  const settings = readSettings('{"keys":{"wrist_flexion":["KeyX"]},"palette":"colour-blind","welcomed":true}');
+  const settings = parseSettings('{"keys":{"wrist_flexion":["KeyX"]},"palette":"colour-blind","welcomed":true}');
   assert.deepEqual(settings.keys.wrist_flexion, ["KeyX"]);
   assert.deepEqual(settings.keys.restart, DEFAULT_KEYS.restart);
   assert.equal(settings.palette, "colour-blind");

@@ -4,13 +4,15 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { load } from "./bundle.mjs";
 
-const { SignalHistory, TimeWindow, BACK_SECS, EmgColumns, intervalOf, csv, predicted, summed, visited, methodsOf, ScriptTime } = await load(
-  "signalhistory",
-  "timewindow",
-  "emgcolumns",
-  "interval",
+const {
+  SignalHistory, TimeWindow, MAX_BACK_SECS, EmgColumns, confidenceInterval, toCsv, simulatedTrials, measureInterval, visitTrials, methodsOf, ScriptTime,
+} = await load(
+  "signalHistory",
+  "timeWindow",
+  "emgColumns",
+  "confidenceInterval",
   "scores",
-  "framecount",
+  "frameCount",
 );
 
 test("a history gives any part of its last entries as one piece, however often it has gone round", () => {
@@ -46,11 +48,11 @@ test("the window goes along, stands, and looks back no further than is kept", ()
   assert.equal(time.edge, 50);
   time.lookBack(12);
   time.advance(55);
-  assert.deepEqual([time.live, time.edge, time.back], [false, 38, 17]);
+  assert.deepEqual([time.live, time.edge, time.lagSecs], [false, 38, 17]);
   time.lookBack(1000);
-  assert.equal(time.back, BACK_SECS);
+  assert.equal(time.lagSecs, MAX_BACK_SECS);
   time.advance(60);
-  assert.equal(time.back, BACK_SECS);
+  assert.equal(time.lagSecs, MAX_BACK_SECS);
   time.lookBack(0);
   assert.deepEqual([time.live, time.edge], [true, 60]);
   time.pause();
@@ -63,22 +65,22 @@ test("the window goes along, stands, and looks back no further than is kept", ()
 test("columns of EMG are kept for as long as one may look back", () => {
   const emg = new EmgColumns(10, 30);
   const rows = Array.from({ length: 50 }, (_, k) => [k, -k]);
-  for (let second = 0; second < 60; second++) for (let k = 0; k < 4; k++) emg.take(rows, 200);
-  assert.ok(emg.begun - emg.oldest >= 4 * emg.count - 1);
+  for (let second = 0; second < 60; second++) for (let k = 0; k < 4; k++) emg.push(rows, 200);
+  assert.ok(emg.columnCount - emg.oldest >= 4 * emg.count - 1);
   assert.deepEqual([emg.count, emg.channels], [600, 2]);
 });
 
 test("an interval is Student's, within what the numbers can be", () => {
   // Worked by hand: mean 3, standard deviation 1, t of two degrees of freedom 4.303, root of three.
-  const { mean, ends } = intervalOf([2, 3, 4]);
+  const { mean, bounds } = confidenceInterval([2, 3, 4]);
   assert.equal(mean, 3);
-  assert.ok(Math.abs(ends[0] - (3 - 4.303 / Math.sqrt(3))) < 1e-9);
-  assert.deepEqual(intervalOf([4, 4, 3], 0, 4).ends[1], 4);
-  assert.equal(intervalOf([7]).ends, null);
-  assert.equal(intervalOf([]), null);
+  assert.ok(Math.abs(bounds[0] - (3 - 4.303 / Math.sqrt(3))) < 1e-9);
+  assert.deepEqual(confidenceInterval([4, 4, 3], 0, 4).bounds[1], 4);
+  assert.equal(confidenceInterval([7]).bounds, null);
+  assert.equal(confidenceInterval([]), null);
   // Sixty degrees of freedom: 2.000 in the tables.
   const many = Array.from({ length: 61 }, (_, k) => k % 2);
-  const { count, mean: half, ends: wide } = intervalOf(many);
+  const { count, mean: half, bounds: wide } = confidenceInterval(many);
   const sd = Math.sqrt(many.reduce((sum, value) => sum + (value - half) ** 2, 0) / 60);
   assert.equal(count, 61);
   assert.ok(Math.abs(wide[1] - half - (2.0 * sd) / Math.sqrt(61)) < 1e-3);
@@ -88,9 +90,9 @@ const card = { who: 'You, "me"', method: "D", score: 3, most: 4, score_name: "bl
 const content = { setup: "still", briefing: { most: 4, score_name: "blocks on target" }, arm: { side: "right" } };
 
 test("trials of a visit become a row each for a spreadsheet", () => {
-  const trials = visited([card, { ...card, method: "A" }], content);
+  const trials = visitTrials([card, { ...card, method: "A" }], content);
   assert.deepEqual(trials.map(({ method }) => method), ["A", "D"]);
-  const lines = csv([...trials, { ...trials[0], path: null }]).split("\r\n");
+  const lines = toCsv([...trials, { ...trials[0], path: null }]).split("\r\n");
   assert.equal(lines[0], "who,method,setup,score,seconds,attempts,path_m");
   assert.equal(lines[2], '"You, ""me""",D,still,3,61.5,4,2.5');
   assert.ok(lines[3].endsWith(",4,"));
@@ -98,15 +100,15 @@ test("trials of a visit become a row each for a spreadsheet", () => {
 });
 
 test("simulated people stand beside the task and set-up that they have tried, and no other", () => {
-  const people = predicted(content, "Simulated people");
+  const people = simulatedTrials(content, "Simulated people");
   assert.deepEqual(methodsOf(people), ["A", "B", "C", "D"]);
-  const [a, d] = ["A", "D"].map((method) => summed(people, method, "score", 4));
-  assert.ok(a.count === d.count && d.count >= 8 && d.mean > a.mean && d.ends[1] <= 4);
+  const [a, d] = ["A", "D"].map((method) => measureInterval(people, method, "score", 4));
+  assert.ok(a.count === d.count && d.count >= 8 && d.mean > a.mean && d.bounds[1] <= 4);
   // A path that is not known is not counted as none.
-  assert.ok(summed(people, "A", "path", 4).count < a.count);
-  assert.deepEqual(predicted({ ...content, setup: "elsewhere" }, "x"), []);
-  assert.deepEqual(predicted({ ...content, briefing: { most: null, score_name: "cubes" } }, "x"), []);
-  assert.deepEqual(predicted({ ...content, arm: { side: "left" } }, "x"), []);
+  assert.ok(measureInterval(people, "A", "path", 4).count < a.count);
+  assert.deepEqual(simulatedTrials({ ...content, setup: "elsewhere" }, "x"), []);
+  assert.deepEqual(simulatedTrials({ ...content, briefing: { most: null, score_name: "cubes" } }, "x"), []);
+  assert.deepEqual(simulatedTrials({ ...content, arm: { side: "left" } }, "x"), []);
 });
 
 test("of a picture's time the median and what nearly all keep are told, of the last pictures", () => {

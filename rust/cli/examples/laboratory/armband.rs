@@ -1,8 +1,8 @@
 //! An armband that sends a line of numbers for each sample over TCP: eight channels, separated by commas, 1000 a second.
 
 use proact_devices::{
-    Address, DeviceError, EmgPacket, SampleSource, SourceCounts, SourceEvent, SourceInfo, SourceOptions,
-    SourceScheme,
+    DeviceError, EmgPacket, SampleSource, SourceAddress, SourceCounts, SourceEvent, SourceInfo,
+    SourceOptions, SourceScheme,
 };
 use proact_types::EmgSample;
 use std::{
@@ -19,7 +19,7 @@ const LONGEST_LINE: usize = 256;
 /// How it is named on the command line, and opened.
 pub const TEXT_BAND: SourceScheme = SourceScheme {
     scheme: "textband",
-    address: Address::Needed("HOST:PORT"),
+    address: SourceAddress::Required("HOST:PORT"),
     help: "our own armband: a line of eight numbers for each sample",
     open: |address, _options: &SourceOptions| Ok(Box::new(TextBand::connect(address)?)),
 };
@@ -43,10 +43,10 @@ impl TextBand {
             rate_hz: RATE_HZ,
             channels: CHANNELS,
             packet_samples: 1,
-            zero: 0.0,
+            zero_code: 0.0,
             rails: None,
             loss_is_counted: false,
-            volts: None,
+            volts_per_code: None,
             imu: Vec::new(),
         };
         let (input, opened) = (BufReader::new(stream), Instant::now());

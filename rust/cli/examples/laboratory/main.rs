@@ -14,14 +14,14 @@ mod follow_gaze;
 
 use proact_app::Registry;
 use proact_control::MethodEntry;
-use proact_types::{MethodHelp, MethodInfo, MethodStyle, Needs};
+use proact_types::{MethodHelp, MethodInfo, MethodNeeds, MethodStyle};
 use std::{error::Error, process::ExitCode};
 
 fn main() -> ExitCode {
     match registry() {
         Ok(registry) => proact_cli::run(registry),
         Err(error) => {
-            proact_app::tell(error);
+            proact_app::print_status(error);
             ExitCode::FAILURE
         }
     }
@@ -41,7 +41,7 @@ fn method() -> MethodEntry {
     let info = MethodInfo {
         name: "follow_gaze".to_owned(),
         title: "Towards what you look at".to_owned(),
-        needs: Needs { gaze: true, ..Needs::default() },
+        needs: MethodNeeds { gaze: true, ..MethodNeeds::default() },
         style: MethodStyle::Selecting,
         help: MethodHelp { wrist_extension: "towards it (hold)".to_owned(), ..MethodHelp::default() },
     };

@@ -49,7 +49,7 @@ fn commands_in(document: &str) -> Vec<Vec<String>> {
             start.map(|at| &rest[at + name.len()..])
         });
         if let Some(words) = called.filter(|_| inside) {
-            found.push(words_of(words));
+            found.push(shell_words(words));
         }
     }
     found
@@ -63,11 +63,11 @@ fn commands_in_prose(document: &str) -> Vec<Vec<String>> {
     let own =
         |words: &str| words.split(", then").next().unwrap_or_default().trim_end_matches("...").to_owned();
     // A line may break within.
-    called.map(|words| words_of(&own(words).replace('\n', " "))).collect()
+    called.map(|words| shell_words(&own(words).replace('\n', " "))).collect()
 }
 
 /// The words of a command as a shell takes them, up to what is no longer the command.
-fn words_of(text: &str) -> Vec<String> {
+fn shell_words(text: &str) -> Vec<String> {
     let mut words = Vec::new();
     let mut word: Option<String> = None;
     let mut quote = None;
@@ -98,32 +98,33 @@ fn words_of(text: &str) -> Vec<String> {
 }
 
 /// What the program says of a command that it does not take.
-fn refusal(words: &[String]) -> Option<String> {
-    typed(words).err().map(|(_, text)| text)
+fn parse_error(words: &[String]) -> Option<String> {
+    try_parse(words).err().map(|(_, text)| text)
 }
 
 /// Prose leaves out what a command needs, and writes NAME or a choice for a value: its commands and options have to be there.
-fn refusal_in_prose(words: &[String]) -> Option<String> {
+fn parse_error_in_prose(words: &[String]) -> Option<String> {
     let wrong = [ErrorKind::UnknownArgument, ErrorKind::InvalidSubcommand, ErrorKind::ArgumentConflict];
-    typed(words).err().filter(|(kind, _)| wrong.contains(kind)).map(|(_, text)| text)
+    try_parse(words).err().filter(|(kind, _)| wrong.contains(kind)).map(|(_, text)| text)
 }
 
 /// Or the kind of what is wrong with it, and the message.
-fn typed(words: &[String]) -> Result<(), (ErrorKind, String)> {
+fn try_parse(words: &[String]) -> Result<(), (ErrorKind, String)> {
     let mut registry: Registry = proact_control::MethodRegistry::standard().into();
     // Files of methods are read before the command is parsed; documents name them from the repository's folder.
-    let place = |word: &String| match word.strip_prefix("docs/") {
+    let link = |word: &String| match word.strip_prefix("docs/") {
         Some(_) => root().join(word).into_os_string(),
         None => word.into(),
     };
-    let words = ["proact".into()].into_iter().chain(words.iter().map(place)).collect();
-    let (methods, words) = match method_files::taken_from(registry.methods, words) {
+    let words = ["proact".into()].into_iter().chain(words.iter().map(link)).collect();
+    let (methods, words) = match method_files::register_method_files(registry.methods, words) {
         Ok(taken) => taken,
         Err(error) => return Err((ErrorKind::ValueValidation, error.to_string())),
     };
     registry.methods = methods;
-    let parsed =
-        offering(&registry).try_get_matches_from(words).and_then(|found| Cli::from_arg_matches(&found));
+    let parsed = build_command_line(&registry)
+        .try_get_matches_from(words)
+        .and_then(|found| Cli::from_arg_matches(&found));
     match parsed {
         // Help and version are no errors.
         Err(error) if error.use_stderr() => Err((error.kind(), error.to_string())),
@@ -135,12 +136,13 @@ fn typed(words: &[String]) -> Result<(), (ErrorKind, String)> {
 fn every_command_in_the_documents_can_be_typed() {
     let mut checked = 0;
     let mut refused = Vec::new();
+    let program = build_command_line(&proact_control::MethodRegistry::standard().into());
     for document in documents() {
         let text = fs::read_to_string(root().join(&document)).unwrap();
-        let of_blocks = commands_in(&text).into_iter().map(|command| (refusal(&command), command));
+        let of_blocks = commands_in(&text).into_iter().map(|command| (parse_error(&command), command));
         // The changelog names what was.
         let prose = if document == "CHANGELOG.md" { Vec::new() } else { commands_in_prose(&text) };
-        let of_prose = prose.into_iter().map(|command| (refusal_in_prose(&command), command));
+        let of_prose = prose.into_iter().map(|command| (parse_error_in_prose(&command), command));
         for (refusal, command) in of_blocks.chain(of_prose) {
             if command.first().is_none_or(|word| LAUNCHER_WORDS.contains(&word.as_str())) {
                 continue;
@@ -148,6 +150,16 @@ fn every_command_in_the_documents_can_be_typed() {
             checked += 1;
             let shown = command.join(" ");
             refused.extend(refusal.map(|error| format!("{document}: proact {shown}\n{error}")));
+            // The changelog names what was.
+            if document != "CHANGELOG.md" {
+                let words: Vec<_> = ["proact"]
+                    .into_iter()
+                    .chain(command.iter().map(String::as_str))
+                    .map(Into::into)
+                    .collect();
+                let old = crate::renames::rename_warnings(&program, &words);
+                refused.extend(old.iter().map(|warning| format!("{document}: proact {shown}\n{warning}\n")));
+            }
         }
     }
     assert!(refused.is_empty(), "{} of {checked} commands:\n\n{}", refused.len(), refused.join("\n"));
@@ -156,7 +168,7 @@ fn every_command_in_the_documents_can_be_typed() {
 
 #[test]
 fn what_cannot_be_typed_is_found() {
-    let words = |text: &str| words_of(text);
+    let words = |text: &str| shell_words(text);
     for (good, bad) in [
         ("demo --headless", "demo --headles"),
         ("demo --method D --seed 1", "demo --method D --seed one"),
@@ -164,21 +176,21 @@ fn what_cannot_be_typed_is_found() {
         ("demo --method docs/methods/follow_gaze.toml", "demo --method docs/methods/nobodys.toml"),
         ("demo --help", "replay"),
     ] {
-        assert_eq!(refusal(&words(good)), None, "{good}");
-        assert!(refusal(&words(bad)).is_some(), "{bad}");
+        assert_eq!(parse_error(&words(good)), None, "{good}");
+        assert!(parse_error(&words(bad)).is_some(), "{bad}");
     }
     for (good, bad) in
         [("bench STAGE --json", "bench STAGE --jsn"), ("replay", "replays"), ("study check", "study chek")]
     {
-        assert_eq!(refusal_in_prose(&words(good)), None, "{good}");
-        assert!(refusal_in_prose(&words(bad)).is_some(), "{bad}");
+        assert_eq!(parse_error_in_prose(&words(good)), None, "{good}");
+        assert!(parse_error_in_prose(&words(bad)).is_some(), "{bad}");
     }
     let prose = "Type `./proact demo, then /emg`, or `proact\nstudy`.\n```\nproact no\n```\nSo `proact serve\n--port 8091`.";
     assert_eq!(commands_in_prose(prose), [vec!["demo"], vec!["serve", "--port", "8091"]]);
 }
 
 /// The default of `emg test --tests` was shown as `sequence trial`, which the option does not take; `--steering` and
-/// `localize shoulder --correct` did not take the values with commas that help and documents show.
+/// `localize shoulder --box-offset` did not take the values with commas that help and documents show.
 #[test]
 fn a_list_is_typed_with_commas_as_its_default_is_shown() {
     fn check(command: &clap::Command) {
@@ -188,10 +200,10 @@ fn a_list_is_typed_with_commas_as_its_default_is_shown() {
                 argument.get_default_values().len() <= 1,
                 "{name}: the default is shown with spaces between"
             );
-            let least = argument.get_num_args().map_or(1, |count| count.min_values());
+            let min_words = argument.get_num_args().map_or(1, |count| count.min_values());
             assert!(
-                least <= 1,
-                "{name}: {least} words are needed, so that values with commas between are refused"
+                min_words <= 1,
+                "{name}: {min_words} words are needed, so that values with commas between are refused"
             );
         }
         command.get_subcommands().for_each(check);
@@ -203,10 +215,10 @@ fn a_list_is_typed_with_commas_as_its_default_is_shown() {
         "emg test --model me.json --source synthetic --tests motion,tac1",
         "emg test --model me.json --source synthetic --steering wave_out,wave_in,spread,fist",
         "emg test --model me.json --source synthetic --steering wave_out wave_in spread fist",
-        "localize shoulder rest.csv --body Shoulderpad --correct 0.02,0,-0.01",
-        "localize shoulder rest.csv --body Shoulderpad --correct 0.02 0 -0.01",
+        "localize shoulder rest.csv --body Shoulderpad --box-offset 0.02,0,-0.01",
+        "localize shoulder rest.csv --body Shoulderpad --box-offset 0.02 0 -0.01",
     ] {
-        assert_eq!(refusal(&words_of(typed)), None, "{typed}");
+        assert_eq!(parse_error(&shell_words(typed)), None, "{typed}");
     }
 }
 

@@ -16,8 +16,8 @@ pub struct SelectArgs {
     #[arg(long, default_value_t = SelectionCriterion::Accuracy)]
     criterion: SelectionCriterion,
     /// Features to choose.
-    #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..))]
-    most: u16,
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..))]
+    max_features: u16,
     #[command(flatten)]
     faults: FaultArgs,
     #[command(flatten)]
@@ -28,7 +28,7 @@ pub struct SelectArgs {
 pub(super) fn text(args: &SelectArgs, json: bool) -> Result<String, Box<dyn Error>> {
     let recordings = args.window.open(&args.data)?;
     let config = args.window.config(recordings.rate_hz, recordings.channels, &recordings.imu)?;
-    let findings = args.faults.judge(&recordings, &[])?;
+    let findings = args.faults.check_recordings(&recordings, &[])?;
     let gestures = recordings.gestures();
     let (mut windows, mut labels, mut repetitions) = (Vec::new(), Vec::new(), Vec::new());
     for recording in &recordings.items {
@@ -52,7 +52,7 @@ pub(super) fn text(args: &SelectArgs, json: bool) -> Result<String, Box<dyn Erro
         repetitions: &repetitions,
         rest: rest.unwrap_or(0),
     };
-    let chosen = select_features(&data, args.criterion, usize::from(args.most))?;
+    let chosen = select_features(&data, args.criterion, usize::from(args.max_features))?;
     if json {
         let object =
             serde_json::json!({ "criterion": args.criterion, "windows": windows.len(), "features": chosen });
@@ -61,8 +61,8 @@ pub(super) fn text(args: &SelectArgs, json: bool) -> Result<String, Box<dyn Erro
     let with =
         if args.criterion == SelectionCriterion::FeatureEfficiency { "alone" } else { "with those above" };
     let mut text = format!("{} windows; {} of each feature {with}\n", windows.len(), args.criterion);
-    for (place, one) in chosen.iter().enumerate() {
-        text += &format!("{:>3}  {:<10} {:>9.3}\n", place + 1, one.feature, Number(one.value));
+    for (rank, one) in chosen.iter().enumerate() {
+        text += &format!("{:>3}  {:<10} {:>9.3}\n", rank + 1, one.feature, Number(one.value));
     }
     let names: Vec<&str> = chosen.iter().map(|one| one.feature.as_str()).collect();
     Ok(text + &format!("--features {}\n", names.join(",")))

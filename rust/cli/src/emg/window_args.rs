@@ -2,7 +2,7 @@
 
 use super::decoder_args::DecoderArgs;
 use clap::{Args, ValueEnum};
-use proact_app::tell;
+use proact_app::print_status;
 use proact_devices::{DeviceError, MYO_RATE_HZ, Recordings};
 use proact_emg::{EmgConfig, EmgError, EmgFilter, FeatureSet, ImuChannel, ImuConfig, WindowLength};
 use std::{error::Error, path::Path};
@@ -17,11 +17,11 @@ pub struct WindowArgs {
     #[arg(long, default_value_t = 50.0)]
     increment: f64,
     /// Unit of window and increment.
-    #[arg(long, value_enum, default_value_t = Unit::Ms)]
-    unit: Unit,
+    #[arg(long, value_enum, default_value_t = WindowUnit::Ms)]
+    unit: WindowUnit,
     /// Samples per second, if neither the device nor a file beside the recordings says so.
     #[arg(long = "emg-rate")]
-    pub(super) rate: Option<f64>,
+    pub(super) rate_hz: Option<f64>,
     /// Features or groups by LibEMG's names, as `HTD` or `MAV,RMS,AR4`.
     #[arg(long, value_parser = parse_features, default_value_t = FeatureSet::HTD)]
     pub(super) features: FeatureSet,
@@ -44,7 +44,7 @@ pub(super) fn parse_features(text: &str) -> Result<FeatureSet, proact_emg::EmgEr
 
 /// Units of window lengths.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Unit {
+pub enum WindowUnit {
     /// Samples of the stream.
     Samples,
     /// Milliseconds, made samples by the rate.
@@ -60,7 +60,7 @@ impl WindowArgs {
         imu: &[ImuChannel],
     ) -> Result<EmgConfig, Box<dyn Error>> {
         let config = EmgConfig {
-            max_age_millis: EmgConfig::default().max_age_millis,
+            stale_timeout_ms: EmgConfig::default().stale_timeout_ms,
             ..self.config(rate_hz, channels, imu)?
         };
         config.check()?;
@@ -70,19 +70,19 @@ impl WindowArgs {
     /// The recordings in `dir`.
     ///
     /// # Errors
-    /// As [`Recordings::open`], though a rate that nobody says is none where nothing depends on it.
+    /// As [`Recordings::open_shoulder`], though a rate that nobody says is none where nothing depends on it.
     pub(super) fn open(&self, dir: &Path) -> Result<Recordings, DeviceError> {
         let open = if self.wants_imu() { Recordings::open_with_imu } else { Recordings::open };
-        let recordings = match open(dir, self.rate) {
+        let recordings = match open(dir, self.rate_hz) {
             Err(DeviceError::UnknownRate { .. }) if !self.depends_on_rate() => open(dir, Some(MYO_RATE_HZ)),
             opened => opened,
         }?;
-        recordings.notes.iter().for_each(tell);
+        recordings.notes.iter().for_each(print_status);
         Ok(recordings)
     }
 
     /// `rate`, or any where it is unknown and nothing depends on it.
-    pub(super) fn rate_where_it_matters(&self, rate: Result<f64, DeviceError>) -> Result<f64, DeviceError> {
+    pub(super) fn rate_or_default(&self, rate: Result<f64, DeviceError>) -> Result<f64, DeviceError> {
         match rate {
             Err(DeviceError::UnknownRate { .. }) if !self.depends_on_rate() => Ok(MYO_RATE_HZ),
             rate => rate,
@@ -91,7 +91,7 @@ impl WindowArgs {
 
     /// Whether windows or their features would be others at another rate.
     pub(super) fn depends_on_rate(&self) -> bool {
-        self.unit == Unit::Ms || self.features.depends_on_rate()
+        self.unit == WindowUnit::Ms || self.features.depends_on_rate()
     }
 
     /// The inertial measurement unit is asked for.
@@ -101,7 +101,7 @@ impl WindowArgs {
 
     /// What is made of the channels `imu` of a stream; nothing if nobody asks for them.
     pub(super) fn imu_config(&self, imu: &[ImuChannel]) -> Result<ImuConfig, EmgError> {
-        let recorded = ImuConfig::recorded(if self.wants_imu() { imu.to_vec() } else { Vec::new() });
+        let recorded = ImuConfig::record_only(if self.wants_imu() { imu.to_vec() } else { Vec::new() });
         match &self.imu[..] {
             [] => Ok(recorded),
             [word] if word == "record" => Ok(recorded),
@@ -116,13 +116,15 @@ impl WindowArgs {
         imu: &[ImuChannel],
     ) -> Result<EmgConfig, Box<dyn Error>> {
         let length = |name: &str, value: f64| match self.unit {
-            Unit::Ms => Ok(WindowLength::Millis(value)),
-            Unit::Samples if value.fract() == 0.0 && (1.0..=f64::from(u32::MAX)).contains(&value) => {
+            WindowUnit::Ms => Ok(WindowLength::Millis(value)),
+            WindowUnit::Samples if value.fract() == 0.0 && (1.0..=f64::from(u32::MAX)).contains(&value) => {
                 Ok(WindowLength::Samples(value as u32))
             }
-            Unit::Samples => Err(format!("{name} is {value} samples, expected a whole number above zero")),
+            WindowUnit::Samples => {
+                Err(format!("{name} is {value} samples, expected a whole number above zero"))
+            }
         };
-        let config = self.decoder.settle(EmgConfig {
+        let config = self.decoder.apply_to(EmgConfig {
             rate_hz,
             channels,
             window: length("window", self.window)?,
@@ -131,7 +133,7 @@ impl WindowArgs {
             features: self.features,
             imu: self.imu_config(imu)?,
             // Recordings have no silences: any increment will do.
-            max_age_millis: u64::MAX,
+            stale_timeout_ms: u64::MAX,
             ..EmgConfig::default()
         });
         config.check()?;

@@ -1,10 +1,11 @@
 //! The terminal of whoever conducts a study: shows what the experimenter's page shows, and asks for the same.
 
-use proact_app::{lines_of, tell};
+use proact_app::{print_status, read_lines};
 use proact_bridge::{
-    ClientInput, ExperimenterScreen, FormScreen, GivenAnswer, NowWhat, StudyAction, StudyButton, StudyRequest,
+    AnswerInput, ClientInput, ExperimenterScreen, FormScreen, StepActivity, StudyAction, StudyButton,
+    StudyRequest,
 };
-use proact_study::{Answer, FormItem};
+use proact_study::{FormAnswer, FormItem};
 use std::{
     io::{BufReader, stdin},
     sync::{Arc, Mutex, PoisonError, mpsc::Sender},
@@ -17,31 +18,31 @@ QUESTION = ANSWER: answers it; several with commas between, shared places with =
 
 /// A terminal that shows a study.
 #[derive(Default)]
-pub(super) struct Terminal {
+pub(super) struct StudyConsole {
     /// The questionnaire that is being filled in, for who types an answer.
     form: Arc<Mutex<Option<FormScreen>>>,
-    shown: String,
+    last_text: String,
 }
 
-impl Terminal {
+impl StudyConsole {
     pub(super) fn new() -> Self {
         Self::default()
     }
 
     /// Takes what is typed from now on.
-    pub(super) fn listen(&mut self, requests: Sender<ClientInput>) {
-        tell(format_args!("{HELP}\n"));
+    pub(super) fn read_commands(&mut self, requests: Sender<ClientInput>) {
+        print_status(format_args!("{HELP}\n"));
         let form = Arc::clone(&self.form);
         std::thread::spawn(move || {
-            for line in lines_of(BufReader::new(stdin())) {
+            for line in read_lines(BufReader::new(stdin())) {
                 let form = form.lock().unwrap_or_else(PoisonError::into_inner).clone();
-                match request(line.trim(), form.as_ref()) {
+                match parse_request(line.trim(), form.as_ref()) {
                     Ok(request) => {
                         if requests.send(request).is_err() {
                             return;
                         }
                     }
-                    Err(told) => tell(told),
+                    Err(error) => print_status(error),
                 }
             }
         });
@@ -49,16 +50,16 @@ impl Terminal {
 
     /// Shows what has changed.
     pub(super) fn show(&mut self, screen: &ExperimenterScreen) {
-        let now = screen.session.as_ref().and_then(|session| session.now.as_ref());
-        let form = match now.map(|now| &now.what) {
-            Some(NowWhat::Form(form)) => Some(form.clone()),
+        let now = screen.session.as_ref().and_then(|session| session.current_step.as_ref());
+        let form = match now.map(|now| &now.activity) {
+            Some(StepActivity::Form(form)) => Some(form.clone()),
             _ => None,
         };
         *self.form.lock().unwrap_or_else(PoisonError::into_inner) = form;
-        let text = text(screen);
-        if text != self.shown {
-            tell(&text);
-            self.shown = text;
+        let text = screen_text(screen);
+        if text != self.last_text {
+            print_status(&text);
+            self.last_text = text;
         }
     }
 }
@@ -67,7 +68,7 @@ impl Terminal {
 ///
 /// # Errors
 /// What to type instead.
-fn request(line: &str, form: Option<&FormScreen>) -> Result<ClientInput, String> {
+fn parse_request(line: &str, form: Option<&FormScreen>) -> Result<ClientInput, String> {
     let (word, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
     let rest = rest.trim().to_owned();
     let conduct = |request| Ok(ClientInput::Conduct(request));
@@ -77,7 +78,7 @@ fn request(line: &str, form: Option<&FormScreen>) -> Result<ClientInput, String>
         false => conduct(request(rest.clone())),
     };
     match word {
-        _ if line.contains('=') => answer(line, form),
+        _ if line.contains('=') => parse_answer(line, form),
         "" | "next" => conduct(StudyRequest::Next {}),
         "begin" => conduct(StudyRequest::Begin { id: Some(rest).filter(|id| !id.is_empty()), new: false }),
         "new" if rest.is_empty() => Err("new needs a pseudonym: new ID".to_owned()),
@@ -101,20 +102,20 @@ fn request(line: &str, form: Option<&FormScreen>) -> Result<ClientInput, String>
     }
 }
 
-fn answer(line: &str, form: Option<&FormScreen>) -> Result<ClientInput, String> {
+fn parse_answer(line: &str, form: Option<&FormScreen>) -> Result<ClientInput, String> {
     let Some(form) = form else { return Err("there is no questionnaire now".to_owned()) };
     let (key, value) = line.split_once('=').unwrap_or((line, ""));
     let (key, value) = (key.trim().to_owned(), value.trim());
     let item = form.form.item(&key);
-    let answer = (!value.is_empty()).then(|| Answer::typed(item, value));
-    Ok(ClientInput::Answer(GivenAnswer { step: form.step, key, answer }))
+    let answer = (!value.is_empty()).then(|| FormAnswer::from_terminal(item, value));
+    Ok(ClientInput::Answer(AnswerInput { step: form.step, key, answer }))
 }
 
 /// What the terminal shows of a screen; times alone are no news.
-fn text(screen: &ExperimenterScreen) -> String {
+fn screen_text(screen: &ExperimenterScreen) -> String {
     let mut lines = vec![String::new()];
-    if !screen.told.is_empty() {
-        lines.push(format!("! {}", screen.told));
+    if !screen.notice.is_empty() {
+        lines.push(format!("! {}", screen.notice));
     }
     match (&screen.session, &screen.next) {
         (Some(session), _) => {
@@ -125,9 +126,9 @@ fn text(screen: &ExperimenterScreen) -> String {
                 session.session,
                 session.steps.len()
             ));
-            if let Some(now) = &session.now {
+            if let Some(now) = &session.current_step {
                 lines.push(format!("{}{}", now.label, if now.running { "" } else { " (not begun)" }));
-                lines.extend(of_step(&now.what));
+                lines.extend(step_lines(&now.activity));
             }
         }
         (None, Some(next)) => {
@@ -135,18 +136,18 @@ fn text(screen: &ExperimenterScreen) -> String {
                 next.id.clone().unwrap_or_else(|| format!("participant {}, who is new", next.participant));
             let again = if next.begun { ", which was begun before" } else { "" };
             lines.push(format!("next: {who}, session {}{again}", next.session));
-            if !next.departs.is_empty() {
-                lines.push(format!("* {}", next.departs));
+            if !next.plan_deviation.is_empty() {
+                lines.push(format!("* {}", next.plan_deviation));
             }
         }
         (None, None) => lines.push("the study is finished".to_owned()),
     }
-    let can: Vec<&str> = screen.can.iter().map(|button| word(*button)).collect();
+    let can: Vec<&str> = screen.available_buttons.iter().map(|button| button_command(*button)).collect();
     lines.push(format!("> {}", can.join(", ")));
     lines.join("\n")
 }
 
-fn word(button: StudyButton) -> &'static str {
+fn button_command(button: StudyButton) -> &'static str {
     match button {
         StudyButton::Begin => "begin",
         StudyButton::Next => "Enter",
@@ -161,26 +162,31 @@ fn word(button: StudyButton) -> &'static str {
     }
 }
 
-fn of_step(what: &NowWhat) -> Vec<String> {
+fn step_lines(what: &StepActivity) -> Vec<String> {
     match what {
-        NowWhat::Say { text } => text.trim().lines().map(|line| format!("  | {line}")).collect(),
-        NowWhat::Form(form) => of_form(form),
-        NowWhat::Train(prompt) => {
-            let wanted = prompt.wanted.map_or_else(String::new, |wanted| format!(" of {wanted}"));
-            vec![format!("  {}: {}; {}{wanted} in a row", prompt.gesture, prompt.text, prompt.in_a_row)]
+        StepActivity::Say { text } => text.trim().lines().map(|line| format!("  | {line}")).collect(),
+        StepActivity::Form(form) => form_lines(form),
+        StepActivity::Train(prompt) => {
+            let wanted = prompt.required_sequences.map_or_else(String::new, |wanted| format!(" of {wanted}"));
+            vec![format!(
+                "  {}: {}; {}{wanted} in a row",
+                prompt.gesture, prompt.text, prompt.consecutive_sequences
+            )]
         }
-        NowWhat::CalibrateGaze { error_deg: Some(error) } => vec![format!("  {error:.1} degrees off")],
-        NowWhat::CalibrateGaze { error_deg: None } => vec!["  on the participant's page".to_owned()],
-        NowWhat::Practise { carried, transfers } => vec![format!("  {carried} of {transfers} carried")],
-        NowWhat::Demonstrate {} | NowWhat::Rest { .. } => Vec::new(),
-        NowWhat::Trial { checks, number: [number, all], before } => {
+        StepActivity::CalibrateGaze { error_deg: Some(error) } => vec![format!("  {error:.1} degrees off")],
+        StepActivity::CalibrateGaze { error_deg: None } => vec!["  on the participant's page".to_owned()],
+        StepActivity::Practise { transferred: carried, planned_transfers: transfers } => {
+            vec![format!("  {carried} of {transfers} carried")]
+        }
+        StepActivity::Demonstrate {} | StepActivity::Rest { .. } => Vec::new(),
+        StepActivity::Trial { checks, number: [number, all], previous_result: before } => {
             let mut lines = vec![format!("  trial {number} of {all} of the session")];
             if !before.is_empty() {
                 lines.push(format!("  the one before: {before}"));
             }
             lines.extend(checks.iter().map(|check| {
                 // How much is free and what time it is would be news all the time.
-                let found = if check.ready { "" } else { check.found.as_str() };
+                let found = if check.ready { "" } else { check.detail.as_str() };
                 let verdict = if check.ready { "ok" } else { "NOT READY" };
                 format!("  {:12} {verdict} {found}", check.name).trim_end().to_owned()
             }));
@@ -189,30 +195,31 @@ fn of_step(what: &NowWhat) -> Vec<String> {
     }
 }
 
-fn of_form(form: &FormScreen) -> Vec<String> {
+fn form_lines(form: &FormScreen) -> Vec<String> {
     let mut lines = Vec::new();
-    let asked = |texts: &proact_study::Texts| {
+    let preferred_text = |texts: &proact_study::TranslatedText| {
         texts.get("en").or_else(|| texts.values().next()).cloned().unwrap_or_default()
     };
     for item in &form.form.items {
         let (text, expected) = match item {
-            FormItem::Scale { text, low, high, least, most, .. } => {
-                (asked(text), format!("{least} {} to {most} {}", asked(low), asked(high)))
-            }
+            FormItem::Scale { text, low, high, min, max, .. } => (
+                preferred_text(text),
+                format!("{min} {} to {max} {}", preferred_text(low), preferred_text(high)),
+            ),
             FormItem::Choice { text, options, .. } => (
-                asked(text),
+                preferred_text(text),
                 options.iter().map(|option| option.value.as_str()).collect::<Vec<_>>().join(", "),
             ),
-            FormItem::Ranking { text, .. } => (asked(text), form.conditions.join(", ")),
-            FormItem::Condition { text, .. } => (asked(text), form.conditions.join(", ")),
-            FormItem::Consent { text, version, .. } => (asked(text), version.clone()),
-            FormItem::Text { text, .. } => (asked(text), "words".to_owned()),
+            FormItem::Ranking { text, .. } => (preferred_text(text), form.conditions.join(", ")),
+            FormItem::Condition { text, .. } => (preferred_text(text), form.conditions.join(", ")),
+            FormItem::Consent { text, version, .. } => (preferred_text(text), version.clone()),
+            FormItem::Text { text, .. } => (preferred_text(text), "words".to_owned()),
         };
-        let given = form.answers.get(item.key()).map_or("-".to_owned(), Answer::to_cell);
+        let given = form.answers.get(item.key()).map_or("-".to_owned(), FormAnswer::to_cell);
         lines.push(format!("  {} = {given}   {} [{expected}]", item.key(), text.trim()));
     }
     for pair in &form.pairs {
-        let given = form.answers.get(&pair.key).map_or("-".to_owned(), Answer::to_cell);
+        let given = form.answers.get(&pair.key).map_or("-".to_owned(), FormAnswer::to_cell);
         lines.push(format!("  {} = {given}   [{} or {}]", pair.key, pair.first, pair.second));
     }
     if let Some(refused) = &form.refused {
@@ -242,40 +249,40 @@ mod tests {
 
     #[test]
     fn what_is_typed_is_what_the_pages_ask_for() {
-        let asks = |line: &str| request(line, None);
-        assert_eq!(asks(""), Ok(ClientInput::Conduct(StudyRequest::Next {})));
+        let parse = |line: &str| parse_request(line, None);
+        assert_eq!(parse(""), Ok(ClientInput::Conduct(StudyRequest::Next {})));
         assert_eq!(
-            asks("new P07"),
+            parse("new P07"),
             Ok(ClientInput::Conduct(StudyRequest::Begin { id: Some("P07".to_owned()), new: true }))
         );
-        assert_eq!(asks("begin"), Ok(ClientInput::Conduct(StudyRequest::Begin { id: None, new: false })));
+        assert_eq!(parse("begin"), Ok(ClientInput::Conduct(StudyRequest::Begin { id: None, new: false })));
         assert_eq!(
-            asks("redo the armband slipped"),
+            parse("redo the armband slipped"),
             Ok(ClientInput::Conduct(StudyRequest::Redo { reason: "the armband slipped".to_owned() }))
         );
-        assert_eq!(asks("end"), Ok(ClientInput::Study(StudyAction::Abort)));
+        assert_eq!(parse("end"), Ok(ClientInput::Study(StudyAction::Abort)));
         for wrong in ["redo", "note", "new", "submit", "fly", "ease = 3"] {
-            assert!(asks(wrong).is_err(), "{wrong}");
+            assert!(parse(wrong).is_err(), "{wrong}");
         }
     }
 
     #[test]
     fn an_answer_is_typed_as_its_question_wants_it() {
-        let typed = |name: &str, line: &str| match request(line, Some(&form(name))).unwrap() {
+        let typed = |name: &str, line: &str| match parse_request(line, Some(&form(name))).unwrap() {
             ClientInput::Answer(given) => (given.step, given.key, given.answer),
             other => panic!("{other:?}"),
         };
         let ranking = form("ranking").form.items[0].key().to_owned();
         assert_eq!(
             typed("ranking", &format!("{ranking} = B, A")),
-            (4, ranking.clone(), Some(Answer::Places(vec![vec!["B".to_owned()], vec!["A".to_owned()]])))
+            (4, ranking.clone(), Some(FormAnswer::Ranking(vec![vec!["B".to_owned()], vec!["A".to_owned()]])))
         );
         assert_eq!(
             typed("ranking", &format!("{ranking} = B = A")).2,
-            Some(Answer::Places(vec![vec!["B".to_owned(), "A".to_owned()]]))
+            Some(FormAnswer::Ranking(vec![vec!["B".to_owned(), "A".to_owned()]]))
         );
         let scale = form("sus").form.items[0].key().to_owned();
-        assert_eq!(typed("sus", &format!("{scale}=4")), (4, scale.clone(), Some(Answer::Number(4.0))));
+        assert_eq!(typed("sus", &format!("{scale}=4")), (4, scale.clone(), Some(FormAnswer::Number(4.0))));
         assert_eq!(typed("sus", &format!("{scale} =")), (4, scale, None), "nothing takes it back");
     }
 }

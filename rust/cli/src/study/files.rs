@@ -1,10 +1,10 @@
 //! What leaves a study: tables, and archives.
 
-use crate::progress::bar;
+use crate::progress::progress_bar;
 use clap::Args;
 use proact_app::{
-    answer, answer_json,
-    study::{self, ExportOptions, Study},
+    print_result, print_result_json, print_status,
+    study::{self, ArchiveSummary, ExportOptions, ExportSummary, FaultyRecordPolicy, Study},
 };
 use proact_control::MethodRegistry;
 use serde_json::json;
@@ -12,7 +12,7 @@ use std::{error::Error, path::PathBuf};
 
 /// Arguments of `proact study export`.
 #[derive(Debug, Args)]
-pub struct ExportArgs {
+pub struct StudyExportArgs {
     /// Folder of the study
     #[arg(value_name = "FOLDER")]
     study: PathBuf,
@@ -24,10 +24,10 @@ pub struct ExportArgs {
     raw: bool,
     /// Keep the pseudonyms under which people were enrolled
     #[arg(long)]
-    keep_ids: bool,
+    keep_pseudonyms: bool,
     /// Write the events and joints of each trial as another system does too, into a folder of its name
     #[arg(long, value_name = "SYSTEM", value_parser = ["armsym"])]
-    like: Option<String>,
+    extra_format: Option<String>,
 }
 
 /// Arguments of `proact study archive`.
@@ -39,33 +39,59 @@ pub struct ArchiveArgs {
     /// The new file; by default the study's name with .zip, beside its folder
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Archive also if records are damaged, missing or in the folder of another trial; each is named
+    #[arg(long)]
+    accept_damaged: bool,
 }
 
-pub(super) fn export(methods: &MethodRegistry, args: &ExportArgs, json: bool) -> Result<(), Box<dyn Error>> {
+pub(super) fn export(
+    methods: &MethodRegistry,
+    args: &StudyExportArgs,
+    json: bool,
+) -> Result<(), Box<dyn Error>> {
     let study = Study::open(&args.study, methods)?;
     let options = ExportOptions {
         out: args.out.clone(),
         raw: args.raw,
-        keep_ids: args.keep_ids,
-        armsym: args.like.is_some(),
+        keep_pseudonyms: args.keep_pseudonyms,
+        armsym: args.extra_format.is_some(),
         methods: methods.clone(),
     };
-    let bar = bar(!json, 1, "reading the records {elapsed}");
-    bar.enable_steady_tick(std::time::Duration::from_millis(500));
-    let exported = study::export(&study, &options)?;
-    bar.finish_and_clear();
+    let exported = export_with_bar(&study, &options, json)?;
     if json {
         let object = json!({ "folder": exported.folder, "rows": exported.rows, "in_study_file": exported.in_study_file });
-        return Ok(answer_json(&object)?);
+        return Ok(print_result_json(&object)?);
     }
     for (name, rows) in &exported.rows {
-        answer(format_args!("{rows:>8} rows  {name}.csv"))?;
+        print_result(format_args!("{rows:>8} rows  {name}.csv"))?;
     }
-    answer(format_args!("in {}; codebook.csv says what each column is", exported.folder.display()))?;
+    print_result(format_args!("in {}; codebook.csv says what each column is", exported.folder.display()))?;
     if !exported.in_study_file {
-        answer("the study's own file has none of them yet: another program runs the study, or nobody did")?;
+        print_result(
+            "the study's own file has none of them yet: another program runs the study, or it has not begun",
+        )?;
     }
     Ok(())
+}
+
+/// Exports a study behind a progress bar, since each trial is computed again.
+pub(super) fn export_with_bar(
+    study: &Study,
+    options: &ExportOptions,
+    json: bool,
+) -> Result<ExportSummary, Box<dyn Error>> {
+    let bar = progress_bar(
+        !json,
+        study.schedule.trials().count() as u64,
+        "{elapsed} {bar:40} {pos} of {len} trials computed again for the tables",
+    );
+    bar.enable_steady_tick(std::time::Duration::from_millis(500));
+    let exported = study::export(study, options, &|done, all| {
+        bar.set_length(all as u64);
+        bar.set_position(done as u64);
+    })?;
+    bar.finish_and_clear();
+    Ok(exported)
 }
 
 pub(super) fn archive(
@@ -79,14 +105,17 @@ pub(super) fn archive(
         let folder = std::fs::canonicalize(&study.folder).unwrap_or_else(|_| study.folder.clone());
         folder.with_file_name(format!("{}.zip", study.plan.name))
     });
-    let bar = bar(!json, 1, "{elapsed} {bar:40} {pos} of {len} files");
-    let files = study::archive(&study, &out, |done, all| {
+    let bar = progress_bar(!json, 1, "{elapsed} {bar:40} {pos} of {len} files");
+    let faulty = if args.accept_damaged { FaultyRecordPolicy::Accept } else { FaultyRecordPolicy::Refuse };
+    let ArchiveSummary { files, faulty_records } = study::archive(&study, &out, faulty, |done, all| {
         bar.set_length(all as u64);
         bar.set_position(done as u64);
     })?;
     bar.finish_and_clear();
     if json {
-        return Ok(answer_json(&json!({ "archive": out, "files": files }))?);
+        let object = json!({ "archive": out, "files": files, "faulty_records": faulty_records });
+        return Ok(print_result_json(&object)?);
     }
-    Ok(answer(format_args!("{}: {files} files, read again and compared", out.display()))?)
+    faulty_records.iter().for_each(|fault| print_status(format_args!("damaged record: {fault}")));
+    Ok(print_result(format_args!("{}: {files} files, read again and compared", out.display()))?)
 }

@@ -2,12 +2,11 @@
 
 use clap::Args;
 use proact_app::{
-    answer, answer_json,
+    print_result, print_result_json, print_status,
     study::{Study, new_study, new_study_from_armsym},
-    tell,
 };
 use proact_control::MethodRegistry;
-use proact_study::{Balance, Form, Imbalance, SHIPPED};
+use proact_study::{CounterbalanceReport, Form, Imbalance, SHIPPED_PLANS};
 use serde_json::{Map, Value, json};
 use std::{error::Error, path::PathBuf};
 
@@ -17,17 +16,17 @@ pub struct NewArgs {
     /// Folder of the study; its name is the study's
     folder: PathBuf,
     /// Which plan to begin with
-    #[arg(long, default_value = "empty", value_parser = SHIPPED.iter().map(|(name, _)| *name).collect::<Vec<_>>())]
-    like: String,
+    #[arg(long, value_name = "NAME", default_value = "empty", value_parser = SHIPPED_PLANS.iter().map(|(name, _)| *name).collect::<Vec<_>>())]
+    template: String,
     /// Begin with conditions of ArmSym instead: JSON files of its folder Experimental_conditions, or a subject's
     /// identifier.json; several are compared
-    #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with = "like")]
+    #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with = "template")]
     from_armsym: Vec<PathBuf>,
 }
 
 /// Arguments of `proact study check`.
 #[derive(Debug, Args)]
-pub struct CheckArgs {
+pub struct StudyCheckArgs {
     /// Folder of the study, or its plan
     #[arg(value_name = "FOLDER|FILE")]
     study: PathBuf,
@@ -42,14 +41,14 @@ pub struct CheckArgs {
 /// A folder that exists, a name that is none for a study, files that are none of ArmSym's.
 pub(super) fn new(args: &NewArgs, json: bool) -> Result<(), Box<dyn Error>> {
     let (file, left_out) = match args.from_armsym.as_slice() {
-        [] => (new_study(&args.folder, &args.like)?, Vec::new()),
+        [] => (new_study(&args.folder, &args.template)?, Vec::new()),
         files => new_study_from_armsym(&args.folder, files)?,
     };
     if json {
-        return Ok(answer_json(&json!({ "plan": file, "left_out": left_out }))?);
+        return Ok(print_result_json(&json!({ "plan": file, "left_out": left_out }))?);
     }
-    left_out.iter().for_each(tell);
-    Ok(answer(format!(
+    left_out.iter().for_each(print_status);
+    Ok(print_result(format!(
         "{}\nEdit it, then look at it: proact study check {}",
         file.display(),
         args.folder.display()
@@ -60,14 +59,18 @@ pub(super) fn new(args: &NewArgs, json: bool) -> Result<(), Box<dyn Error>> {
 ///
 /// # Errors
 /// A plan that cannot be read or run, by its file's name.
-pub(super) fn check(methods: &MethodRegistry, args: &CheckArgs, json: bool) -> Result<(), Box<dyn Error>> {
+pub(super) fn check(
+    methods: &MethodRegistry,
+    args: &StudyCheckArgs,
+    json: bool,
+) -> Result<(), Box<dyn Error>> {
     let study = Study::open(&args.study, methods)?;
     if args.schedule {
-        return Ok(answer(schedule(&study, json)?.trim_end())?);
+        return Ok(print_result(schedule(&study, json)?.trim_end())?);
     }
-    let balance = Balance::of(&study.plan, &study.schedule, &study.arrangements);
-    let text = if json { report(&study, &balance)?.to_string() } else { prose(&study, &balance) };
-    Ok(answer(text.trim_end())?)
+    let balance = CounterbalanceReport::of(&study.plan, &study.schedule, &study.arrangements);
+    let text = if json { check_json(&study, &balance)?.to_string() } else { check_text(&study, &balance) };
+    Ok(print_result(text.trim_end())?)
 }
 
 /// All trials, as CSV or as JSON.
@@ -82,7 +85,7 @@ fn schedule(study: &Study, json: bool) -> Result<String, Box<dyn Error>> {
     Ok(String::from_utf8(table.into_inner()?)?)
 }
 
-fn report(study: &Study, balance: &Balance) -> Result<Value, Box<dyn Error>> {
+fn check_json(study: &Study, balance: &CounterbalanceReport) -> Result<Value, Box<dyn Error>> {
     let minutes: Map<String, Value> = balance
         .minutes_per_session
         .iter()
@@ -94,10 +97,10 @@ fn report(study: &Study, balance: &Balance) -> Result<Value, Box<dyn Error>> {
         "conditions": study.plan.conditions.iter().map(|condition| &condition.name).collect::<Vec<_>>(),
         "trials": study.schedule.trials().count(),
         "orders": orders(study),
-        "forms": study.forms.values().map(|form| json!({ "name": form.name, "confirmed": form.confirmed })).collect::<Vec<_>>(),
+        "forms": study.forms.values().map(|form| json!({ "name": form.name, "confirmed": form.wording_verified })).collect::<Vec<_>>(),
         "imbalances": balance.imbalances,
         "balanced": balance.balanced,
-        "confounded": balance.confounded,
+        "confounded": balance.confounds,
         "minutes_per_session": minutes,
         "sessions": balance.minutes_per_session,
     }))
@@ -113,11 +116,11 @@ fn orders(study: &Study) -> Vec<Vec<String>> {
 }
 
 /// Such as `1 session` or `2 sessions`.
-fn counted(count: usize, what: &str) -> String {
+fn pluralize(count: usize, what: &str) -> String {
     format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
-fn prose(study: &Study, balance: &Balance) -> String {
+fn check_text(study: &Study, balance: &CounterbalanceReport) -> String {
     let plan = &study.plan;
     let mut text = String::new();
     let mut line = |words: String| {
@@ -128,10 +131,10 @@ fn prose(study: &Study, balance: &Balance) -> String {
     line(format!("{}{title}", plan.name));
     line(format!(
         "{}, {}, {} each, {} in all",
-        counted(plan.participants, "participant"),
-        counted(plan.conditions.len(), "condition"),
-        counted(plan.sessions.len(), "session"),
-        counted(study.schedule.trials().count(), "trial")
+        pluralize(plan.participants, "participant"),
+        pluralize(plan.conditions.len(), "condition"),
+        pluralize(plan.sessions.len(), "session"),
+        pluralize(study.schedule.trials().count(), "trial")
     ));
     line("\nOrder of the conditions".to_owned());
     let width = plan.conditions.iter().map(|condition| condition.name.chars().count()).max().unwrap_or(1);
@@ -154,18 +157,18 @@ fn prose(study: &Study, balance: &Balance) -> String {
         line("\nAs even as these numbers allow".to_owned());
         rows(&mut line, &balance.balanced);
     }
-    if !balance.confounded.is_empty() {
+    if !balance.confounds.is_empty() {
         line("\nConfounded: what one does cannot be told from what the other does".to_owned());
-        for confounded in &balance.confounded {
+        for confound in &balance.confounds {
             line(format!(
                 "  {:36} {}",
-                format!("{} tells {}", confounded.factor, confounded.tells),
-                confounded.detail
+                format!("{} tells {}", confound.factor, confound.determines),
+                confound.detail
             ));
         }
     }
     if !study.forms.is_empty() {
-        let named = |form: &Form| match form.confirmed {
+        let named = |form: &Form| match form.wording_verified {
             true => form.name.clone(),
             false => format!("{} (not the wording of its source)", form.name),
         };
@@ -177,8 +180,8 @@ fn prose(study: &Study, balance: &Balance) -> String {
             "  {:12} {:>4.0} minutes, {:.0} of them if each of {} lasts until its limit",
             session.session,
             session.minutes,
-            session.of_trials,
-            counted(session.trials, "trial")
+            session.trial_minutes,
+            pluralize(session.trials, "trial")
         ));
     }
     text

@@ -2,11 +2,11 @@
 
 use clap::Args;
 use proact_app::{
-    answer, answer_json,
-    study::{self, Look, Study},
+    print_result, print_result_json,
+    study::{self, Study, StudyView},
 };
 use proact_control::MethodRegistry;
-use proact_study::{Happening, ScheduledSession};
+use proact_study::{ScheduledSession, SessionItem};
 use serde_json::{Value, json};
 use std::{error::Error, path::PathBuf};
 
@@ -19,28 +19,28 @@ pub struct StatusArgs {
 }
 
 /// Steps, or trials alone, of a session that are over, and all.
-fn counted(look: &Look, session: &ScheduledSession, trials: bool) -> (usize, usize) {
-    let steps = look.progress.spots(session).zip(&session.happenings);
-    let steps = steps.filter(|(_, step)| !trials || matches!(step, Happening::Trial(_)));
-    steps.fold((0, 0), |(over, all), (spot, _)| {
-        (over + usize::from(look.progress.step(&spot).outcome.is_some()), all + 1)
+fn count_steps(view: &StudyView, session: &ScheduledSession, trials: bool) -> (usize, usize) {
+    let steps = view.progress.step_ids(session).zip(&session.items);
+    let steps = steps.filter(|(_, step)| !trials || matches!(step, SessionItem::Trial(_)));
+    steps.fold((0, 0), |(over, all), (step_id, _)| {
+        (over + usize::from(view.progress.step(&step_id).outcome.is_some()), all + 1)
     })
 }
 
 pub(super) fn status(methods: &MethodRegistry, args: &StatusArgs, json: bool) -> Result<(), Box<dyn Error>> {
     let study = Study::open(&args.study, methods)?;
-    let look = study::look(&study)?;
-    let (over, all) = look.progress.count(|step| matches!(step, Happening::Trial(_)));
+    let view = study::open_view(&study)?;
+    let (over, all) = view.progress.count(|step| matches!(step, SessionItem::Trial(_)));
     let mut sessions = Vec::new();
     let mut lines = Vec::new();
-    for session in &look.progress.schedule().sessions {
-        let (steps, trials) = (counted(&look, session, false), counted(&look, session, true));
-        let id = look.progress.people().get(&session.participant);
-        let days = look.progress.days(session.participant, &session.session);
-        let departs: std::collections::BTreeSet<&str> = look
+    for session in &view.progress.schedule().sessions {
+        let (steps, trials) = (count_steps(&view, session, false), count_steps(&view, session, true));
+        let id = view.progress.pseudonyms().get(&session.participant);
+        let days = view.progress.days(session.participant, &session.session);
+        let departs: std::collections::BTreeSet<&str> = view
             .progress
-            .spots(session)
-            .flat_map(|spot| look.progress.step(&spot).deviations)
+            .step_ids(session)
+            .flat_map(|step_id| view.progress.step(&step_id).deviations)
             .map(proact_study::Deviation::label)
             .collect();
         let departs: Vec<&str> = departs.into_iter().collect();
@@ -60,39 +60,43 @@ pub(super) fn status(methods: &MethodRegistry, args: &StatusArgs, json: bool) ->
             "steps": [steps.0, steps.1], "trials": [trials.0, trials.1], "days": days, "deviations": departs }));
     }
     if json {
-        let object = json!({ "name": study.plan.name, "simulated": look.simulated, "trials": [over, all],
-            "finished": look.progress.finished(), "sessions": sessions });
-        return Ok(answer_json(&object)?);
+        let object = json!({ "name": study.plan.name, "simulated": view.simulated, "trials": [over, all],
+            "finished": view.progress.finished(), "sessions": sessions });
+        return Ok(print_result_json(&object)?);
     }
-    answer(format_args!(
+    print_result(format_args!(
         "{}{}: {over} of {all} trials are over",
         study.plan.name,
-        if look.simulated { " (simulated participants)" } else { "" }
+        if view.simulated { " (simulated participants)" } else { "" }
     ))?;
-    answer("       who        session     steps       trials     days")?;
-    lines.iter().try_for_each(|line| answer(line.trim_end()))?;
-    if look.progress.finished() {
-        answer("the study is finished")?;
+    print_result("       who        session     steps       trials     days")?;
+    lines.iter().try_for_each(|line| print_result(line.trim_end()))?;
+    if view.progress.finished() {
+        print_result("the study is finished")?;
     }
     Ok(())
 }
 
 pub(super) fn next(methods: &MethodRegistry, args: &StatusArgs, json: bool) -> Result<(), Box<dyn Error>> {
     let study = Study::open(&args.study, methods)?;
-    let look = study::look(&study)?;
-    let next = look.progress.next_participant().and_then(|participant| {
-        let session = look.progress.next_session(participant)?;
-        let spot = look.progress.next_step(session)?;
-        Some((participant, session.session.clone(), spot.clone(), look.progress.happening(&spot)?.label()))
+    let view = study::open_view(&study)?;
+    let next = view.progress.next_participant().and_then(|participant| {
+        let session = view.progress.next_session(participant)?;
+        let step_id = view.progress.next_step(session)?;
+        Some((participant, session.session.clone(), step_id.clone(), view.progress.item(&step_id)?.label()))
     });
-    let Some((participant, session, spot, label)) = next else {
-        return Ok(answer(if json { Value::Null.to_string() } else { "the study is finished".to_owned() })?);
+    let Some((participant, session, step_id, label)) = next else {
+        return Ok(print_result(if json {
+            Value::Null.to_string()
+        } else {
+            "the study is finished".to_owned()
+        })?);
     };
-    let id = look.progress.people().get(&participant);
+    let id = view.progress.pseudonyms().get(&participant);
     if json {
-        let object = json!({ "participant": participant, "id": id, "session": session, "step": spot.step, "label": label });
-        return Ok(answer_json(&object)?);
+        let object = json!({ "participant": participant, "id": id, "session": session, "step": step_id.step, "label": label });
+        return Ok(print_result_json(&object)?);
     }
     let who = id.map_or_else(|| format!("participant {participant}, who is not enrolled yet"), Clone::clone);
-    Ok(answer(format_args!("{who}: session {session}, step {}: {label}", spot.step))?)
+    Ok(print_result(format_args!("{who}: session {session}, step {}: {label}", step_id.step))?)
 }

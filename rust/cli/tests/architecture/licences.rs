@@ -9,7 +9,7 @@ use crate::workspace::{load, read};
 static ALLOWED: LazyLock<Vec<String>> = LazyLock::new(|| {
     let deny: toml::Table = toml::from_str(&read("deny.toml")).expect("deny.toml is TOML");
     let list = deny["licenses"]["allow"].as_array().expect("deny.toml has a list of licences");
-    list.iter().filter_map(|licence| licence.as_str().map(str::to_owned)).collect()
+    list.iter().filter_map(|license| license.as_str().map(str::to_owned)).collect()
 });
 
 /// Whether an SPDX expression can be met with allowed licences alone.
@@ -95,10 +95,10 @@ fn expressions_are_judged_as_spdx_defines_them() {
 
 #[test]
 fn every_package_in_the_program_comes_under_an_allowed_licence() {
-    for (package, licence) in &load().licences {
+    for (package, license) in &load().licences {
         assert!(
-            is_allowed(licence),
-            "{package} is under \"{licence}\", expected something that {:?} can meet: take another crate, or \
+            is_allowed(license),
+            "{package} is under \"{license}\", expected something that {:?} can meet: take another crate, or \
              add the licence to deny.toml and explain in THIRD_PARTY.md what it asks of those who ship the program",
             *ALLOWED
         );
@@ -113,15 +113,15 @@ fn every_direct_dependency_is_listed_with_its_licence() {
     for member in workspace.members.values() {
         for (dependency, _) in &member.dependencies {
             let prefix = format!("{dependency} ");
-            let licences: Vec<&String> = workspace
+            let licenses: Vec<&String> = workspace
                 .licences
                 .iter()
                 .filter(|(p, _)| p.starts_with(&prefix))
-                .map(|(_, licence)| licence)
+                .map(|(_, license)| license)
                 .collect();
             let row = listed.get(dependency);
-            if !licences.is_empty() && !licences.iter().any(|licence| row == Some(licence)) {
-                missing.push(format!("| `{dependency}` | {} |", licences[0]));
+            if !licenses.is_empty() && !licenses.iter().any(|license| row == Some(license)) {
+                missing.push(format!("| `{dependency}` | {} |", licenses[0]));
             }
         }
     }

@@ -9,25 +9,25 @@ const ANY_TASK: [&str; 23] = [
     "TaskInput",
     "TaskState",
     "TaskResult",
-    "TaskChoice",
+    "TaskSpec",
     "TaskFile",
     "TaskError",
     "SceneFile",
     "DEFAULT_TASK",
-    "SHIPPED",
-    "GridChoice",
+    "BUILT_IN_TASKS",
+    "GridSpec",
     "GridCount",
-    "GridPitch",
-    "Norm",
+    "GridSpacing",
+    "NormativeScore",
     "norms",
-    "norms_of",
+    "norms_in_result",
     "ObjectResult",
     "object_results",
     "ResultError",
-    "check_beside",
+    "check_legacy_fields",
     "check_result",
     "Sex",
-    "Wearer",
+    "UserProfile",
 ];
 
 /// The module with the original's names.
@@ -105,8 +105,9 @@ fn the_originals_topics_are_spelt_in_one_module() {
         for (number, line) in program(&text) {
             let spelt = |topic: &String| {
                 // Words without a slash are words of anything, unless somebody publishes or listens there.
-                let asked = line.contains("publish(") || line.contains("listen");
-                let relative = (asked || topic.contains('/')) && line.contains(&format!("(\"{topic}\""));
+                let is_endpoint = line.contains("publish(") || line.contains("listen");
+                let relative =
+                    (is_endpoint || topic.contains('/')) && line.contains(&format!("(\"{topic}\""));
                 relative || line.contains(&format!("\"/{topic}\""))
             };
             let found = topics.iter().find(|topic| spelt(topic));

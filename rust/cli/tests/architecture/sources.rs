@@ -158,8 +158,10 @@ fn one_name_is_one_public_type_in_all_crates() {
     assert!(declared.len() > 100, "the search is broken");
     let twice: Vec<String> = declared
         .iter()
-        .filter(|(_, places)| places.len() > 1)
-        .map(|(name, places)| format!("{name}: {}", places.values().copied().collect::<Vec<_>>().join(", ")))
+        .filter(|(_, locations)| locations.len() > 1)
+        .map(|(name, locations)| {
+            format!("{name}: {}", locations.values().copied().collect::<Vec<_>>().join(", "))
+        })
         .collect();
     assert!(twice.is_empty(), "one name, one thing; rename all but one of each:\n{}", twice.join("\n"));
 }

@@ -163,7 +163,7 @@ fn digest(metadata: &Metadata) -> Workspace {
         members.insert(package.name.clone(), Member { dependencies, closure });
     }
 
-    let licences = metadata
+    let licenses = metadata
         .packages
         .iter()
         .filter(|package| !metadata.workspace_members.contains(&package.id))
@@ -171,7 +171,7 @@ fn digest(metadata: &Metadata) -> Workspace {
             (format!("{} {}", package.name, package.version), package.license.clone().unwrap_or_default())
         })
         .collect();
-    Workspace { members, licences }
+    Workspace { members, licences: licenses }
 }
 
 fn kind(name: Option<&str>) -> Kind {

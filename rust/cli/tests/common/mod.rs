@@ -1,6 +1,9 @@
 //! `proact emg` as a process.
 // Each test uses some of it.
 #![allow(dead_code)]
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // Tests of processes.
+
+pub mod in_folder;
 
 use serde_json::Value;
 use std::process::{Child, Command, Stdio};

@@ -1,6 +1,6 @@
 use super::*;
 use crate::ports::{IkOutcome, KinematicsError};
-use Gesture::{HandClose, HandOpen, NoMotion, WristExtension, WristFlexion};
+use Command::{HandClose, HandOpen, NoMotion, WristExtension, WristFlexion};
 use proact_types::{HandView, Trajectory, TrajectoryPoint, joints};
 
 const PLACE: Point = Point::new(0.05, 0.2, 1.015);
@@ -26,7 +26,7 @@ impl ArmKinematics for NoKinematics {
 /// A world around the method that a test can push about.
 struct Bench {
     method: GazeAssisted,
-    shown: Shown,
+    shown: MethodDisplay,
     highlight: Option<ObjectId>,
     hand: HandView,
     base: Pose,
@@ -40,9 +40,9 @@ impl Bench {
     fn new() -> Self {
         let mut bench = Self {
             method: GazeAssisted::new(LockOnceProfile::default()),
-            shown: Shown::default(),
+            shown: MethodDisplay::default(),
             highlight: Some(ObjectId(0)),
-            hand: HandView { state: HandState::Open, holds: None },
+            hand: HandView { state: HandState::Open, held_object: None },
             base: Pose::identity(),
             motion: MotionState::Holding,
             targets: Vec::new(),
@@ -54,25 +54,25 @@ impl Bench {
         bench
     }
 
-    fn step(&mut self, gesture: Gesture, plan: Option<&PlanReply>) -> ControlOutput {
+    fn step(&mut self, command: Command, plan: Option<&PlanReply>) -> ControlOutput {
         self.time += 10;
         let input = ControlInput {
-            gesture,
-            recognised: gesture.into(),
+            command,
+            recognized_gesture: command.into(),
             effort: 1.0,
             drives: &[],
-            message: None,
+            published_command: None,
             measured: &[0.0; 7],
             commanded: &[0.0; 7],
             highlight: self.highlight,
             objects: &self.objects,
             posterior: &[],
-            place: PLACE,
+            place_point: PLACE,
             hand: self.hand,
             world_from_base: self.base,
             plan,
             motion: self.motion,
-            felt: &crate::JointStates::default(),
+            joint_states: &crate::JointStates::default(),
             targets: &self.targets,
             limb: None,
             stop: None,
@@ -81,7 +81,7 @@ impl Bench {
             tracking_age_ms: None,
         };
         let output = self.method.step(SimTime(self.time), &input, &mut NoKinematics);
-        self.shown = output.shown.clone();
+        self.shown = output.display.clone();
         output
     }
 
@@ -101,27 +101,27 @@ fn reply(status: PlanStatus, secs: f64) -> PlanReply {
         status,
         trajectory: Trajectory { points: vec![point(0.0), point(secs)] },
         reason: String::new(),
-        clearance: None,
+        clearance_m: None,
     }
 }
 
 #[test]
 fn every_gesture_but_wrist_extension_stops_a_motion_within_the_step() {
-    for gesture in [NoMotion, HandClose, HandOpen, WristFlexion] {
+    for command in [NoMotion, HandClose, HandOpen, WristFlexion] {
         let mut bench = Bench::new();
         bench.start_motion();
-        assert_eq!(bench.step(gesture, None).motion, Some(MotionCommand::Hold), "{gesture}");
+        assert_eq!(bench.step(command, None).motion, Some(MotionCommand::Hold), "{command}");
         assert_eq!(bench.shown.planner, PlannerView::Idle);
     }
 }
 
 #[test]
 fn every_gesture_but_wrist_extension_cancels_a_plan_and_a_late_plan_moves_nothing() {
-    for gesture in [NoMotion, HandClose, HandOpen, WristFlexion] {
+    for command in [NoMotion, HandClose, HandOpen, WristFlexion] {
         let mut bench = Bench::new();
         bench.step(WristExtension, None);
-        assert_eq!(bench.step(gesture, None).plan, Some(PlanCommand::Cancel), "{gesture}");
-        assert_eq!(bench.step(gesture, Some(&reply(PlanStatus::Ok, 2.0))).motion, None);
+        assert_eq!(bench.step(command, None).plan, Some(PlanCommand::Cancel), "{command}");
+        assert_eq!(bench.step(command, Some(&reply(PlanStatus::Ok, 2.0))).motion, None);
     }
 }
 
@@ -155,12 +155,12 @@ fn a_second_wrist_flexion_takes_the_lock_off() {
 fn without_a_lock_wrist_extension_acts_on_the_highlight() {
     let mut bench = Bench::new();
     bench.highlight = Some(ObjectId(2));
-    let Some(PlanCommand::Request(PlanGoal::Pick { object: block, centre })) =
+    let Some(PlanCommand::Request(PlanGoal::Pick { object: block, centre: center })) =
         bench.step(WristExtension, None).plan
     else {
         panic!("a pick was expected")
     };
-    assert_eq!((block, centre.x), (ObjectId(2), 0.2));
+    assert_eq!((block, center.x), (ObjectId(2), 0.2));
 }
 
 #[test]
@@ -168,7 +168,7 @@ fn a_lock_ends_with_its_phase_and_the_next_lock_is_the_place() {
     let mut bench = Bench::new();
     bench.step(WristFlexion, None);
     bench.step(HandClose, None);
-    bench.hand = HandView { state: HandState::Closed, holds: Some(ObjectId(0)) };
+    bench.hand = HandView { state: HandState::Closed, held_object: Some(ObjectId(0)) };
     assert_eq!(bench.step(HandClose, None).events, [MethodEvent::Unlocked]);
     assert_eq!(bench.step(WristFlexion, None).events, [MethodEvent::Locked { object: None }]);
     let plan = bench.step(WristExtension, None).plan;
@@ -274,7 +274,7 @@ fn carrying(change: impl Fn(&mut LockOnceProfile)) -> Bench {
     let mut rules = LockOnceProfile::default();
     change(&mut rules);
     bench.method = GazeAssisted::new(rules);
-    bench.hand = HandView { state: HandState::Closed, holds: Some(ObjectId(0)) };
+    bench.hand = HandView { state: HandState::Closed, held_object: Some(ObjectId(0)) };
     bench.step(NoMotion, None);
     bench
 }
@@ -291,12 +291,12 @@ fn a_place_snaps_to_a_free_target_near_it_and_to_no_other() {
     let mut bench = carrying(|rules| rules.snap_radius_m = 0.04);
     let target = |x: f64| proact_types::Target {
         object: ObjectId(0),
-        centre: Point::new(x, 0.2, 1.015),
+        center: Point::new(x, 0.2, 1.015),
         radius: 0.05,
     };
     bench.targets = vec![target(0.08), target(0.3)];
     bench.step(NoMotion, None);
-    assert_eq!(bench.shown.target.place, Some(target(0.08).centre));
+    assert_eq!(bench.shown.target.place, Some(target(0.08).center));
     bench.targets = vec![target(0.1)];
     bench.step(NoMotion, None);
     assert_eq!(bench.shown.target.place, Some(PLACE), "further than 4 cm");

@@ -2,15 +2,15 @@
 #![allow(dead_code)] // Each test program uses its part.
 
 use proact_arm::{ArmModel, JointLimits};
-pub use proact_control::doubles::START;
+pub use proact_control::doubles::START_RAD;
 use proact_control::doubles::{SerialKinematics, test_arm};
 use proact_control::ports::ArmKinematics;
 use proact_control::{
-    ControlInput, ControlMethod, ControlOutput, HandCommand, JointStates, MotionCommand, MotionState,
-    Profile, Shown, build,
+    ControlInput, ControlMethod, ControlOutput, HandCommand, JointStates, MethodDisplay, MotionCommand,
+    MotionState, Profile, build,
 };
 use proact_types::{
-    Gesture, HandState, HandView, JointVector, ObjectId, PlanReply, PlanStatus, PlannerView, Point, Pose,
+    Command, HandState, HandView, JointVector, ObjectId, PlanReply, PlanStatus, PlannerView, Point, Pose,
     SimTime, Stop, Target, Trajectory, TrajectoryPoint, joints,
 };
 
@@ -35,12 +35,12 @@ pub fn limits() -> Vec<JointLimits> {
 pub struct Rig {
     pub method: Box<dyn ControlMethod>,
     /// After the last step.
-    pub shown: Shown,
+    pub shown: MethodDisplay,
     pub kinematics: SerialKinematics,
     pub q: JointVector,
     /// What is measured differs from what is asked by this.
     pub lag: [f64; 7],
-    pub gesture: Gesture,
+    pub gesture: Command,
     /// How hard it is made, 0 to 1.
     pub effort: f64,
     /// As in [`ControlInput::drives`].
@@ -70,11 +70,11 @@ impl Rig {
     pub fn with(method: Box<dyn ControlMethod>) -> Self {
         Self {
             method,
-            shown: Shown::default(),
+            shown: MethodDisplay::default(),
             kinematics: SerialKinematics::new(&model()),
-            q: joints(&START),
+            q: joints(&START_RAD),
             lag: [0.0; 7],
-            gesture: Gesture::NoMotion,
+            gesture: Command::NoMotion,
             effort: 1.0,
             drives: Vec::new(),
             message_ms: Some(50),
@@ -111,22 +111,22 @@ impl Rig {
         };
         let plan = self.plan.take();
         let input = ControlInput {
-            gesture: self.gesture,
-            recognised: self.gesture.into(),
+            command: self.gesture,
+            recognized_gesture: self.gesture.into(),
             effort: self.effort,
             drives: &self.drives,
-            message: message.then_some(self.gesture),
+            published_command: message.then_some(self.gesture),
             measured: &measured,
             commanded: &self.q,
             highlight: self.highlight,
             objects: &BLOCKS,
             posterior: &[0.4, 0.3, 0.2, 0.1],
-            place: self.place,
+            place_point: self.place,
             hand: self.hand,
             world_from_base: self.base,
             plan: plan.as_ref(),
             motion,
-            felt: &JointStates::default(),
+            joint_states: &JointStates::default(),
             targets: &self.targets,
             limb: self.limb.as_deref(),
             stop: self.stop.as_ref(),
@@ -135,7 +135,7 @@ impl Rig {
             tracking_age_ms: None,
         };
         let output = self.method.step(SimTime(self.now), &input, &mut self.kinematics);
-        self.shown = output.shown.clone();
+        self.shown = output.display.clone();
         if let Some(command) = &output.motion {
             self.command = command.clone();
             self.since = self.now;
@@ -168,8 +168,8 @@ impl Rig {
     }
 
     /// Makes a gesture for `ms`.
-    pub fn make(&mut self, gesture: Gesture, ms: u64) -> Vec<ControlOutput> {
-        self.gesture = gesture;
+    pub fn make(&mut self, command: Command, ms: u64) -> Vec<ControlOutput> {
+        self.gesture = command;
         self.run(ms)
     }
 
@@ -210,10 +210,10 @@ impl Rig {
     }
 }
 
-/// A plan from [`START`] that turns the elbow by `turn` radians.
+/// A plan from [`START_RAD`] that turns the elbow by `turn` radians.
 pub fn reply(status: PlanStatus, turn: f64) -> PlanReply {
     let point = |time_secs: f64, turn: f64| {
-        let mut q = joints(&START);
+        let mut q = joints(&START_RAD);
         q[3] += turn;
         TrajectoryPoint { time_secs, q, qd: joints(&[0.0; 7]) }
     };
@@ -222,12 +222,12 @@ pub fn reply(status: PlanStatus, turn: f64) -> PlanReply {
     } else {
         Vec::new()
     };
-    PlanReply { id: 1, status, trajectory: Trajectory { points }, reason: String::new(), clearance: None }
+    PlanReply { id: 1, status, trajectory: Trajectory { points }, reason: String::new(), clearance_m: None }
 }
 
 /// Joints from 0, translations from 7, rotations from 10, as traces have them.
-pub fn number(moves: proact_types::Moves) -> u8 {
-    use proact_types::Moves::{Joint, Rotation, Translation};
+pub fn number(moves: proact_types::ControlledDof) -> u8 {
+    use proact_types::ControlledDof::{Joint, Rotation, Translation};
     match moves {
         Joint(joint) => joint,
         Translation(axis) => 7 + axis,

@@ -1,7 +1,7 @@
 //! Palm and digits. Palm frame: -y to the fingers, -z out of the palm, x to the thumb; digits: -y to the tip,
 //! in the thumb x to the tip.
 
-use super::solid::{Along, Loft, Section, Solid, ball, barrel, section};
+use super::solid::{Loft, LoftAxis, LoftSection, Solid, ball, barrel, section};
 use std::f64::consts::FRAC_PI_2;
 
 /// Where the fingers start in the palm's frame: index, middle, ring, pinky.
@@ -23,11 +23,11 @@ pub fn meshes() -> Vec<(&'static str, Solid)> {
         ("finger3", fingertip()),
         ("pinky1", phalanx(0.0330, (0.0088, 0.0083), (0.0078, 0.0074))),
         ("pinky2", phalanx(0.0175, (0.0076, 0.0072), (0.0070, 0.0067))),
-        ("knuckle", barrel(Along::X, 0.01, 0.02, 14)),
+        ("knuckle", barrel(LoftAxis::X, 0.01, 0.02, 14)),
         ("thumb0", thumb_root()),
         ("thumb1", thumb_phalanx()),
         ("thumb3", thumb_tip()),
-        ("thumb_knuckle", barrel(Along::Z, 0.01, 0.02, 14)),
+        ("thumb_knuckle", barrel(LoftAxis::Z, 0.01, 0.02, 14)),
     ]);
     out
 }
@@ -35,29 +35,29 @@ pub fn meshes() -> Vec<(&'static str, Solid)> {
 /// The palm, a plate on its back, a soft pad inside and four sockets for the fingers.
 fn palm() -> Vec<(&'static str, Solid)> {
     let profile = [
-        section(0.010, (0.0015, 0.0), (0.0190, 0.0130)).boxy(2.6),
-        section(-0.006, (0.0020, 0.0), (0.0225, 0.0155)).boxy(2.8),
-        section(-0.022, (0.0030, 0.0), (0.0335, 0.0185)).boxy(3.0),
-        section(-0.040, (0.0025, 0.0005), (0.0390, 0.0180)).boxy(3.2),
-        section(-0.056, (0.0040, 0.0010), (0.0385, 0.0150)).boxy(3.2),
-        section(-0.068, (0.0125, 0.0025), (0.0290, 0.0125)).boxy(2.8),
-        section(-0.073, (0.0125, 0.0030), (0.0200, 0.0105)).boxy(2.6),
+        section(0.010, (0.0015, 0.0), (0.0190, 0.0130)).with_exponent(2.6),
+        section(-0.006, (0.0020, 0.0), (0.0225, 0.0155)).with_exponent(2.8),
+        section(-0.022, (0.0030, 0.0), (0.0335, 0.0185)).with_exponent(3.0),
+        section(-0.040, (0.0025, 0.0005), (0.0390, 0.0180)).with_exponent(3.2),
+        section(-0.056, (0.0040, 0.0010), (0.0385, 0.0150)).with_exponent(3.2),
+        section(-0.068, (0.0125, 0.0025), (0.0290, 0.0125)).with_exponent(2.8),
+        section(-0.073, (0.0125, 0.0030), (0.0200, 0.0105)).with_exponent(2.6),
     ];
-    let shell = Loft::new(Along::Y, &profile).rounded(0.005, 0.006).fine(11, 24);
+    let shell = Loft::new(LoftAxis::Y, &profile).rounded(0.005, 0.006).with_resolution(11, 24);
     let mut sockets = Solid::default();
     for (x, y, z) in ROOTS {
-        sockets = sockets.and(ball(0.0112, 10).scaled(1.0, 1.1, 0.95).at(x, y + 0.004, z));
+        sockets = sockets.merged_with(ball(0.0112, 10).scaled(1.0, 1.1, 0.95).translated(x, y + 0.004, z));
     }
     // The wrist's second axis passes through the heel of the hand.
-    sockets = sockets.and(barrel(Along::X, 0.0125, 0.044, 16).at(0.0002, 0.0, 0.0005));
+    sockets = sockets.merged_with(barrel(LoftAxis::X, 0.0125, 0.044, 16).translated(0.0002, 0.0, 0.0005));
     let back = shell.panel((-0.020, -0.058), (FRAC_PI_2 - 0.95, FRAC_PI_2 + 0.95), 0.0014);
     let inside = shell.panel((-0.022, -0.062), (-FRAC_PI_2 - 1.02, -FRAC_PI_2 + 0.75), 0.0016);
-    let heel = ball(0.014, 12).scaled(1.0, 1.25, 0.95).at(0.0270, -0.0240, -0.0090);
+    let heel = ball(0.014, 12).scaled(1.0, 1.25, 0.95).translated(0.0270, -0.0240, -0.0090);
     vec![
         ("palm", shell.solid()),
         ("palm_joints", sockets),
         ("palm_back", back),
-        ("palm_pad", inside.and(heel)),
+        ("palm_pad", inside.merged_with(heel)),
     ]
 }
 
@@ -68,19 +68,19 @@ fn root() -> Solid {
         section(-0.008, (0.0, 0.0), (0.0085, 0.0085)),
         section(-0.016, (0.0, 0.0), (0.0070, 0.0080)),
     ];
-    Loft::new(Along::Y, &profile).rounded(0.005, 0.004).fine(3, 14).solid()
+    Loft::new(LoftAxis::Y, &profile).rounded(0.005, 0.004).with_resolution(3, 14).solid()
 }
 
 /// A bone of a finger of `length` to the next joint: half widths across and deep, at the near and far end.
 fn phalanx(length: f64, near: (f64, f64), far: (f64, f64)) -> Solid {
     let waist = (0.93 * (near.0 + far.0) / 2.0, 0.95 * (near.1 + far.1) / 2.0);
     let profile = [
-        section(-0.10 * length, (0.0, 0.0), (0.90 * near.0, 0.90 * near.1)).boxy(2.8),
-        section(-0.26 * length, (0.0003, 0.0), near).boxy(2.8),
-        section(-0.58 * length, (0.0004, 0.0002), waist).boxy(2.6),
-        section(-0.82 * length, (0.0005, 0.0003), far).boxy(2.6),
+        section(-0.10 * length, (0.0, 0.0), (0.90 * near.0, 0.90 * near.1)).with_exponent(2.8),
+        section(-0.26 * length, (0.0003, 0.0), near).with_exponent(2.8),
+        section(-0.58 * length, (0.0004, 0.0002), waist).with_exponent(2.6),
+        section(-0.82 * length, (0.0005, 0.0003), far).with_exponent(2.6),
     ];
-    Loft::new(Along::Y, &profile).rounded(0.0035, 0.0045).fine(5, 14).solid()
+    Loft::new(LoftAxis::Y, &profile).rounded(0.0035, 0.0045).with_resolution(5, 14).solid()
 }
 
 /// The last bone: rounded, with a pad towards the palm.
@@ -88,22 +88,22 @@ fn fingertip() -> Solid {
     let profile = [
         section(-0.0030, (0.0, 0.0), (0.0062, 0.0062)),
         section(-0.0075, (0.0, -0.0003), (0.0070, 0.0070)),
-        section(-0.0120, (0.0, -0.0005), (0.0071, 0.0072)).boxy(2.2),
-        section(-0.0160, (0.0, 0.0), (0.0062, 0.0064)).boxy(2.1),
+        section(-0.0120, (0.0, -0.0005), (0.0071, 0.0072)).with_exponent(2.2),
+        section(-0.0160, (0.0, 0.0), (0.0062, 0.0064)).with_exponent(2.1),
     ];
-    Loft::new(Along::Y, &profile).rounded(0.0030, 0.0060).fine(5, 14).solid()
+    Loft::new(LoftAxis::Y, &profile).rounded(0.0030, 0.0060).with_resolution(5, 14).solid()
 }
 
-fn along_x(profile: &[Section], near: f64, far: f64) -> Solid {
-    Loft::new(Along::X, profile).rounded(near, far).fine(5, 14).solid()
+fn along_x(profile: &[LoftSection], near: f64, far: f64) -> Solid {
+    Loft::new(LoftAxis::X, profile).rounded(near, far).with_resolution(5, 14).solid()
 }
 
 /// Swings the thumb across the palm.
 fn thumb_root() -> Solid {
     let profile = [
-        section(-0.004, (0.0, 0.0), (0.0085, 0.0095)).boxy(2.6),
-        section(0.008, (-0.0008, 0.0012), (0.0082, 0.0112)).boxy(2.8),
-        section(0.017, (-0.0008, 0.0014), (0.0070, 0.0100)).boxy(2.8),
+        section(-0.004, (0.0, 0.0), (0.0085, 0.0095)).with_exponent(2.6),
+        section(0.008, (-0.0008, 0.0012), (0.0082, 0.0112)).with_exponent(2.8),
+        section(0.017, (-0.0008, 0.0014), (0.0070, 0.0100)).with_exponent(2.8),
     ];
     along_x(&profile, 0.005, 0.004)
 }
@@ -112,10 +112,10 @@ fn thumb_root() -> Solid {
 fn thumb_phalanx() -> Solid {
     let (near, far) = (0.0090, 0.0082);
     let profile = [
-        section(0.004, (0.0, 0.0), (0.85 * near, 1.05 * near)).boxy(2.6),
-        section(0.010, (0.0, 0.0), (0.92 * near, 1.16 * near)).boxy(2.8),
-        section(0.020, (0.0002, 0.0002), (0.82 * near, 1.06 * near)).boxy(2.6),
-        section(0.028, (0.0002, 0.0003), (0.86 * far, 1.12 * far)).boxy(2.6),
+        section(0.004, (0.0, 0.0), (0.85 * near, 1.05 * near)).with_exponent(2.6),
+        section(0.010, (0.0, 0.0), (0.92 * near, 1.16 * near)).with_exponent(2.8),
+        section(0.020, (0.0002, 0.0002), (0.82 * near, 1.06 * near)).with_exponent(2.6),
+        section(0.028, (0.0002, 0.0003), (0.86 * far, 1.12 * far)).with_exponent(2.6),
     ];
     along_x(&profile, 0.0035, 0.004)
 }
@@ -124,8 +124,8 @@ fn thumb_tip() -> Solid {
     let profile = [
         section(0.003, (0.0, 0.0), (0.0066, 0.0082)),
         section(0.009, (-0.0010, 0.0), (0.0076, 0.0088)),
-        section(0.016, (-0.0010, 0.0), (0.0078, 0.0084)).boxy(2.2),
-        section(0.021, (-0.0004, 0.0), (0.0064, 0.0070)).boxy(2.1),
+        section(0.016, (-0.0010, 0.0), (0.0078, 0.0084)).with_exponent(2.2),
+        section(0.021, (-0.0004, 0.0), (0.0064, 0.0070)).with_exponent(2.1),
     ];
     along_x(&profile, 0.003, 0.0062)
 }

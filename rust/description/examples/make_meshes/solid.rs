@@ -23,13 +23,13 @@ pub struct Solid {
 
 impl Solid {
     /// Both solids in one.
-    pub fn and(mut self, other: Solid) -> Solid {
+    pub fn merged_with(mut self, other: Solid) -> Solid {
         self.triangles.extend(other.triangles);
         self
     }
 
     /// Moved by `x`, `y`, `z` metres.
-    pub fn at(mut self, x: f64, y: f64, z: f64) -> Solid {
+    pub fn translated(mut self, x: f64, y: f64, z: f64) -> Solid {
         for vertex in self.triangles.iter_mut().flatten() {
             *vertex += Vector3::new(x, y, z);
         }
@@ -68,7 +68,7 @@ impl Solid {
     }
 
     /// Turns all triangles so that they face outwards; the solid is closed.
-    fn facing_out(mut self) -> Solid {
+    fn oriented_outward(mut self) -> Solid {
         let volume: f64 = self.triangles.iter().map(|[a, b, c]| a.dot(&b.cross(c))).sum();
         if volume < 0.0 {
             self.triangles.iter_mut().for_each(|t| t.swap(1, 2));
@@ -79,7 +79,7 @@ impl Solid {
 
 /// The link axis along which a loft runs.
 #[derive(Clone, Copy, PartialEq)]
-pub enum Along {
+pub enum LoftAxis {
     /// Sections span y and z.
     X,
     /// Sections span x and z.
@@ -92,7 +92,7 @@ pub enum Along {
 ///
 /// u and v are the two other link axes in alphabetical order, t is the coordinate along the loft; metres.
 #[derive(Clone, Copy)]
-pub struct Section {
+pub struct LoftSection {
     t: f64,
     u: f64,
     v: f64,
@@ -102,13 +102,13 @@ pub struct Section {
 }
 
 /// A section at `t`, centred at (`u`, `v`), with half widths `a` and `b`, moderately boxy.
-pub fn section(t: f64, (u, v): (f64, f64), (a, b): (f64, f64)) -> Section {
-    Section { t, u, v, a, b, n: 2.4 }
+pub fn section(t: f64, (u, v): (f64, f64), (a, b): (f64, f64)) -> LoftSection {
+    LoftSection { t, u, v, a, b, n: 2.4 }
 }
 
-impl Section {
+impl LoftSection {
     /// With exponent `n`: 2 is an ellipse, more is boxier.
-    pub fn boxy(mut self, n: f64) -> Section {
+    pub fn with_exponent(mut self, n: f64) -> LoftSection {
         self.n = n;
         self
     }
@@ -118,7 +118,7 @@ impl Section {
     }
 
     /// The point in direction `angle`, `lift` metres outside the surface.
-    fn point(&self, along: Along, angle: f64, lift: f64) -> Vector3<f64> {
+    fn point(&self, along: LoftAxis, angle: f64, lift: f64) -> Vector3<f64> {
         let power = 2.0 / self.n;
         let (sin, cos) = angle.sin_cos();
         let u = self.u + (self.a + lift) * cos.abs().powf(power).copysign(cos);
@@ -127,34 +127,34 @@ impl Section {
     }
 }
 
-fn along_axis(along: Along, t: f64, u: f64, v: f64) -> Vector3<f64> {
+fn along_axis(along: LoftAxis, t: f64, u: f64, v: f64) -> Vector3<f64> {
     match along {
-        Along::X => Vector3::new(t, u, v),
-        Along::Y => Vector3::new(u, t, v),
-        Along::Z => Vector3::new(u, v, t),
+        LoftAxis::X => Vector3::new(t, u, v),
+        LoftAxis::Y => Vector3::new(u, t, v),
+        LoftAxis::Z => Vector3::new(u, v, t),
     }
 }
 
 /// A body through cross-sections, with rounded ends and, if wanted, grooves around it.
 pub struct Loft {
-    along: Along,
-    sections: Vec<Section>,
+    along: LoftAxis,
+    sections: Vec<LoftSection>,
     rounding: (f64, f64),
     grooves: Vec<f64>,
     rings: usize,
-    around: usize,
+    segments: usize,
 }
 
 impl Loft {
     /// A body through `sections`, whose `t` ascend or descend.
-    pub fn new(along: Along, sections: &[Section]) -> Loft {
+    pub fn new(along: LoftAxis, sections: &[LoftSection]) -> Loft {
         Loft {
             along,
             sections: sections.to_vec(),
             rounding: (0.002, 0.002),
             grooves: Vec::new(),
             rings: 12,
-            around: 28,
+            segments: 28,
         }
     }
 
@@ -171,13 +171,13 @@ impl Loft {
     }
 
     /// Rings along the body and points around it.
-    pub fn fine(mut self, rings: usize, around: usize) -> Loft {
-        (self.rings, self.around) = (rings, around);
+    pub fn with_resolution(mut self, rings: usize, around: usize) -> Loft {
+        (self.rings, self.segments) = (rings, around);
         self
     }
 
     /// The section at `t`: monotone cubic interpolation, so that nothing bulges beyond what was asked for.
-    fn at(&self, t: f64) -> Section {
+    fn at(&self, t: f64) -> LoftSection {
         let s = &self.sections;
         let falling = s[0].t > s[s.len() - 1].t;
         let key = |x: f64| if falling { -x } else { x };
@@ -204,39 +204,39 @@ impl Loft {
                 + m1 * x.powi(2) * (x - 1.0);
         }
         let [u, v, a, b, n] = out;
-        Section { t, u, v, a, b, n }
+        LoftSection { t, u, v, a, b, n }
     }
 
-    fn all_rings(&self) -> Vec<Section> {
+    fn all_rings(&self) -> Vec<LoftSection> {
         let (first, last) = (self.sections[0], self.sections[self.sections.len() - 1]);
         let sense = (last.t - first.t).signum();
-        let mut places: Vec<(f64, f64)> = (0..=self.rings)
+        let mut ring_points: Vec<(f64, f64)> = (0..=self.rings)
             .map(|k| (first.t + (last.t - first.t) * k as f64 / self.rings as f64, 0.0))
             .collect();
         // A groove is 2 mm wide and 0.9 mm deep with bevelled edges.
         for &groove in &self.grooves {
-            places.retain(|(t, _)| (t - groove).abs() > 0.0017);
-            places.extend(
+            ring_points.retain(|(t, _)| (t - groove).abs() > 0.0017);
+            ring_points.extend(
                 [(-0.0016, 0.0), (-0.001, 0.0009), (0.001, 0.0009), (0.0016, 0.0)]
                     .map(|(d, sink)| (groove + d, sink)),
             );
         }
-        places.sort_by(|p, q| (p.0 * sense).total_cmp(&(q.0 * sense)));
+        ring_points.sort_by(|p, q| (p.0 * sense).total_cmp(&(q.0 * sense)));
 
-        let edge = |s: Section, radius: f64, outward: f64| {
+        let edge = |s: LoftSection, radius: f64, outward: f64| {
             let rings = cap_rings(radius);
             (1..=rings).map(move |k| {
                 let angle = FRAC_PI_2 * k as f64 / rings as f64;
                 let inset = radius * (1.0 - angle.cos());
                 let (a, b) = ((s.a - inset).max(0.0), (s.b - inset).max(0.0));
-                Section { t: s.t + outward * radius * angle.sin(), a, b, ..s }
+                LoftSection { t: s.t + outward * radius * angle.sin(), a, b, ..s }
             })
         };
-        let mut rings: Vec<Section> = edge(first, self.rounding.0, -sense).collect();
+        let mut rings: Vec<LoftSection> = edge(first, self.rounding.0, -sense).collect();
         rings.reverse();
-        rings.extend(places.iter().map(|&(t, sink)| {
+        rings.extend(ring_points.iter().map(|&(t, sink)| {
             let s = self.at(t);
-            Section { a: s.a - sink, b: s.b - sink, ..s }
+            LoftSection { a: s.a - sink, b: s.b - sink, ..s }
         }));
         rings.extend(edge(last, self.rounding.1, sense));
         rings
@@ -248,26 +248,26 @@ impl Loft {
             .all_rings()
             .iter()
             .map(|s| {
-                (0..self.around)
-                    .map(|k| s.point(self.along, TAU * k as f64 / self.around as f64, 0.0))
+                (0..self.segments)
+                    .map(|k| s.point(self.along, TAU * k as f64 / self.segments as f64, 0.0))
                     .collect()
             })
             .collect();
         let mut solid = Solid::default();
         for pair in rings.windows(2) {
-            for k in 0..self.around {
-                let next = (k + 1) % self.around;
+            for k in 0..self.segments {
+                let next = (k + 1) % self.segments;
                 solid.quad(pair[0][k], pair[0][next], pair[1][next], pair[1][k]);
             }
         }
         for (ring, turned) in [(&rings[0], true), (&rings[rings.len() - 1], false)] {
-            let middle = ring.iter().sum::<Vector3<f64>>() / self.around as f64;
-            for k in 0..self.around {
-                let (a, b) = (ring[k], ring[(k + 1) % self.around]);
+            let middle = ring.iter().sum::<Vector3<f64>>() / self.segments as f64;
+            for k in 0..self.segments {
+                let (a, b) = (ring[k], ring[(k + 1) % self.segments]);
                 solid.triangles.push(if turned { [middle, b, a] } else { [middle, a, b] });
             }
         }
-        solid.facing_out()
+        solid.oriented_outward()
     }
 
     /// A plate with rounded corners that lies on the surface: from `t` to `t`, between two angles (zero along u,
@@ -302,22 +302,22 @@ impl Loft {
             solid.quad(top[0][j], foot[0][j], foot[0][j + 1], top[0][j + 1]);
             solid.quad(top[ROWS][j], top[ROWS][j + 1], foot[ROWS][j + 1], foot[ROWS][j]);
         }
-        solid.facing_out()
+        solid.oriented_outward()
     }
 }
 
 /// A joint's barrel around the link's origin: rounded edges, and a smaller hub on either face.
-pub fn barrel(along: Along, radius: f64, length: f64, around: usize) -> Solid {
+pub fn barrel(along: LoftAxis, radius: f64, length: f64, around: usize) -> Solid {
     let body = |radius: f64, length: f64, edge: f64| {
         let half = length / 2.0 - edge;
-        let ends = [-half, half].map(|t| section(t, (0.0, 0.0), (radius, radius)).boxy(2.0));
-        Loft::new(along, &ends).rounded(edge, edge).fine(1, around).solid()
+        let ends = [-half, half].map(|t| section(t, (0.0, 0.0), (radius, radius)).with_exponent(2.0));
+        Loft::new(along, &ends).rounded(edge, edge).with_resolution(1, around).solid()
     };
-    body(radius, length, 0.12 * radius).and(body(0.55 * radius, 1.1 * length, 0.05 * radius))
+    body(radius, length, 0.12 * radius).merged_with(body(0.55 * radius, 1.1 * length, 0.05 * radius))
 }
 
 /// A ball of radius `radius` around the link's origin.
 pub fn ball(radius: f64, around: usize) -> Solid {
-    let equator = [-1e-5, 1e-5].map(|t| section(t, (0.0, 0.0), (radius, radius)).boxy(2.0));
-    Loft::new(Along::Y, &equator).rounded(radius, radius).fine(1, around).solid()
+    let equator = [-1e-5, 1e-5].map(|t| section(t, (0.0, 0.0), (radius, radius)).with_exponent(2.0));
+    Loft::new(LoftAxis::Y, &equator).rounded(radius, radius).with_resolution(1, around).solid()
 }

@@ -15,9 +15,9 @@ use std::{
 };
 
 /// Cues that may wait for a sink. A sink that is slower loses those that come after: what is felt late misleads.
-const MOST_WAITING: usize = 64;
+const MAX_QUEUED_CUES: usize = 64;
 /// A sink opens within this time, or not at all.
-const OPENING: Duration = Duration::from_secs(2);
+const OPEN_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Something that makes cues heard or felt. It may wait: it never runs in the thread of the tick.
 pub trait FeedbackSink: Send {
@@ -68,15 +68,15 @@ pub const SINK_SCHEMES: [SinkScheme; 3] = [
 
 /// Several sinks at once. Giving them cues never waits; one that is slow loses some, one that fails is left out.
 pub struct FeedbackSinks {
-    sinks: Vec<Running>,
+    sinks: Vec<RunningSink>,
 }
 
-struct Running {
+struct RunningSink {
     name: String,
     cues: SyncSender<FeedbackCue>,
     failure: Receiver<DeviceError>,
     lost: u64,
-    told: bool,
+    loss_reported: bool,
 }
 
 impl FeedbackSinks {
@@ -116,7 +116,7 @@ impl FeedbackSinks {
         name: &str,
         open: impl FnOnce() -> Result<Box<dyn FeedbackSink>, DeviceError> + Send + 'static,
     ) -> Result<(), DeviceError> {
-        let (cues, given) = sync_channel::<FeedbackCue>(MOST_WAITING);
+        let (cues, given) = sync_channel::<FeedbackCue>(MAX_QUEUED_CUES);
         let (opened, opening) = sync_channel(1);
         let (failed, failure) = sync_channel(1);
         thread::spawn(move || {
@@ -139,19 +139,19 @@ impl FeedbackSinks {
             }
         });
         let late = |reason: &str| DeviceError::Sink { sink: name.to_owned(), reason: reason.to_owned() };
-        match opening.recv_timeout(OPENING) {
+        match opening.recv_timeout(OPEN_TIMEOUT) {
             Ok(outcome) => outcome?,
             Err(RecvTimeoutError::Timeout) => return Err(late("does not open within 2 s")),
             Err(RecvTimeoutError::Disconnected) => return Err(late("ended while it was opened")),
         }
-        self.sinks.push(Running { name: name.to_owned(), cues, failure, lost: 0, told: false });
+        self.sinks.push(RunningSink { name: name.to_owned(), cues, failure, lost: 0, loss_reported: false });
         Ok(())
     }
 
     /// Hands `cues` to all of them, without waiting. What there is to tell of a sink comes back: that it is too slow, once,
     /// and that it failed and is left out.
-    pub fn give(&mut self, cues: &[FeedbackCue]) -> Vec<String> {
-        let mut told = Vec::new();
+    pub fn send_cues(&mut self, cues: &[FeedbackCue]) -> Vec<String> {
+        let mut notices = Vec::new();
         self.sinks.retain_mut(|sink| {
             for cue in cues {
                 match sink.cues.try_send(cue.clone()) {
@@ -159,20 +159,20 @@ impl FeedbackSinks {
                     Err(TrySendError::Full(_)) => sink.lost += 1,
                 }
             }
-            if sink.lost > 0 && !sink.told {
-                sink.told = true;
-                told.push(format!("feedback {}: too slow, cues are lost", sink.name));
+            if sink.lost > 0 && !sink.loss_reported {
+                sink.loss_reported = true;
+                notices.push(format!("feedback {}: too slow, cues are lost", sink.name));
             }
             match sink.failure.try_recv() {
-                Ok(error) => told.push(format!("no more feedback to {}: {error}", sink.name)),
+                Ok(error) => notices.push(format!("no more feedback to {}: {error}", sink.name)),
                 Err(TryRecvError::Disconnected) => {
-                    told.push(format!("no more feedback to {}: it broke off", sink.name));
+                    notices.push(format!("no more feedback to {}: it broke off", sink.name));
                 }
                 Err(TryRecvError::Empty) => return true,
             }
             false
         });
-        told
+        notices
     }
 
     /// How many are left.
@@ -233,15 +233,17 @@ mod tests {
             Err(DeviceError::Sink { sink: "broken".to_owned(), reason: "the wire is off".to_owned() })
         };
         sinks.add("broken", move || Ok(Box::new(To(broken)))).unwrap();
-        let mut told = sinks.give(&[cue(1), cue(2)]);
+        let mut notices = sinks.send_cues(&[cue(1), cue(2)]);
         let limit = Instant::now() + Duration::from_secs(10);
-        while told.is_empty() && Instant::now() < limit {
-            told = sinks.give(&[]);
+        while notices.is_empty() && Instant::now() < limit {
+            notices = sinks.send_cues(&[]);
         }
-        assert_eq!(told.len(), 1, "{told:?}");
-        assert!(told[0].starts_with("no more feedback to broken: ") && told[0].contains("the wire is off"));
+        assert_eq!(notices.len(), 1, "{notices:?}");
+        assert!(
+            notices[0].starts_with("no more feedback to broken: ") && notices[0].contains("the wire is off")
+        );
         assert_eq!(sinks.len(), 1);
-        sinks.give(&[cue(3)]);
+        sinks.send_cues(&[cue(3)]);
         let got: Vec<SimTime> =
             (0..3).map(|_| received.recv_timeout(Duration::from_secs(10)).unwrap()).collect();
         assert_eq!(got, [SimTime(1), SimTime(2), SimTime(3)]);
@@ -256,10 +258,10 @@ mod tests {
             Ok(())
         };
         sinks.add("stuck", move || Ok(Box::new(To(blocks)))).unwrap();
-        let begun = Instant::now();
-        let told: Vec<String> = (0..10_000).flat_map(|tick| sinks.give(&[cue(tick)])).collect();
-        assert!(begun.elapsed() < Duration::from_secs(5), "{:?}", begun.elapsed());
-        assert_eq!(told, ["feedback stuck: too slow, cues are lost"]);
+        let start = Instant::now();
+        let notices: Vec<String> = (0..10_000).flat_map(|tick| sinks.send_cues(&[cue(tick)])).collect();
+        assert!(start.elapsed() < Duration::from_secs(5), "{:?}", start.elapsed());
+        assert_eq!(notices, ["feedback stuck: too slow, cues are lost"]);
     }
 
     #[test]

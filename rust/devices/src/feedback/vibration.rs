@@ -43,17 +43,17 @@ pub enum VibrationLine {
 
 impl VibrationLine {
     /// What a cue is to such a driver, at most one line for what is felt and one for what is heard.
-    pub fn of(cue: &FeedbackCue) -> impl Iterator<Item = Self> {
+    pub fn lines_for(cue: &FeedbackCue) -> impl Iterator<Item = Self> {
         let motor = cue.digit.as_ref().map(|digit| digit.number);
         let felt = cue.vibration.map(|Vibration { strength, ms }| {
             let strength = (strength.clamp(0.0, 1.0) * 255.0).round() as u8;
             Self::Vibrate { motor, strength, ms }
         });
-        let heard = cue.sound.map(|Tone { hz, ms }| {
+        let tone = cue.sound.map(|Tone { hz, ms }| {
             let hz = hz.map(|hz| hz.clamp(0.0, f64::from(u16::MAX)).round() as u16);
             Self::Sound { hz, ms }
         });
-        felt.into_iter().chain(heard)
+        felt.into_iter().chain(tone)
     }
 }
 
@@ -100,11 +100,11 @@ impl FromStr for VibrationLine {
 
 /// Speaks to a driver of motors, by UDP or at a serial port.
 pub struct VibrationDriver {
-    link: Link,
+    link: VibrationLink,
     name: String,
 }
 
-enum Link {
+enum VibrationLink {
     Udp(UdpSocket),
     Serial(File),
 }
@@ -118,7 +118,7 @@ impl VibrationDriver {
         let failed = |source| DeviceError::Udp { address: target.to_owned(), source };
         let socket = UdpSocket::bind(("0.0.0.0", 0)).map_err(failed)?;
         socket.connect(target).map_err(failed)?;
-        Ok(Self { link: Link::Udp(socket), name: target.to_owned() })
+        Ok(Self { link: VibrationLink::Udp(socket), name: target.to_owned() })
     }
 
     /// Lines to the serial port at `path`, which is set to 115200 baud, eight bits, no echo; or to a pipe or file.
@@ -141,14 +141,14 @@ impl VibrationDriver {
                 return Err(failed("it is no serial port that can be set to 115200 baud".to_owned()));
             }
         }
-        Ok(Self { link: Link::Serial(file), name })
+        Ok(Self { link: VibrationLink::Serial(file), name })
     }
 
     fn send(&mut self, line: VibrationLine) -> io::Result<()> {
         let bytes = format!("{line}\n");
         match &mut self.link {
-            Link::Serial(port) => port.write_all(bytes.as_bytes()),
-            Link::Udp(socket) => match socket.send(bytes.as_bytes()) {
+            VibrationLink::Serial(port) => port.write_all(bytes.as_bytes()),
+            VibrationLink::Udp(socket) => match socket.send(bytes.as_bytes()) {
                 Err(error) if error.kind() == io::ErrorKind::ConnectionRefused => Ok(()),
                 sent => sent.map(drop),
             },
@@ -158,7 +158,7 @@ impl VibrationDriver {
 
 impl FeedbackSink for VibrationDriver {
     fn begin(&mut self, cue: &FeedbackCue) -> Result<(), DeviceError> {
-        VibrationLine::of(cue)
+        VibrationLine::lines_for(cue)
             .try_for_each(|line| self.send(line))
             .map_err(|error| DeviceError::Sink { sink: self.name.clone(), reason: error.to_string() })
     }
@@ -176,12 +176,12 @@ pub struct VibrationDevice {
 
 impl VibrationDevice {
     /// Longest line, bytes; of a longer one the rest counts as a line of its own.
-    const LONGEST: usize = 32;
+    const MAX_LINE_BYTES: usize = 32;
 
     /// Takes bytes as a serial port or a datagram brings them.
     pub fn receive(&mut self, bytes: &[u8]) {
         for byte in bytes {
-            if *byte != b'\n' && self.partial.len() < Self::LONGEST {
+            if *byte != b'\n' && self.partial.len() < Self::MAX_LINE_BYTES {
                 self.partial.push(*byte);
                 continue;
             }
@@ -218,8 +218,8 @@ mod tests {
 
     #[test]
     fn a_serial_port_gets_these_bytes_and_the_device_understands_every_line() {
-        let place = tempfile::tempdir().unwrap();
-        let path = place.path().join("port");
+        let temp_dir = tempfile::tempdir().unwrap();
+        let path = temp_dir.path().join("port");
         std::fs::write(&path, "").unwrap();
         let mut driver = VibrationDriver::serial(&path).unwrap();
         cues().iter().for_each(|cue| driver.begin(cue).unwrap());

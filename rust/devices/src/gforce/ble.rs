@@ -4,7 +4,7 @@
 //! and not yet run with an armband.
 
 use super::{
-    link::{Connect, GattLink, LinkError},
+    link::{GattConnector, GattLink, LinkError},
     protocol::{COMMAND_CHARACTERISTIC, Characteristic, DATA_CHARACTERISTIC, SERVICE},
 };
 use crate::myo::protocol as myo;
@@ -23,39 +23,36 @@ use tokio::runtime::Runtime;
 use uuid::Uuid;
 
 /// Longest search for an armband.
-const SCAN: Duration = Duration::from_secs(10);
+const SCAN_TIMEOUT: Duration = Duration::from_secs(10);
 /// Longest wait for a connection, or for the service to be listed.
-const CONNECT: Duration = Duration::from_secs(10);
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
 /// Time between two looks at what was found.
-const GLANCE: Duration = Duration::from_millis(200);
+const POLL_INTERVAL: Duration = Duration::from_millis(200);
 
 /// What an armband has, by UUID.
 #[derive(Clone, Copy, Debug)]
-struct Profile {
+struct GattProfile {
     service: &'static str,
     /// Written to, or read.
-    plain: &'static [(Characteristic, &'static str)],
+    read_write: &'static [(Characteristic, &'static str)],
     /// Notify.
-    notifying: &'static [(Characteristic, &'static str)],
+    notify: &'static [(Characteristic, &'static str)],
 }
 
-const GFORCE: Profile = Profile {
+const GFORCE: GattProfile = GattProfile {
     service: SERVICE,
-    plain: &[],
-    notifying: &[
-        (Characteristic::Command, COMMAND_CHARACTERISTIC),
-        (Characteristic::Data, DATA_CHARACTERISTIC),
-    ],
+    read_write: &[],
+    notify: &[(Characteristic::Command, COMMAND_CHARACTERISTIC), (Characteristic::Data, DATA_CHARACTERISTIC)],
 };
 
-const MYO: Profile = Profile {
+const MYO: GattProfile = GattProfile {
     service: myo::SERVICE,
-    plain: &[
+    read_write: &[
         (Characteristic::Command, myo::COMMAND_CHARACTERISTIC),
         (Characteristic::Firmware, myo::FIRMWARE_CHARACTERISTIC),
         (Characteristic::Battery, myo::BATTERY_CHARACTERISTIC),
     ],
-    notifying: &[
+    notify: &[
         (Characteristic::Emg0, myo::EMG_CHARACTERISTICS[0]),
         (Characteristic::Emg1, myo::EMG_CHARACTERISTICS[1]),
         (Characteristic::Emg2, myo::EMG_CHARACTERISTICS[2]),
@@ -68,53 +65,57 @@ const MYO: Profile = Profile {
 #[derive(Debug)]
 pub struct BleConnector {
     runtime: Runtime,
-    profile: Profile,
+    profile: GattProfile,
     /// Part of the name or the address of the one wanted; any, if empty.
-    wanted: String,
+    name_filter: String,
 }
 
 impl BleConnector {
-    /// For the gForce whose name or address contains `wanted`; for the first one found if that is empty.
+    /// For the gForce whose name or address contains `name_filter`; for the first one found if that is empty.
     ///
     /// # Errors
     /// The system gives no threads.
-    pub fn new(wanted: impl Into<String>) -> Result<BleConnector, LinkError> {
-        Self::of(GFORCE, wanted.into())
+    pub fn new(name_filter: impl Into<String>) -> Result<BleConnector, LinkError> {
+        Self::with_profile(GFORCE, name_filter.into())
     }
 
     /// The same for a Myo.
     ///
     /// # Errors
     /// The system gives no threads.
-    pub fn myo(wanted: impl Into<String>) -> Result<BleConnector, LinkError> {
-        Self::of(MYO, wanted.into())
+    pub fn myo(name_filter: impl Into<String>) -> Result<BleConnector, LinkError> {
+        Self::with_profile(MYO, name_filter.into())
     }
 
-    fn of(profile: Profile, wanted: String) -> Result<BleConnector, LinkError> {
+    fn with_profile(profile: GattProfile, name_filter: String) -> Result<BleConnector, LinkError> {
         // The radio's events are handled on a thread of their own, also while nobody waits for them.
         let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
-        Ok(BleConnector { runtime, profile, wanted })
+        Ok(BleConnector { runtime, profile, name_filter })
     }
 
     async fn find(&self) -> Result<Peripheral, LinkError> {
-        let manager = Manager::new().await.map_err(radio("Bluetooth cannot be used"))?;
-        let adapters = manager.adapters().await.map_err(radio("Bluetooth cannot be used"))?;
+        let manager = Manager::new().await.map_err(radio_error("Bluetooth cannot be used"))?;
+        let adapters = manager.adapters().await.map_err(radio_error("Bluetooth cannot be used"))?;
         let Some(adapter) = adapters.into_iter().next() else {
             return Err(LinkError::Radio("this machine has no Bluetooth adapter".to_owned()));
         };
         let service = uuid(self.profile.service)?;
         let filter = ScanFilter { services: vec![service] };
-        adapter.start_scan(filter).await.map_err(radio("the search for armbands cannot start"))?;
-        let looks = SCAN.as_millis() / GLANCE.as_millis();
+        adapter.start_scan(filter).await.map_err(radio_error("the search for armbands cannot start"))?;
+        let scan_count = SCAN_TIMEOUT.as_millis() / POLL_INTERVAL.as_millis();
         let mut found = None;
-        'search: for _ in 0..looks {
-            tokio::time::sleep(GLANCE).await;
-            for peripheral in adapter.peripherals().await.map_err(radio("the search for armbands failed"))? {
+        'search: for _ in 0..scan_count {
+            tokio::time::sleep(POLL_INTERVAL).await;
+            for peripheral in
+                adapter.peripherals().await.map_err(radio_error("the search for armbands failed"))?
+            {
                 // Systems hand out devices that other programs searched for, too.
                 let Ok(Some(properties)) = peripheral.properties().await else { continue };
                 let name = properties.local_name.unwrap_or_default();
                 let names = [name, peripheral.address().to_string()];
-                if properties.services.contains(&service) && names.iter().any(|n| n.contains(&self.wanted)) {
+                if properties.services.contains(&service)
+                    && names.iter().any(|n| n.contains(&self.name_filter))
+                {
                     found = Some(peripheral);
                     break 'search;
                 }
@@ -123,24 +124,26 @@ impl BleConnector {
         // A search that goes on only costs power.
         let _ = adapter.stop_scan().await;
         found.ok_or_else(|| {
-            let seconds = SCAN.as_secs();
+            let seconds = SCAN_TIMEOUT.as_secs();
             LinkError::Radio(format!(
                 "no armband advertises itself within {seconds} s; is it charged and on?"
             ))
         })
     }
 
-    async fn open(&self) -> Result<Parts, LinkError> {
+    async fn open(&self) -> Result<GattConnection, LinkError> {
         let peripheral = self.find().await?;
-        let late = |_| LinkError::Radio(format!("the armband did not answer within {} s", CONNECT.as_secs()));
-        tokio::time::timeout(CONNECT, peripheral.connect())
+        let late = |_| {
+            LinkError::Radio(format!("the armband did not answer within {} s", CONNECT_TIMEOUT.as_secs()))
+        };
+        tokio::time::timeout(CONNECT_TIMEOUT, peripheral.connect())
             .await
             .map_err(late)?
-            .map_err(radio("the armband refuses the connection"))?;
-        tokio::time::timeout(CONNECT, peripheral.discover_services())
+            .map_err(radio_error("the armband refuses the connection"))?;
+        tokio::time::timeout(CONNECT_TIMEOUT, peripheral.discover_services())
             .await
             .map_err(late)?
-            .map_err(radio("the armband does not list its services"))?;
+            .map_err(radio_error("the armband does not list its services"))?;
         let characteristics = peripheral.characteristics();
         let find = |name: &str| {
             let wanted = uuid(name)?;
@@ -152,15 +155,14 @@ impl BleConnector {
                 list.iter().map(|(characteristic, name)| find(name).map(|gatt| (*characteristic, gatt)));
             pairs.collect::<Result<Vec<_>, LinkError>>()
         };
-        let (plain, notifying) = (found(self.profile.plain)?, found(self.profile.notifying)?);
+        let (read_write, notify) = (found(self.profile.read_write)?, found(self.profile.notify)?);
         // Listened to before they are switched on, so that the first one is not missed.
-        let mut stream = peripheral.notifications().await.map_err(radio("no notifications"))?;
-        for (_, characteristic) in &notifying {
-            peripheral.subscribe(characteristic).await.map_err(radio("no notifications"))?;
+        let mut stream = peripheral.notifications().await.map_err(radio_error("no notifications"))?;
+        for (_, characteristic) in &notify {
+            peripheral.subscribe(characteristic).await.map_err(radio_error("no notifications"))?;
         }
         let (sender, notifications) = channel();
-        let listened: Vec<(Uuid, Characteristic)> =
-            notifying.iter().map(|(c, gatt)| (gatt.uuid, *c)).collect();
+        let listened: Vec<(Uuid, Characteristic)> = notify.iter().map(|(c, gatt)| (gatt.uuid, *c)).collect();
         tokio::spawn(async move {
             // Ends with the connection, or when nobody listens any more; dropping the sender tells the other side.
             while let Some(notification) = stream.next().await {
@@ -171,15 +173,15 @@ impl BleConnector {
                 }
             }
         });
-        let characteristics = plain.into_iter().chain(notifying).collect();
-        Ok(Parts { peripheral, characteristics, notifications })
+        let characteristics = read_write.into_iter().chain(notify).collect();
+        Ok(GattConnection { peripheral, characteristics, notifications })
     }
 }
 
-impl Connect for BleConnector {
+impl GattConnector for BleConnector {
     fn connect(&mut self) -> Result<Box<dyn GattLink>, LinkError> {
-        let parts = self.runtime.block_on(self.open())?;
-        Ok(Box::new(BleLink { handle: self.runtime.handle().clone(), parts }))
+        let connection = self.runtime.block_on(self.open())?;
+        Ok(Box::new(BleLink { handle: self.runtime.handle().clone(), connection }))
     }
 
     fn name(&self) -> String {
@@ -187,7 +189,7 @@ impl Connect for BleConnector {
     }
 }
 
-struct Parts {
+struct GattConnection {
     peripheral: Peripheral,
     characteristics: Vec<(Characteristic, GattCharacteristic)>,
     notifications: Receiver<(Characteristic, Vec<u8>)>,
@@ -195,12 +197,12 @@ struct Parts {
 
 struct BleLink {
     handle: tokio::runtime::Handle,
-    parts: Parts,
+    connection: GattConnection,
 }
 
 impl BleLink {
     fn find(&self, characteristic: Characteristic) -> Result<&GattCharacteristic, LinkError> {
-        let found = self.parts.characteristics.iter().find(|(known, _)| *known == characteristic);
+        let found = self.connection.characteristics.iter().find(|(known, _)| *known == characteristic);
         let absent = || LinkError::Radio(format!("this armband has no characteristic {characteristic:?}"));
         found.map(|(_, gatt)| gatt).ok_or_else(absent)
     }
@@ -213,19 +215,19 @@ impl GattLink for BleLink {
         timeout: Duration,
     ) -> Result<Option<Vec<u8>>, LinkError> {
         let target = self.find(characteristic)?;
-        let read = self.parts.peripheral.read(target);
+        let read = self.connection.peripheral.read(target);
         // The time-out is made within the runtime, which it needs.
         let read = self.handle.block_on(async { tokio::time::timeout(timeout, read).await });
         match read {
-            Ok(bytes) => bytes.map(Some).map_err(radio("the armband cannot be read")),
+            Ok(bytes) => bytes.map(Some).map_err(radio_error("the armband cannot be read")),
             Err(_) => Ok(None),
         }
     }
 
     fn write(&mut self, characteristic: Characteristic, bytes: &[u8]) -> Result<(), LinkError> {
         let target = self.find(characteristic)?;
-        let write = self.parts.peripheral.write(target, bytes, WriteType::WithResponse);
-        self.handle.block_on(write).map_err(radio("the armband cannot be written to"))
+        let write = self.connection.peripheral.write(target, bytes, WriteType::WithResponse);
+        self.handle.block_on(write).map_err(radio_error("the armband cannot be written to"))
     }
 
     fn next_notification(
@@ -233,7 +235,7 @@ impl GattLink for BleLink {
         timeout: Duration,
         bytes: &mut Vec<u8>,
     ) -> Result<Option<Characteristic>, LinkError> {
-        match self.parts.notifications.recv_timeout(timeout) {
+        match self.connection.notifications.recv_timeout(timeout) {
             Ok((characteristic, value)) => {
                 *bytes = value;
                 Ok(Some(characteristic))
@@ -247,7 +249,7 @@ impl GattLink for BleLink {
 impl Drop for BleLink {
     fn drop(&mut self) {
         // Otherwise the system keeps the armband, and nobody else can connect. It may be gone already.
-        let _ = self.handle.block_on(self.parts.peripheral.disconnect());
+        let _ = self.handle.block_on(self.connection.peripheral.disconnect());
     }
 }
 
@@ -255,6 +257,6 @@ fn uuid(text: &str) -> Result<Uuid, LinkError> {
     Uuid::parse_str(text).map_err(|e| LinkError::Radio(format!("{text} is no UUID: {e}")))
 }
 
-fn radio(what: &'static str) -> impl Fn(btleplug::Error) -> LinkError {
+fn radio_error(what: &'static str) -> impl Fn(btleplug::Error) -> LinkError {
     move |error| LinkError::Radio(format!("{what}: {error}"))
 }

@@ -1,16 +1,16 @@
 use super::{
-    fragments::{Fragments, Joined},
-    kept_link::{Heard, KeptLink},
-    link::{Connect, GattLink, LinkError},
-    parser::EmgParser,
+    fragments::{AssemblyOutcome, FragmentAssembler},
+    link::{GattConnector, GattLink, LinkError},
+    parser::GForceParser,
     protocol::{
-        Characteristic, Command, EmgCapability, EmgSetting, ProtocolError, Reply, ReplyCode, SWITCH_EMG,
-        SWITCH_IMU,
+        Characteristic, EmgCapability, EmgSetting, GForceCommand, GForceProtocolError, GForceReply,
+        GForceReplyCode, SWITCH_EMG, SWITCH_IMU,
     },
+    reconnecting_link::{LinkEvent, ReconnectingLink},
 };
 use crate::{DeviceError, EmgPacket, SampleSource, SourceCounts, SourceEvent, SourceInfo};
 use proact_emg::ImuChannel;
-use proact_types::GestureName;
+use proact_types::Gesture;
 use std::time::{Duration, Instant};
 
 /// Why an armband cannot be used although it is connected.
@@ -22,14 +22,14 @@ pub enum GForceError {
     Link(#[from] LinkError),
     /// A setting that cannot work, or a reply that is none.
     #[error(transparent)]
-    Protocol(#[from] ProtocolError),
+    Protocol(#[from] GForceProtocolError),
     /// A command was refused.
     #[error("the armband refuses command {opcode:#04x}: {code}{hint}")]
     Refused {
         /// Which operation.
         opcode: u8,
         /// Its verdict.
-        code: ReplyCode,
+        code: GForceReplyCode,
         /// What to do, if anything.
         hint: &'static str,
     },
@@ -67,7 +67,7 @@ pub struct GForceOptions {
 
 impl Default for GForceOptions {
     fn default() -> Self {
-        let EmgSetting { channel_mask, packet_bytes, bits, .. } = EmgSetting::PROACT;
+        let EmgSetting { channel_mask, packet_bytes, bits, .. } = EmgSetting::PROACT_DEFAULT;
         GForceOptions { rate_hz: None, bits, channel_mask, imu: false, packet_bytes }
     }
 }
@@ -80,19 +80,19 @@ const REPLY_TIMEOUT: Duration = Duration::from_secs(2);
 ///
 /// Everything happens within [`SampleSource::poll`]; connecting may take longer than its timeout.
 pub struct GForce {
-    link: KeptLink,
+    link: ReconnectingLink,
     options: GForceOptions,
     info: SourceInfo,
-    parser: EmgParser,
+    parser: GForceParser,
     opened: Instant,
     notification: Vec<u8>,
     battery: Option<u8>,
 }
 
 /// What setting up finds out.
-struct Ready {
+struct GForceSetup {
     setting: EmgSetting,
-    ids: bool,
+    package_ids: bool,
     firmware: Option<String>,
     battery: Option<u8>,
 }
@@ -102,9 +102,12 @@ impl GForce {
     ///
     /// # Errors
     /// It cannot be reached, refuses the settings, does not answer, or reads back other settings.
-    pub fn open(mut connector: Box<dyn Connect>, options: GForceOptions) -> Result<GForce, GForceError> {
+    pub fn open(
+        mut connector: Box<dyn GattConnector>,
+        options: GForceOptions,
+    ) -> Result<GForce, GForceError> {
         let mut link = connector.connect()?;
-        let ready = set_up(link.as_mut(), &options)?;
+        let ready = configure(link.as_mut(), &options)?;
         let name = match &ready.firmware {
             Some(firmware) => format!("gForce, firmware {firmware}, {}", connector.name()),
             None => format!("gForce, {}", connector.name()),
@@ -115,15 +118,15 @@ impl GForce {
             rate_hz: setting.rate_hz.into(),
             channels: setting.channels(),
             packet_samples: setting.packet_samples(),
-            zero: setting.zero(),
-            rails: Some((0.0, setting.highest())),
-            loss_is_counted: ready.ids,
-            volts: Some(setting.volts()),
-            imu: if options.imu { ImuChannel::of_an_armband() } else { Vec::new() },
+            zero_code: setting.zero_code(),
+            rails: Some((0.0, setting.max_code())),
+            loss_is_counted: ready.package_ids,
+            volts_per_code: Some(setting.volts_per_code()),
+            imu: if options.imu { ImuChannel::armband_channels() } else { Vec::new() },
         };
-        let parser = EmgParser::new(setting, ready.ids)?;
+        let parser = GForceParser::new(setting, ready.package_ids)?;
         Ok(GForce {
-            link: KeptLink::new(connector, link),
+            link: ReconnectingLink::new(connector, link),
             // After a loss the same stream is asked for again.
             options: GForceOptions { rate_hz: Some(setting.rate_hz), ..options },
             info,
@@ -153,24 +156,24 @@ impl SampleSource for GForce {
     fn poll(&mut self, timeout: Duration, packet: &mut EmgPacket) -> Result<SourceEvent, DeviceError> {
         let deadline = Instant::now() + timeout;
         loop {
-            let heard = self.link.next(deadline, &mut self.notification, |link| {
-                let ready = set_up(link, &self.options)?;
-                self.parser.restart(ready.setting, ready.ids)?;
-                Ok::<Ready, GForceError>(ready)
+            let event = self.link.next_event(deadline, &mut self.notification, |link| {
+                let ready = configure(link, &self.options)?;
+                self.parser.restart(ready.setting, ready.package_ids)?;
+                Ok::<GForceSetup, GForceError>(ready)
             });
-            match heard {
-                Heard::Notification(Characteristic::Data) => {
+            match event {
+                LinkEvent::Notification(Characteristic::Data) => {
                     self.link.note_samples();
                     if self.parser.push(&self.notification, self.opened.elapsed(), packet) {
                         return Ok(SourceEvent::Packet);
                     }
                 }
                 // Replies that nobody waits for any more; the characteristics of a Myo, which this armband does not have.
-                Heard::Notification(_) | Heard::Nothing => {}
-                Heard::Lost(reason) => return Ok(SourceEvent::Lost { reason }),
-                Heard::Restored(ready) => {
+                LinkEvent::Notification(_) | LinkEvent::Nothing => {}
+                LinkEvent::Lost(reason) => return Ok(SourceEvent::Lost { reason }),
+                LinkEvent::Restored(ready) => {
                     self.battery = ready.battery;
-                    self.info.loss_is_counted = ready.ids;
+                    self.info.loss_is_counted = ready.package_ids;
                     return Ok(SourceEvent::Restored);
                 }
             }
@@ -184,7 +187,7 @@ impl SampleSource for GForce {
         self.parser.counts()
     }
 
-    fn prompt(&mut self, gesture: GestureName) {
+    fn prompt(&mut self, gesture: Gesture) {
         if let Some(link) = self.link.link() {
             // A link that is lost is noticed by the next poll.
             let _ = link.prompt(gesture);
@@ -197,20 +200,20 @@ impl Drop for GForce {
         // The armband goes on sending until it is told, and drains its battery. If it cannot be told it has
         // noticed the end of the connection.
         if let Some(link) = self.link.link() {
-            let _ = link.write(Characteristic::Command, &Command::DataSwitch(0).to_bytes());
+            let _ = link.write(Characteristic::Command, &GForceCommand::DataSwitch(0).to_bytes());
         }
     }
 }
 
-fn set_up(link: &mut dyn GattLink, options: &GForceOptions) -> Result<Ready, GForceError> {
+fn configure(link: &mut dyn GattLink, options: &GForceOptions) -> Result<GForceSetup, GForceError> {
     // Both are for display; an armband that does not tell is as good.
-    let firmware = asked(link, Command::Firmware)?.map(|body| firmware_name(&body));
-    let battery = asked(link, Command::Battery)?.and_then(|body| body.first().copied());
+    let firmware = send_optional_command(link, GForceCommand::Firmware)?.map(|body| firmware_name(&body));
+    let battery = send_optional_command(link, GForceCommand::Battery)?.and_then(|body| body.first().copied());
     let rate_hz = match options.rate_hz {
         Some(rate_hz) => rate_hz,
         None => {
             let fastest = if options.bits == 8 { 1000 } else { 500 };
-            match asked(link, Command::EmgCapability)? {
+            match send_optional_command(link, GForceCommand::EmgCapability)? {
                 Some(body) => EmgCapability::from_bytes(&body)?.max_rate_hz.min(fastest),
                 None => fastest,
             }
@@ -219,38 +222,42 @@ fn set_up(link: &mut dyn GattLink, options: &GForceOptions) -> Result<Ready, GFo
     let GForceOptions { channel_mask, packet_bytes, bits, .. } = *options;
     let setting = EmgSetting { rate_hz, channel_mask, packet_bytes, bits };
     setting.check()?;
-    command(link, Command::SetEmg(setting), "; ask for another rate or resolution")?;
+    send_command(link, GForceCommand::SetEmg(setting), "; ask for another rate or resolution")?;
     // Devices have been seen to accept a rate and keep another.
-    let got = EmgSetting::from_bytes(&command(link, Command::GetEmg, "")?)?;
+    let got = EmgSetting::from_bytes(&send_command(link, GForceCommand::GetEmg, "")?)?;
     if got != setting {
         return Err(GForceError::ReadBack { asked: setting, got });
     }
-    let ids = asked(link, Command::PackageId(!options.imu))?.is_some() && !options.imu;
+    let ids = send_optional_command(link, GForceCommand::PackageId(!options.imu))?.is_some() && !options.imu;
     let kinds = if options.imu { SWITCH_EMG | SWITCH_IMU } else { SWITCH_EMG };
-    command(link, Command::DataSwitch(kinds), "")?;
-    Ok(Ready { setting, ids, firmware, battery })
+    send_command(link, GForceCommand::DataSwitch(kinds), "")?;
+    Ok(GForceSetup { setting, package_ids: ids, firmware, battery })
 }
 
 /// Sends a command and waits for its reply. The body of the reply.
-fn command(link: &mut dyn GattLink, command: Command, hint: &'static str) -> Result<Vec<u8>, GForceError> {
+fn send_command(
+    link: &mut dyn GattLink,
+    command: GForceCommand,
+    hint: &'static str,
+) -> Result<Vec<u8>, GForceError> {
     link.write(Characteristic::Command, &command.to_bytes())?;
     let deadline = Instant::now() + REPLY_TIMEOUT;
-    let mut fragments = Fragments::default();
+    let mut fragments = FragmentAssembler::default();
     let mut bytes = Vec::new();
     loop {
         let left = deadline.saturating_duration_since(Instant::now());
         match link.next_notification(left, &mut bytes)? {
             Some(Characteristic::Command) => {
                 let message = match fragments.push(&bytes) {
-                    Joined::Incomplete => continue,
-                    Joined::Whole(message) | Joined::FromFragments(message) => message,
+                    AssemblyOutcome::Incomplete => continue,
+                    AssemblyOutcome::Unfragmented(message) | AssemblyOutcome::Reassembled(message) => message,
                 };
-                let Ok(reply) = Reply::from_bytes(message) else { continue };
+                let Ok(reply) = GForceReply::from_bytes(message) else { continue };
                 if reply.opcode != command.opcode() {
                     continue;
                 }
                 return match reply.code {
-                    ReplyCode::Ok => Ok(reply.body.to_vec()),
+                    GForceReplyCode::Ok => Ok(reply.body.to_vec()),
                     code => Err(GForceError::Refused { opcode: reply.opcode, code, hint }),
                 };
             }
@@ -265,9 +272,12 @@ fn command(link: &mut dyn GattLink, command: Command, hint: &'static str) -> Res
     }
 }
 
-/// As [`command`], for what an armband need not know: none if it refuses.
-fn asked(link: &mut dyn GattLink, what: Command) -> Result<Option<Vec<u8>>, GForceError> {
-    match command(link, what, "") {
+/// As [`send_command`], for what an armband need not know: none if it refuses.
+fn send_optional_command(
+    link: &mut dyn GattLink,
+    what: GForceCommand,
+) -> Result<Option<Vec<u8>>, GForceError> {
+    match send_command(link, what, "") {
         Ok(body) => Ok(Some(body)),
         Err(GForceError::Refused { .. }) => Ok(None),
         Err(error) => Err(error),

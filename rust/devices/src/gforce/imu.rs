@@ -13,13 +13,13 @@ const IMU_SCALE: f64 = 65536.0;
 /// [`proact_emg::ImuChannel::of_an_armband`]. False for a message of another kind or length.
 pub fn read_imu(message: &[u8], values: &mut [f64; 10]) -> bool {
     let Some((&kind, body)) = message.split_first() else { return false };
-    let place = match (kind, body.len()) {
+    let offset = match (kind, body.len()) {
         (ORIENTATION_DATA, 16) => 0..4,
         (ACCELERATION_DATA, 12) => 4..7,
         (ANGULAR_VELOCITY_DATA, 12) => 7..10,
         _ => return false,
     };
-    for (value, bytes) in values[place].iter_mut().zip(body.chunks_exact(4)) {
+    for (value, bytes) in values[offset].iter_mut().zip(body.chunks_exact(4)) {
         let bytes = [bytes[0], bytes[1], bytes[2], bytes[3]];
         *value = match kind {
             ORIENTATION_DATA => f32::from_le_bytes(bytes).into(),

@@ -1,7 +1,7 @@
 //! What carries the protocol: a radio, or a socket to the simulator.
 
-use super::{protocol::Characteristic, simulator::PROMPT};
-use proact_types::GestureName;
+use super::{protocol::Characteristic, simulator::PROMPT_OPCODE};
+use proact_types::Gesture;
 use std::{
     io::{self, Read, Write},
     net::TcpStream,
@@ -75,13 +75,13 @@ pub trait GattLink: Send {
     ///
     /// # Errors
     /// The link is lost.
-    fn prompt(&mut self, _gesture: GestureName) -> Result<(), LinkError> {
+    fn prompt(&mut self, _gesture: Gesture) -> Result<(), LinkError> {
         Ok(())
     }
 }
 
 /// Makes links, again after each loss.
-pub trait Connect: Send {
+pub trait GattConnector: Send {
     /// Finds the armband and connects.
     ///
     /// # Errors
@@ -93,7 +93,7 @@ pub trait Connect: Send {
 }
 
 /// Longest frame: more than any notification can hold.
-const LONGEST_FRAME: usize = 1024;
+const MAX_FRAME_BYTES: usize = 1024;
 
 /// Sockets that frames can run over.
 pub trait FrameSocket: Read + Write + Send {
@@ -124,30 +124,30 @@ pub struct SocketLink<S> {
     socket: S,
     buffer: Vec<u8>,
     /// Bytes of the buffer already read out.
-    read: usize,
+    consumed: usize,
 }
 
 impl<S: FrameSocket> SocketLink<S> {
     /// A link over a connected socket.
     pub fn new(socket: S) -> SocketLink<S> {
-        SocketLink { socket, buffer: Vec::with_capacity(4 * LONGEST_FRAME), read: 0 }
+        SocketLink { socket, buffer: Vec::with_capacity(4 * MAX_FRAME_BYTES), consumed: 0 }
     }
 
     /// The frame at the front of the buffer.
-    fn take(&mut self, bytes: &mut Vec<u8>) -> Result<Option<Characteristic>, LinkError> {
-        let &[kind, l0, l1, ref rest @ ..] = &self.buffer[self.read..] else { return Ok(None) };
-        let characteristic = Characteristic::numbered(kind).ok_or(LinkError::NotFramed(kind))?;
+    fn take_frame(&mut self, bytes: &mut Vec<u8>) -> Result<Option<Characteristic>, LinkError> {
+        let &[kind, l0, l1, ref rest @ ..] = &self.buffer[self.consumed..] else { return Ok(None) };
+        let characteristic = Characteristic::from_frame_number(kind).ok_or(LinkError::NotFramed(kind))?;
         let length = usize::from(u16::from_le_bytes([l0, l1]));
-        if length > LONGEST_FRAME {
+        if length > MAX_FRAME_BYTES {
             return Err(LinkError::NotFramed(kind));
         }
         let Some(frame) = rest.get(..length) else { return Ok(None) };
         bytes.clear();
         bytes.extend_from_slice(frame);
-        self.read += 3 + length;
-        if self.read == self.buffer.len() {
+        self.consumed += 3 + length;
+        if self.consumed == self.buffer.len() {
             self.buffer.clear();
-            self.read = 0;
+            self.consumed = 0;
         }
         Ok(Some(characteristic))
     }
@@ -172,14 +172,14 @@ impl<S: FrameSocket> GattLink for SocketLink<S> {
         let Ok(length) = u16::try_from(bytes.len()) else {
             return Err(LinkError::Io(io::Error::new(io::ErrorKind::InvalidInput, "a frame of over 64 kB")));
         };
-        let kind = characteristic.number();
+        let kind = characteristic.frame_number();
         let [l0, l1] = length.to_le_bytes();
         let frame = [&[kind, l0, l1], bytes].concat();
-        self.socket.write_all(&frame).map_err(closed)
+        self.socket.write_all(&frame).map_err(link_error)
     }
 
-    fn prompt(&mut self, gesture: GestureName) -> Result<(), LinkError> {
-        self.write(Characteristic::Command, &[&[PROMPT], gesture.as_str().as_bytes()].concat())
+    fn prompt(&mut self, gesture: Gesture) -> Result<(), LinkError> {
+        self.write(Characteristic::Command, &[&[PROMPT_OPCODE], gesture.as_str().as_bytes()].concat())
     }
 
     fn next_notification(
@@ -189,15 +189,15 @@ impl<S: FrameSocket> GattLink for SocketLink<S> {
     ) -> Result<Option<Characteristic>, LinkError> {
         let begin = Instant::now();
         loop {
-            if let Some(characteristic) = self.take(bytes)? {
+            if let Some(characteristic) = self.take_frame(bytes)? {
                 return Ok(Some(characteristic));
             }
             let left = timeout.saturating_sub(begin.elapsed());
             // Sockets know no wait of zero; a microsecond is as good.
             self.socket.set_read_timeout(Some(left.max(Duration::from_micros(1))))?;
-            self.buffer.drain(..self.read);
-            self.read = 0;
-            let mut chunk = [0; LONGEST_FRAME];
+            self.buffer.drain(..self.consumed);
+            self.consumed = 0;
+            let mut chunk = [0; MAX_FRAME_BYTES];
             match self.socket.read(&mut chunk) {
                 Ok(0) => return Err(LinkError::Closed),
                 Ok(count) => self.buffer.extend_from_slice(&chunk[..count]),
@@ -207,14 +207,14 @@ impl<S: FrameSocket> GattLink for SocketLink<S> {
                     }
                 }
                 Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
-                Err(e) => return Err(closed(e)),
+                Err(e) => return Err(link_error(e)),
             }
         }
     }
 }
 
 /// A connection that the other side cut is a common end, not a failure of this side.
-fn closed(error: io::Error) -> LinkError {
+fn link_error(error: io::Error) -> LinkError {
     match error.kind() {
         io::ErrorKind::BrokenPipe | io::ErrorKind::ConnectionReset | io::ErrorKind::ConnectionAborted => {
             LinkError::Closed
@@ -236,7 +236,7 @@ impl TcpConnector {
     }
 }
 
-impl Connect for TcpConnector {
+impl GattConnector for TcpConnector {
     fn connect(&mut self) -> Result<Box<dyn GattLink>, LinkError> {
         Ok(Box::new(SocketLink::connect(&self.address)?))
     }

@@ -1,6 +1,6 @@
 //! OyMotion's gForce Pro and Pro+ armbands.
 //!
-//! [`protocol`] is the bytes, [`EmgParser`] makes numbered samples of them, [`Simulator`] is the other side; none of
+//! [`protocol`] is the bytes, [`GForceParser`] makes numbered samples of them, [`GForceSimulator`] is the other side; none of
 //! the three knows a clock or a socket. [`GForce`] drives an armband over any [`GattLink`]: a socket to the simulator,
 //! or a radio (feature `ble`).
 //!
@@ -12,21 +12,21 @@ mod ble;
 mod driver;
 mod fragments;
 pub mod imu;
-mod kept_link;
 mod link;
 mod parser;
 pub mod protocol;
+mod reconnecting_link;
 mod server;
 mod simulator;
 
 #[cfg(feature = "ble")]
 pub use ble::BleConnector;
 pub use driver::{GForce, GForceError, GForceOptions};
-pub use fragments::{Fragments, Joined, cut};
-pub(crate) use kept_link::{Heard, KeptLink};
-pub use link::{Connect, FrameSocket, GattLink, LinkError, SocketLink, TcpConnector};
-pub use parser::EmgParser;
+pub use fragments::{AssemblyOutcome, FragmentAssembler, split_into_fragments};
+pub use link::{FrameSocket, GattConnector, GattLink, LinkError, SocketLink, TcpConnector};
+pub use parser::GForceParser;
 pub use protocol::Characteristic;
-pub use server::{GattDouble, serve, serve_connection};
-pub(crate) use simulator::PROMPT;
-pub use simulator::{CodeSource, Notification, Prompted, Simulator, SimulatorOptions};
+pub(crate) use reconnecting_link::{LinkEvent, ReconnectingLink};
+pub use server::{GattSimulator, serve, serve_connection};
+pub(crate) use simulator::PROMPT_OPCODE;
+pub use simulator::{CodeSource, GForceSimulator, GForceSimulatorOptions, Notification, SharedPrompt};

@@ -1,7 +1,7 @@
 use super::{
-    fragments::{Fragments, Joined},
+    fragments::{AssemblyOutcome, FragmentAssembler},
     imu::read_imu,
-    protocol::{EMG_DATA, EmgSetting, ProtocolError},
+    protocol::{EMG_DATA, EmgSetting, GForceProtocolError},
 };
 use crate::{EmgPacket, SourceCounts};
 use proact_types::{ChannelValues, EmgSample};
@@ -18,32 +18,32 @@ use std::time::Duration;
 /// wrongly joined from two, cannot be told. With them, a stall of the host of more than 200 packets, 3 s, after which
 /// all arrive at once, is taken for a loss.
 #[derive(Clone, Debug)]
-pub struct EmgParser {
+pub struct GForceParser {
     setting: EmgSetting,
-    ids: bool,
+    package_ids: bool,
     /// The newest values of the inertial measurement unit; none where it is switched off.
     imu: Option<[f64; 10]>,
-    fragments: Fragments,
+    fragments: FragmentAssembler,
     /// Joined from fragments, waiting for the next.
-    held: Option<Held>,
-    held_codes: Vec<u8>,
+    pending: Option<PendingPacket>,
+    pending_codes: Vec<u8>,
     /// Id and arrival of the newest packet accepted.
-    last: Option<(u8, Duration)>,
+    last_packet: Option<(u8, Duration)>,
     /// The numbering begins anew with the next packet.
     restarted: bool,
     /// Counter of the first sample of the next packet, if none is lost.
-    next: u64,
+    next_counter: u64,
     /// Counter after the last sample handed out; where the stream began before that.
     delivered: u64,
     /// Id that continues a run of packets judged late, and the length of that run.
     late_run: (u8, u32),
     /// Packets in a row that are as long as packets without an id.
-    without_id: u32,
+    packets_without_id: u32,
     counts: SourceCounts,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Held {
+struct PendingPacket {
     counter: u64,
     received: Duration,
 }
@@ -59,33 +59,33 @@ const WRAP_MARGIN: f64 = 0.2;
 const SILENT_PACKETS: f64 = 4.0;
 const SILENCE_SECS: f64 = 0.1;
 
-impl EmgParser {
+impl GForceParser {
     /// A parser at the start of a stream. `ids` if the armband agreed to send package ids.
     ///
     /// # Errors
     /// Settings that cannot work.
-    pub fn new(setting: EmgSetting, ids: bool) -> Result<EmgParser, ProtocolError> {
+    pub fn new(setting: EmgSetting, ids: bool) -> Result<GForceParser, GForceProtocolError> {
         setting.check()?;
-        Ok(EmgParser {
+        Ok(GForceParser {
             setting,
-            ids,
+            package_ids: ids,
             imu: None,
-            fragments: Fragments::default(),
-            held: None,
-            held_codes: Vec::new(),
-            last: None,
+            fragments: FragmentAssembler::default(),
+            pending: None,
+            pending_codes: Vec::new(),
+            last_packet: None,
             restarted: false,
-            next: 0,
+            next_counter: 0,
             delivered: 0,
             late_run: (0, 0),
-            without_id: 0,
+            packets_without_id: 0,
             counts: SourceCounts::default(),
         })
     }
 
     /// The same for a stream with the inertial measurement unit, whose newest values follow those of the electrodes in every sample:
     /// no numbers before the first.
-    pub fn with_imu(mut self) -> EmgParser {
+    pub fn with_imu(mut self) -> GForceParser {
         self.imu = Some([f64::NAN; 10]);
         self
     }
@@ -97,7 +97,7 @@ impl EmgParser {
 
     /// Losses are counted by the armband's own numbers.
     pub fn has_ids(&self) -> bool {
-        self.ids
+        self.package_ids
     }
 
     /// Settings and ids of the stream from now on, after the armband was configured anew at the end of a loss.
@@ -106,13 +106,13 @@ impl EmgParser {
     ///
     /// # Errors
     /// Settings that cannot work; the old ones stay.
-    pub fn restart(&mut self, setting: EmgSetting, ids: bool) -> Result<(), ProtocolError> {
+    pub fn restart(&mut self, setting: EmgSetting, ids: bool) -> Result<(), GForceProtocolError> {
         setting.check()?;
-        (self.setting, self.ids) = (setting, ids);
+        (self.setting, self.package_ids) = (setting, ids);
         self.fragments.clear();
-        self.held = None;
+        self.pending = None;
         self.restarted = true;
-        self.without_id = 0;
+        self.packets_without_id = 0;
         // What it said before says nothing about the limb now.
         self.imu = self.imu.map(|_| [f64::NAN; 10]);
         self.counts.disconnects += 1;
@@ -125,15 +125,21 @@ impl EmgParser {
         // Taken out so that its message can be read while the rest of this changes; costs no allocation.
         let mut fragments = std::mem::take(&mut self.fragments);
         let ready = match fragments.push(notification) {
-            Joined::Incomplete => false,
-            Joined::Whole(message) => self.message(message, false, now, packet),
-            Joined::FromFragments(message) => self.message(message, true, now, packet),
+            AssemblyOutcome::Incomplete => false,
+            AssemblyOutcome::Unfragmented(message) => self.accept_message(message, false, now, packet),
+            AssemblyOutcome::Reassembled(message) => self.accept_message(message, true, now, packet),
         };
         self.fragments = fragments;
         ready
     }
 
-    fn message(&mut self, message: &[u8], joined: bool, now: Duration, packet: &mut EmgPacket) -> bool {
+    fn accept_message(
+        &mut self,
+        message: &[u8],
+        joined: bool,
+        now: Duration,
+        packet: &mut EmgPacket,
+    ) -> bool {
         if let Some(values) = &mut self.imu
             && read_imu(message, values)
         {
@@ -145,14 +151,15 @@ impl EmgParser {
             return false;
         };
         let codes = usize::from(self.setting.packet_bytes);
-        self.without_id = if self.ids && rest.len() == codes { self.without_id + 1 } else { 0 };
-        if self.without_id == WITHOUT_ID_AFTER {
-            self.ids = false;
+        self.packets_without_id =
+            if self.package_ids && rest.len() == codes { self.packets_without_id + 1 } else { 0 };
+        if self.packets_without_id == WITHOUT_ID_AFTER {
+            self.package_ids = false;
             self.restarted = true;
         }
         let (id, codes) = match rest.split_first() {
-            Some((&id, body)) if self.ids && body.len() == codes => (Some(id), body),
-            _ if !self.ids && rest.len() == codes => (None, rest),
+            Some((&id, body)) if self.package_ids && body.len() == codes => (Some(id), body),
+            _ if !self.package_ids && rest.len() == codes => (None, rest),
             _ => {
                 self.counts.malformed += 1;
                 return false;
@@ -164,22 +171,22 @@ impl EmgParser {
             return false;
         }
         let Some(advance) = self.advance(id, now) else { return false };
-        let counter = self.next + (advance - 1) * self.setting.packet_samples() as u64;
-        self.next = counter + self.setting.packet_samples() as u64;
-        self.last = Some((id.unwrap_or(0), now));
+        let counter = self.next_counter + (advance - 1) * self.setting.packet_samples() as u64;
+        self.next_counter = counter + self.setting.packet_samples() as u64;
+        self.last_packet = Some((id.unwrap_or(0), now));
         self.late_run = (0, 0);
-        if !(joined && self.ids) {
+        if !(joined && self.package_ids) {
             // A packet that came whole is proof against mixing, but not one that is still held from before.
-            self.drop_held();
-            self.fill(packet, codes, Held { counter, received: now });
+            self.drop_pending();
+            self.fill(packet, codes, PendingPacket { counter, received: now });
             return true;
         }
-        let held = self.held.replace(Held { counter, received: now });
+        let held = self.pending.replace(PendingPacket { counter, received: now });
         let ready = match held {
             Some(held) if advance == 1 => {
-                let before = std::mem::take(&mut self.held_codes);
+                let before = std::mem::take(&mut self.pending_codes);
                 self.fill(packet, &before, held);
-                self.held_codes = before;
+                self.pending_codes = before;
                 true
             }
             Some(_) => {
@@ -188,14 +195,14 @@ impl EmgParser {
             }
             None => false,
         };
-        self.held_codes.clear();
-        self.held_codes.extend_from_slice(codes);
+        self.pending_codes.clear();
+        self.pending_codes.extend_from_slice(codes);
         ready
     }
 
     /// By how many packets the stream has advanced with this one: 1 if none is lost. None if it is to be dropped.
     fn advance(&mut self, id: Option<u8>, now: Duration) -> Option<u64> {
-        let Some((last_id, last_at)) = self.last else {
+        let Some((last_id, last_at)) = self.last_packet else {
             self.restarted = false;
             return Some(1);
         };
@@ -228,13 +235,13 @@ impl EmgParser {
         Some((elapsed.round() as u64).max(2))
     }
 
-    fn drop_held(&mut self) {
-        if self.held.take().is_some() {
+    fn drop_pending(&mut self) {
+        if self.pending.take().is_some() {
             self.counts.malformed += 1;
         }
     }
 
-    fn fill(&mut self, packet: &mut EmgPacket, codes: &[u8], held: Held) {
+    fn fill(&mut self, packet: &mut EmgPacket, codes: &[u8], held: PendingPacket) {
         let channels = self.setting.channels();
         packet.samples.clear();
         for (sample, counter) in codes.chunks_exact(channels * self.setting.code_bytes()).zip(held.counter..)

@@ -41,7 +41,7 @@ pub enum Characteristic {
 
 impl Characteristic {
     /// By the number that they have in the simulator's frames, from 1.
-    const NUMBERED: [Characteristic; 9] = [
+    const FRAME_ORDER: [Characteristic; 9] = [
         Characteristic::Command,
         Characteristic::Data,
         Characteristic::Emg0,
@@ -54,20 +54,20 @@ impl Characteristic {
     ];
 
     /// Its number in the simulator's frames.
-    pub(super) fn number(self) -> u8 {
+    pub(super) fn frame_number(self) -> u8 {
         self as u8 + 1
     }
 
     /// The one of this number.
-    pub(super) fn numbered(number: u8) -> Option<Characteristic> {
-        Self::NUMBERED.get(usize::from(number).checked_sub(1)?).copied()
+    pub(super) fn from_frame_number(number: u8) -> Option<Characteristic> {
+        Self::FRAME_ORDER.get(usize::from(number).checked_sub(1)?).copied()
     }
 }
 
 /// What can be wrong with bytes or settings.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-pub enum ProtocolError {
+pub enum GForceProtocolError {
     /// Fewer or more bytes than the message has.
     #[error("{what} has {got} bytes, expected {expected}")]
     Length {
@@ -111,10 +111,11 @@ pub struct EmgSetting {
 
 impl EmgSetting {
     /// As ProACT sets the armband: 1000 Hz, 8 channels, 8 bit, 16 samples a packet (arXiv:2407.05025).
-    pub const PROACT: EmgSetting =
+    pub const PROACT_DEFAULT: EmgSetting =
         EmgSetting { rate_hz: 1000, channel_mask: 0xFF, packet_bytes: 128, bits: 8 };
     /// The finer converter: 500 Hz, 8 channels, 12 bit, 8 samples a packet.
-    pub const FINE: EmgSetting = EmgSetting { rate_hz: 500, channel_mask: 0xFF, packet_bytes: 128, bits: 12 };
+    pub const HIGH_RESOLUTION: EmgSetting =
+        EmgSetting { rate_hz: 500, channel_mask: 0xFF, packet_bytes: 128, bits: 12 };
 
     /// Number of channels.
     pub fn channels(self) -> usize {
@@ -132,18 +133,18 @@ impl EmgSetting {
     }
 
     /// The code of zero volts: the middle. The maker's own programs disagree (128 or 119 at 8 bit).
-    pub fn zero(self) -> f64 {
+    pub fn zero_code(self) -> f64 {
         f64::from(1_u16 << (self.bits - 1))
     }
 
     /// The largest code.
-    pub fn highest(self) -> f64 {
+    pub fn max_code(self) -> f64 {
         f64::from((1_u16 << self.bits) - 1)
     }
 
     /// Volts of one code: 2.5 V behind an amplifier of 1200, by LibEMG's driver. Nominal: the maker's own programs disagree.
-    pub fn volts(self) -> f64 {
-        2.5 / 1200.0 / (self.zero() - 1.0)
+    pub fn volts_per_code(self) -> f64 {
+        2.5 / 1200.0 / (self.zero_code() - 1.0)
     }
 
     /// Seconds from packet to packet.
@@ -154,9 +155,9 @@ impl EmgSetting {
     /// Checks what can be checked without the armband. It may still refuse a rate.
     ///
     /// # Errors
-    /// [`ProtocolError::Setting`] with the first impossible value.
-    pub fn check(self) -> Result<(), ProtocolError> {
-        let wrong = |what, value: u32, expected| Err(ProtocolError::Setting { what, value, expected });
+    /// [`GForceProtocolError::Setting`] with the first impossible value.
+    pub fn check(self) -> Result<(), GForceProtocolError> {
+        let wrong = |what, value: u32, expected| Err(GForceProtocolError::Setting { what, value, expected });
         // The bandwidth of the radio: stated by the maker in BrainFlow's pull request 270.
         let (fastest, expected) = match self.bits {
             8 => (1000, "1 to 1000 Hz at 8 bit"),
@@ -185,10 +186,10 @@ impl EmgSetting {
     /// From the six bytes, unchecked.
     ///
     /// # Errors
-    /// [`ProtocolError::Length`].
-    pub fn from_bytes(bytes: &[u8]) -> Result<EmgSetting, ProtocolError> {
+    /// [`GForceProtocolError::Length`].
+    pub fn from_bytes(bytes: &[u8]) -> Result<EmgSetting, GForceProtocolError> {
         let &[r0, r1, m0, m1, packet_bytes, bits] = bytes else {
-            return Err(ProtocolError::Length { what: "EMG setting", got: bytes.len(), expected: "6" });
+            return Err(GForceProtocolError::Length { what: "EMG setting", got: bytes.len(), expected: "6" });
         };
         Ok(EmgSetting {
             rate_hz: u16::from_le_bytes([r0, r1]),
@@ -201,7 +202,7 @@ impl EmgSetting {
 
 /// What is written to the command characteristic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Command {
+pub enum GForceCommand {
     /// Text or up to four numbers.
     Firmware,
     /// Per cent.
@@ -222,25 +223,25 @@ pub enum Command {
     DataSwitch(u32),
 }
 
-/// [`Command::DataSwitch`]: raw EMG. Orientation beside EMG has broken EMG data on devices (BrainFlow issue 703), so it is left
+/// [`GForceCommand::DataSwitch`]: raw EMG. Orientation beside EMG has broken EMG data on devices (BrainFlow issue 703), so it is left
 /// off unless it is asked for.
 pub const SWITCH_EMG: u32 = 0x80;
-/// [`Command::DataSwitch`]: acceleration, angular velocity and orientation.
+/// [`GForceCommand::DataSwitch`]: acceleration, angular velocity and orientation.
 pub const SWITCH_IMU: u32 = 0x01 | 0x02 | 0x10;
 
-impl Command {
+impl GForceCommand {
     /// The first byte.
     pub fn opcode(self) -> u8 {
         match self {
-            Command::Firmware => 0x06,
-            Command::Battery => 0x08,
-            Command::Motor(_) => 0x24,
-            Command::Led(_) => 0x25,
-            Command::PackageId(_) => 0x26,
-            Command::EmgCapability => 0x3E,
-            Command::SetEmg(_) => 0x3F,
-            Command::GetEmg => 0x46,
-            Command::DataSwitch(_) => 0x4F,
+            GForceCommand::Firmware => 0x06,
+            GForceCommand::Battery => 0x08,
+            GForceCommand::Motor(_) => 0x24,
+            GForceCommand::Led(_) => 0x25,
+            GForceCommand::PackageId(_) => 0x26,
+            GForceCommand::EmgCapability => 0x3E,
+            GForceCommand::SetEmg(_) => 0x3F,
+            GForceCommand::GetEmg => 0x46,
+            GForceCommand::DataSwitch(_) => 0x4F,
         }
     }
 
@@ -249,10 +250,15 @@ impl Command {
         let mut bytes = ArrayVec::new();
         bytes.push(self.opcode());
         match self {
-            Command::Motor(on) | Command::Led(on) | Command::PackageId(on) => bytes.push(u8::from(on)),
-            Command::SetEmg(setting) => bytes.extend(setting.to_bytes()),
-            Command::DataSwitch(flags) => bytes.extend(flags.to_le_bytes()),
-            Command::Firmware | Command::Battery | Command::EmgCapability | Command::GetEmg => {}
+            GForceCommand::Motor(on) | GForceCommand::Led(on) | GForceCommand::PackageId(on) => {
+                bytes.push(u8::from(on))
+            }
+            GForceCommand::SetEmg(setting) => bytes.extend(setting.to_bytes()),
+            GForceCommand::DataSwitch(flags) => bytes.extend(flags.to_le_bytes()),
+            GForceCommand::Firmware
+            | GForceCommand::Battery
+            | GForceCommand::EmgCapability
+            | GForceCommand::GetEmg => {}
         }
         bytes
     }
@@ -261,43 +267,43 @@ impl Command {
     ///
     /// # Errors
     /// An operation that is not among these, or a body of another length.
-    pub fn from_bytes(bytes: &[u8]) -> Result<Command, ProtocolError> {
+    pub fn from_bytes(bytes: &[u8]) -> Result<GForceCommand, GForceProtocolError> {
         let Some((&opcode, body)) = bytes.split_first() else {
-            return Err(ProtocolError::Length { what: "command", got: 0, expected: "at least 1" });
+            return Err(GForceProtocolError::Length { what: "command", got: 0, expected: "at least 1" });
         };
         let length =
-            |expected| ProtocolError::Length { what: "body of the command", got: body.len(), expected };
+            |expected| GForceProtocolError::Length { what: "body of the command", got: body.len(), expected };
         let empty = |command| if body.is_empty() { Ok(command) } else { Err(length("0")) };
         let on = || match body {
             [0] => Ok(false),
             [1] => Ok(true),
             &[value] => {
                 let value = u32::from(value);
-                Err(ProtocolError::Setting { what: "switch", value, expected: "0 or 1" })
+                Err(GForceProtocolError::Setting { what: "switch", value, expected: "0 or 1" })
             }
             _ => Err(length("1")),
         };
         match opcode {
-            0x06 => empty(Command::Firmware),
-            0x08 => empty(Command::Battery),
-            0x24 => on().map(Command::Motor),
-            0x25 => on().map(Command::Led),
-            0x26 => on().map(Command::PackageId),
-            0x3E => empty(Command::EmgCapability),
-            0x3F => EmgSetting::from_bytes(body).map(Command::SetEmg),
-            0x46 => empty(Command::GetEmg),
+            0x06 => empty(GForceCommand::Firmware),
+            0x08 => empty(GForceCommand::Battery),
+            0x24 => on().map(GForceCommand::Motor),
+            0x25 => on().map(GForceCommand::Led),
+            0x26 => on().map(GForceCommand::PackageId),
+            0x3E => empty(GForceCommand::EmgCapability),
+            0x3F => EmgSetting::from_bytes(body).map(GForceCommand::SetEmg),
+            0x46 => empty(GForceCommand::GetEmg),
             0x4F => match body.try_into() {
-                Ok(flags) => Ok(Command::DataSwitch(u32::from_le_bytes(flags))),
+                Ok(flags) => Ok(GForceCommand::DataSwitch(u32::from_le_bytes(flags))),
                 Err(_) => Err(length("4")),
             },
-            opcode => Err(ProtocolError::Opcode { opcode }),
+            opcode => Err(GForceProtocolError::Opcode { opcode }),
         }
     }
 }
 
 /// How the armband judges a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ReplyCode {
+pub enum GForceReplyCode {
     /// Done.
     Ok,
     /// It does not know the operation.
@@ -312,69 +318,73 @@ pub enum ReplyCode {
     Unknown(u8),
 }
 
-impl ReplyCode {
+impl GForceReplyCode {
     /// The byte.
     pub fn to_byte(self) -> u8 {
         match self {
-            ReplyCode::Ok => 0,
-            ReplyCode::NotSupported => 1,
-            ReplyCode::BadParameter => 2,
-            ReplyCode::Failed => 3,
-            ReplyCode::TimedOut => 4,
-            ReplyCode::Unknown(byte) => byte,
+            GForceReplyCode::Ok => 0,
+            GForceReplyCode::NotSupported => 1,
+            GForceReplyCode::BadParameter => 2,
+            GForceReplyCode::Failed => 3,
+            GForceReplyCode::TimedOut => 4,
+            GForceReplyCode::Unknown(byte) => byte,
         }
     }
 
-    fn from_byte(byte: u8) -> ReplyCode {
+    fn from_byte(byte: u8) -> GForceReplyCode {
         match byte {
-            0 => ReplyCode::Ok,
-            1 => ReplyCode::NotSupported,
-            2 => ReplyCode::BadParameter,
-            3 => ReplyCode::Failed,
-            4 => ReplyCode::TimedOut,
-            byte => ReplyCode::Unknown(byte),
+            0 => GForceReplyCode::Ok,
+            1 => GForceReplyCode::NotSupported,
+            2 => GForceReplyCode::BadParameter,
+            3 => GForceReplyCode::Failed,
+            4 => GForceReplyCode::TimedOut,
+            byte => GForceReplyCode::Unknown(byte),
         }
     }
 }
 
-impl std::fmt::Display for ReplyCode {
+impl std::fmt::Display for GForceReplyCode {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            ReplyCode::Ok => f.write_str("done"),
-            ReplyCode::NotSupported => f.write_str("not supported"),
-            ReplyCode::BadParameter => f.write_str("bad parameter"),
-            ReplyCode::Failed => f.write_str("failed"),
-            ReplyCode::TimedOut => f.write_str("timed out inside the armband"),
-            ReplyCode::Unknown(byte) => write!(f, "unknown code {byte}"),
+            GForceReplyCode::Ok => f.write_str("done"),
+            GForceReplyCode::NotSupported => f.write_str("not supported"),
+            GForceReplyCode::BadParameter => f.write_str("bad parameter"),
+            GForceReplyCode::Failed => f.write_str("failed"),
+            GForceReplyCode::TimedOut => f.write_str("timed out inside the armband"),
+            GForceReplyCode::Unknown(byte) => write!(f, "unknown code {byte}"),
         }
     }
 }
 
 /// A reply on the command characteristic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Reply<'a> {
+pub struct GForceReply<'a> {
     /// The verdict.
-    pub code: ReplyCode,
+    pub code: GForceReplyCode,
     /// Which operation it answers.
     pub opcode: u8,
     /// What was asked for.
     pub body: &'a [u8],
 }
 
-impl<'a> Reply<'a> {
+impl<'a> GForceReply<'a> {
     /// Reads one.
     ///
     /// # Errors
-    /// [`ProtocolError::Length`] below two bytes.
-    pub fn from_bytes(bytes: &'a [u8]) -> Result<Reply<'a>, ProtocolError> {
+    /// [`GForceProtocolError::Length`] below two bytes.
+    pub fn from_bytes(bytes: &'a [u8]) -> Result<GForceReply<'a>, GForceProtocolError> {
         let &[code, opcode, ref body @ ..] = bytes else {
-            return Err(ProtocolError::Length { what: "reply", got: bytes.len(), expected: "at least 2" });
+            return Err(GForceProtocolError::Length {
+                what: "reply",
+                got: bytes.len(),
+                expected: "at least 2",
+            });
         };
-        Ok(Reply { code: ReplyCode::from_byte(code), opcode, body })
+        Ok(GForceReply { code: GForceReplyCode::from_byte(code), opcode, body })
     }
 }
 
-/// Body of the reply to [`Command::EmgCapability`].
+/// Body of the reply to [`GForceCommand::EmgCapability`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EmgCapability {
     /// Highest rate, Hz.
@@ -395,10 +405,14 @@ impl EmgCapability {
     /// From the five bytes.
     ///
     /// # Errors
-    /// [`ProtocolError::Length`].
-    pub fn from_bytes(bytes: &[u8]) -> Result<EmgCapability, ProtocolError> {
+    /// [`GForceProtocolError::Length`].
+    pub fn from_bytes(bytes: &[u8]) -> Result<EmgCapability, GForceProtocolError> {
         let &[r0, r1, c0, c1, max_packet_bytes] = bytes else {
-            return Err(ProtocolError::Length { what: "EMG capability", got: bytes.len(), expected: "5" });
+            return Err(GForceProtocolError::Length {
+                what: "EMG capability",
+                got: bytes.len(),
+                expected: "5",
+            });
         };
         Ok(EmgCapability {
             max_rate_hz: u16::from_le_bytes([r0, r1]),
@@ -415,40 +429,44 @@ mod tests {
 
     #[test]
     fn commands_are_the_bytes_of_the_vendor_programs() {
-        let hex = |command: Command| -> String {
+        let hex = |command: GForceCommand| -> String {
             command.to_bytes().iter().map(|b| format!("{b:02X} ")).collect::<String>().trim_end().to_owned()
         };
-        assert_eq!(hex(Command::SetEmg(EmgSetting::PROACT)), "3F E8 03 FF 00 80 08");
-        assert_eq!(hex(Command::SetEmg(EmgSetting::FINE)), "3F F4 01 FF 00 80 0C");
-        assert_eq!(hex(Command::DataSwitch(SWITCH_EMG)), "4F 80 00 00 00");
-        assert_eq!(hex(Command::DataSwitch(0)), "4F 00 00 00 00");
-        assert_eq!(hex(Command::Motor(true)), "24 01");
-        assert_eq!(hex(Command::PackageId(true)), "26 01");
-        assert_eq!(hex(Command::GetEmg), "46");
-        assert_eq!(hex(Command::Firmware), "06");
+        assert_eq!(hex(GForceCommand::SetEmg(EmgSetting::PROACT_DEFAULT)), "3F E8 03 FF 00 80 08");
+        assert_eq!(hex(GForceCommand::SetEmg(EmgSetting::HIGH_RESOLUTION)), "3F F4 01 FF 00 80 0C");
+        assert_eq!(hex(GForceCommand::DataSwitch(SWITCH_EMG)), "4F 80 00 00 00");
+        assert_eq!(hex(GForceCommand::DataSwitch(0)), "4F 00 00 00 00");
+        assert_eq!(hex(GForceCommand::Motor(true)), "24 01");
+        assert_eq!(hex(GForceCommand::PackageId(true)), "26 01");
+        assert_eq!(hex(GForceCommand::GetEmg), "46");
+        assert_eq!(hex(GForceCommand::Firmware), "06");
     }
 
     #[test]
     fn replies_of_the_vendor_programs_are_read() {
-        let reply = Reply::from_bytes(&[0x00, 0x46, 0xE8, 0x03, 0xFF, 0x00, 0x80, 0x08]).unwrap();
-        assert_eq!((reply.code, reply.opcode), (ReplyCode::Ok, 0x46));
-        assert_eq!(EmgSetting::from_bytes(reply.body), Ok(EmgSetting::PROACT));
-        let refusal = Reply::from_bytes(&[0x02, 0x3F]).unwrap();
-        assert_eq!((refusal.code, refusal.opcode, refusal.body), (ReplyCode::BadParameter, 0x3F, &[][..]));
-        assert!(Reply::from_bytes(&[0]).unwrap_err().to_string().contains("reply has 1 bytes"));
+        let reply = GForceReply::from_bytes(&[0x00, 0x46, 0xE8, 0x03, 0xFF, 0x00, 0x80, 0x08]).unwrap();
+        assert_eq!((reply.code, reply.opcode), (GForceReplyCode::Ok, 0x46));
+        assert_eq!(EmgSetting::from_bytes(reply.body), Ok(EmgSetting::PROACT_DEFAULT));
+        let refusal = GForceReply::from_bytes(&[0x02, 0x3F]).unwrap();
+        assert_eq!(
+            (refusal.code, refusal.opcode, refusal.body),
+            (GForceReplyCode::BadParameter, 0x3F, &[][..])
+        );
+        assert!(GForceReply::from_bytes(&[0]).unwrap_err().to_string().contains("reply has 1 bytes"));
     }
 
     #[test]
     fn settings_give_the_packets_that_were_observed() {
-        let of = |s: EmgSetting| (s.channels(), s.packet_samples(), s.packet_secs(), s.zero(), s.highest());
-        assert_eq!(of(EmgSetting::PROACT), (8, 16, 0.016, 128.0, 255.0));
-        assert_eq!(of(EmgSetting::FINE), (8, 8, 0.016, 2048.0, 4095.0));
+        let of =
+            |s: EmgSetting| (s.channels(), s.packet_samples(), s.packet_secs(), s.zero_code(), s.max_code());
+        assert_eq!(of(EmgSetting::PROACT_DEFAULT), (8, 16, 0.016, 128.0, 255.0));
+        assert_eq!(of(EmgSetting::HIGH_RESOLUTION), (8, 8, 0.016, 2048.0, 4095.0));
     }
 
     #[test]
     fn impossible_settings_are_refused() {
         let refused = |change: fn(&mut EmgSetting)| {
-            let mut setting = EmgSetting::PROACT;
+            let mut setting = EmgSetting::PROACT_DEFAULT;
             change(&mut setting);
             setting.check().unwrap_err().to_string()
         };
@@ -459,13 +477,13 @@ mod tests {
         assert!(refused(|s| s.channel_mask = 0).contains("channel mask is 0"));
         assert!(refused(|s| s.packet_bytes = 130).contains("whole number of samples"));
         assert!(refused(|s| s.packet_bytes = 0).contains("bytes of a packet is 0"));
-        assert_eq!(EmgSetting::FINE.check(), Ok(()));
+        assert_eq!(EmgSetting::HIGH_RESOLUTION.check(), Ok(()));
     }
 
     proptest! {
         #[test]
         fn any_bytes_are_a_command_that_encodes_to_them_or_an_error(bytes in prop::collection::vec(any::<u8>(), 0..12)) {
-            if let Ok(command) = Command::from_bytes(&bytes) {
+            if let Ok(command) = GForceCommand::from_bytes(&bytes) {
                 let again = command.to_bytes();
                 prop_assert_eq!(again.as_slice(), bytes.as_slice());
             }

@@ -11,10 +11,10 @@ use std::{
 };
 
 /// Longest wait in which a wish to stop is not noticed.
-const GLANCE: Duration = Duration::from_millis(50);
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// The other side of a link: an armband without radio and without clock.
-pub trait GattDouble {
+pub trait GattSimulator {
     /// Takes what was written to `characteristic` at `now`; the notifications that answer.
     fn write(&mut self, characteristic: Characteristic, bytes: &[u8], now: Duration) -> Vec<Notification>;
 
@@ -35,7 +35,7 @@ pub trait GattDouble {
 /// The listener failed.
 pub fn serve(
     listener: &TcpListener,
-    simulator: &mut impl GattDouble,
+    simulator: &mut impl GattSimulator,
     stop: &AtomicBool,
     mut report: impl FnMut(&str),
 ) -> io::Result<()> {
@@ -49,7 +49,7 @@ pub fn serve(
                 let end = serve_connection(&mut SocketLink::new(socket), simulator, stop);
                 report(&format!("disconnected: {end}"));
             }
-            Err(error) if error.kind() == io::ErrorKind::WouldBlock => std::thread::sleep(GLANCE / 5),
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => std::thread::sleep(POLL_INTERVAL / 5),
             Err(error) => return Err(error),
         }
     }
@@ -59,7 +59,7 @@ pub fn serve(
 /// Serves one connection until its end or `stop`; why it ended. Packets leave when they are due by the clock.
 pub fn serve_connection<S: FrameSocket>(
     link: &mut SocketLink<S>,
-    simulator: &mut impl GattDouble,
+    simulator: &mut impl GattSimulator,
     stop: &AtomicBool,
 ) -> LinkError {
     let begin = Instant::now();
@@ -79,7 +79,7 @@ pub fn serve_connection<S: FrameSocket>(
             break error;
         }
         let next = waiting.first().map(|n| n.due).into_iter().chain(simulator.next_due()).min();
-        let wait = next.map_or(GLANCE, |due| due.saturating_sub(begin.elapsed()).min(GLANCE));
+        let wait = next.map_or(POLL_INTERVAL, |due| due.saturating_sub(begin.elapsed()).min(POLL_INTERVAL));
         match link.next_notification(wait, &mut bytes) {
             Ok(Some(characteristic)) => {
                 let replies = simulator.write(characteristic, &bytes, begin.elapsed());

@@ -1,14 +1,14 @@
-use super::{OPEN_SECS, failed, find, reader::Reader, subscribe};
-use crate::{DeviceError, GazeDevice, GazeFrame, SentGaze};
+use super::{OPEN_TIMEOUT_SECS, lsl_error, reader::LslReader, resolve_stream, subscribe};
+use crate::{DeviceError, GazeDevice, GazeFrame, RawGazeSample};
 use lsl::{ChannelFormat, StreamInlet};
 use std::sync::mpsc::TryRecvError;
 
 /// The type by which gaze streams are found.
 const GAZE_TYPE: &str = "Gaze";
 /// A sample that its tracker trusts less counts as lost; Pupil Labs' own bound.
-const LEAST_CONFIDENCE: f64 = 0.6;
+const MIN_CONFIDENCE: f64 = 0.6;
 /// Samples that may wait for whoever polls, a second of the fastest trackers.
-const WAITING: usize = 1024;
+const MAX_QUEUED_SAMPLES: usize = 1024;
 
 /// Gaze samples of a stream of the lab streaming layer, from any program on the network.
 ///
@@ -19,15 +19,15 @@ const WAITING: usize = 1024;
 /// with a number that is not finite is one of a lost eye.
 pub struct LslGaze {
     name: String,
-    reader: Reader<SentGaze>,
+    reader: LslReader<RawGazeSample>,
 }
 
 /// Which channel is what.
 #[derive(Debug, PartialEq)]
-struct Layout {
+struct GazeChannels {
     direction: [usize; 3],
     /// The direction is in the axes of a camera.
-    camera: bool,
+    in_camera_axes: bool,
     origin: Option<[usize; 3]>,
     valid: Option<usize>,
     confidence: Option<usize>,
@@ -40,7 +40,7 @@ impl LslGaze {
     /// # Errors
     /// No such stream, or several; one whose channels are not labelled as gaze or are texts; no connection.
     pub fn open(name: Option<&str>) -> Result<LslGaze, DeviceError> {
-        let (reader, name) = Reader::open(name, GAZE_TYPE, WAITING, |property, label| {
+        let (reader, name) = LslReader::open(name, GAZE_TYPE, MAX_QUEUED_SAMPLES, |property, label| {
             let (inlet, layout, name) = connect(property, label)?;
             Ok((inlet, name, move |_: &StreamInlet, values: &[f64], _| layout.read(values)))
         })?;
@@ -54,14 +54,14 @@ impl LslGaze {
 }
 
 impl GazeDevice for LslGaze {
-    fn latest(&mut self) -> Result<Option<SentGaze>, DeviceError> {
+    fn latest(&mut self) -> Result<Option<RawGazeSample>, DeviceError> {
         let mut latest = None;
         loop {
             match self.reader.samples.try_recv() {
                 Ok(sample) => latest = Some(sample),
                 Err(TryRecvError::Empty) => return Ok(latest),
                 Err(TryRecvError::Disconnected) => {
-                    return Err(failed(&self.name, "liblsl gave the stream up"));
+                    return Err(lsl_error(&self.name, "liblsl gave the stream up"));
                 }
             }
         }
@@ -69,14 +69,14 @@ impl GazeDevice for LslGaze {
 }
 
 /// Finds the stream, learns its channels and subscribes to it.
-fn connect(property: &str, label: &str) -> Result<(StreamInlet, Layout, String), DeviceError> {
-    let stream = find(property, label)?;
+fn connect(property: &str, label: &str) -> Result<(StreamInlet, GazeChannels, String), DeviceError> {
+    let stream = resolve_stream(property, label)?;
     let name = format!("{} on {}", stream.stream_name(), stream.hostname());
     if matches!(stream.channel_format(), ChannelFormat::String | ChannelFormat::Undefined) {
-        return Err(failed(label, "its samples are texts, expected numbers"));
+        return Err(lsl_error(label, "its samples are texts, expected numbers"));
     }
     let inlet = subscribe(&stream, label)?;
-    let mut about = inlet.info(OPEN_SECS).map_err(|error| failed(label, error))?;
+    let mut about = inlet.info(OPEN_TIMEOUT_SECS).map_err(|error| lsl_error(label, error))?;
     let count = about.channel_count().unsigned_abs() as usize;
     let description = about.desc();
     let mut channel = description.child("channels").child("channel");
@@ -85,12 +85,12 @@ fn connect(property: &str, label: &str) -> Result<(StreamInlet, Layout, String),
         labels.push(channel.child_value_named("label").to_lowercase());
         channel = channel.next_sibling_named("channel");
     }
-    let layout = Layout::of(&labels, &description.child_value_named("frame"));
-    Ok((inlet, layout.map_err(|reason| failed(label, reason))?, name))
+    let layout = GazeChannels::from_labels(&labels, &description.child_value_named("frame"));
+    Ok((inlet, layout.map_err(|reason| lsl_error(label, reason))?, name))
 }
 
-impl Layout {
-    fn of(labels: &[String], frame: &str) -> Result<Layout, String> {
+impl GazeChannels {
+    fn from_labels(labels: &[String], frame: &str) -> Result<GazeChannels, String> {
         let channel = |label: &str| labels.iter().position(|known| known == label);
         let three = |label: &str| -> Option<[usize; 3]> {
             Some([
@@ -106,17 +106,17 @@ impl Layout {
                  gaze_point_3d_x, _y and _z"
             )
         })?;
-        let camera = named.is_none();
+        let in_camera_axes = named.is_none();
         let frame = match frame {
-            _ if camera => GazeFrame::Head,
+            _ if in_camera_axes => GazeFrame::Head,
             "" | "world" => GazeFrame::World,
             "head" => GazeFrame::Head,
             other => return Err(format!("its frame is {other:?}, expected \"world\" or \"head\"")),
         };
-        let origin = three("origin").filter(|_| !camera);
-        Ok(Layout {
+        let origin = three("origin").filter(|_| !in_camera_axes);
+        Ok(GazeChannels {
             direction,
-            camera,
+            in_camera_axes,
             origin,
             valid: channel("valid"),
             confidence: channel("confidence"),
@@ -125,15 +125,15 @@ impl Layout {
     }
 
     /// The gaze of a sample with a value for each channel.
-    fn read(&self, values: &[f64]) -> SentGaze {
+    fn read(&self, values: &[f64]) -> RawGazeSample {
         let value = |channel: usize| values.get(channel).copied().unwrap_or(f64::NAN);
         let [x, y, z] = self.direction.map(value);
-        let direction = if self.camera { [z, -x, -y] } else { [x, y, z] };
+        let direction = if self.in_camera_axes { [z, -x, -y] } else { [x, y, z] };
         let origin = self.origin.map_or([0.0; 3], |channels| channels.map(value));
         let seen = self.valid.is_none_or(|channel| value(channel) > 0.5)
-            && self.confidence.is_none_or(|channel| value(channel) >= LEAST_CONFIDENCE);
-        let sample = |valid| SentGaze::new(origin, direction, valid, self.frame);
-        let lost = || SentGaze::new([0.0; 3], [1.0, 0.0, 0.0], false, self.frame);
+            && self.confidence.is_none_or(|channel| value(channel) >= MIN_CONFIDENCE);
+        let sample = |valid| RawGazeSample::new(origin, direction, valid, self.frame);
+        let lost = || RawGazeSample::new([0.0; 3], [1.0, 0.0, 0.0], false, self.frame);
         #[allow(clippy::expect_used)] // The numbers are written here.
         sample(seen).or_else(|_| lost()).expect("a lost eye is a sample")
     }
@@ -152,7 +152,7 @@ mod tests {
     #[test]
     fn channels_are_found_by_label_and_others_left_out() {
         let ours = labels("valid direction_z direction_y direction_x diameter");
-        let layout = Layout::of(&ours, "head").unwrap();
+        let layout = GazeChannels::from_labels(&ours, "head").unwrap();
         assert_eq!((layout.direction, layout.frame), ([3, 2, 1], GazeFrame::Head));
         let sent = layout.read(&[1.0, 0.0, 2.0, 0.0, 4.5]);
         assert_eq!((sent.sample.direction, sent.sample.valid), (Vector::y(), true));
@@ -163,7 +163,7 @@ mod tests {
             ("direction_x direction_y", "", "expected direction_x, direction_y and direction_z"),
             ("direction_x direction_y direction_z", "moon", "its frame is \"moon\""),
         ] {
-            let reason = Layout::of(&labels(words), frame).unwrap_err();
+            let reason = GazeChannels::from_labels(&labels(words), frame).unwrap_err();
             assert!(reason.contains(part), "{reason}");
         }
     }
@@ -171,7 +171,7 @@ mod tests {
     #[test]
     fn the_relay_of_pupil_capture_is_understood() {
         let theirs = "confidence norm_pos_x norm_pos_y gaze_point_3d_x gaze_point_3d_y gaze_point_3d_z";
-        let layout = Layout::of(&labels(theirs), "").unwrap();
+        let layout = GazeChannels::from_labels(&labels(theirs), "").unwrap();
         // 30 mm to the right and 40 mm down at a metre.
         let sent = layout.read(&[0.9, 0.5, 0.5, 30.0, 40.0, 1000.0]);
         let expected = Vector::new(1.0, -0.03, -0.04).normalize();
@@ -200,7 +200,7 @@ mod tests {
         // Two may come in two steps.
         let down = Vector::new(0.0, 0.0, -1.0);
         let mut newest = None;
-        while newest.is_none_or(|sent: SentGaze| sent.sample.direction != down) {
+        while newest.is_none_or(|sent: RawGazeSample| sent.sample.direction != down) {
             newest = tracker.latest().unwrap().or(newest);
             std::thread::yield_now();
         }

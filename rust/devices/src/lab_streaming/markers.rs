@@ -1,9 +1,9 @@
-use super::{check_name, failed};
+use super::{check_name, lsl_error};
 use crate::DeviceError;
 use lsl::{ChannelFormat, ExPushable, StreamInfo, StreamOutlet};
 
 /// Markers that are kept for a reader that is late.
-const KEPT: i32 = 360;
+const MAX_BUFFERED_MARKERS: i32 = 360;
 
 /// Publishes markers as `NAME` (type Markers, one string channel at irregular times), as programs of experiments do.
 pub struct LslMarkers {
@@ -18,12 +18,12 @@ impl LslMarkers {
     /// An unusable name, or no more sockets.
     pub fn open(name: &str) -> Result<LslMarkers, DeviceError> {
         check_name(name)?;
-        let error = |error| failed(name, error);
+        let error = |error| lsl_error(name, error);
         // With the same source a reader finds the stream again when the program is started anew.
         let source = format!("proact-{name}");
         let about = StreamInfo::new(name, "Markers", 1, lsl::IRREGULAR_RATE, ChannelFormat::String, &source)
             .map_err(error)?;
-        let outlet = StreamOutlet::new(&about, 0, KEPT).map_err(error)?;
+        let outlet = StreamOutlet::new(&about, 0, MAX_BUFFERED_MARKERS).map_err(error)?;
         Ok(LslMarkers { outlet, name: name.to_owned() })
     }
 
@@ -33,14 +33,14 @@ impl LslMarkers {
     /// liblsl refuses it.
     pub fn send(&mut self, marker: &str, age_secs: f64) -> Result<(), DeviceError> {
         let stamp = lsl::local_clock() - age_secs;
-        self.outlet.push_sample_ex(&vec![marker], stamp, true).map_err(|error| failed(&self.name, error))
+        self.outlet.push_sample_ex(&vec![marker], stamp, true).map_err(|error| lsl_error(&self.name, error))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lab_streaming::{find, subscribe};
+    use crate::lab_streaming::{resolve_stream, subscribe};
     use lsl::Pullable;
 
     /// How long a marker has to come.
@@ -52,7 +52,7 @@ mod tests {
     fn a_marker_comes_as_text_with_the_time_at_which_it_was_due() {
         let name = format!("proact-test-markers-{}", std::process::id());
         let mut markers = LslMarkers::open(&name).unwrap();
-        let found = find("name", &name).unwrap();
+        let found = resolve_stream("name", &name).unwrap();
         assert_eq!((found.stream_type(), found.channel_count()), ("Markers".to_owned(), 1));
         let inlet = subscribe(&found, &name).unwrap();
         assert!(markers.outlet.wait_for_consumers(PATIENCE_SECS));

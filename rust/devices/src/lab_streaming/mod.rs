@@ -23,46 +23,47 @@ use lsl::{StreamInfo, StreamInlet};
 /// The type by which EMG streams are found.
 const EMG_TYPE: &str = "EMG";
 /// How long all streams of a name have to answer, so that a second one is noticed.
-const ALL_SECS: f64 = 1.0;
+const RESOLVE_ALL_SECS: f64 = 1.0;
 /// How long the first one has, after that.
-const FIRST_SECS: f64 = 4.0;
+const RESOLVE_FIRST_SECS: f64 = 4.0;
 /// How long the stream has to open.
-const OPEN_SECS: f64 = 5.0;
+const OPEN_TIMEOUT_SECS: f64 = 5.0;
 /// Seconds of samples that liblsl keeps for a reader that is late.
-const KEPT_SECS: i32 = 5;
+const BUFFER_SECS: i32 = 5;
 
-fn failed(stream: &str, reason: impl ToString) -> DeviceError {
+fn lsl_error(stream: &str, reason: impl ToString) -> DeviceError {
     DeviceError::Lsl { stream: stream.to_owned(), reason: reason.to_string() }
 }
 
 /// Names go into the queries that find streams.
 fn check_name(name: &str) -> Result<(), DeviceError> {
     if name.is_empty() || name.contains(['\'', '"']) || name.chars().any(char::is_control) {
-        return Err(failed(name, "a name is not empty and has no quotation marks"));
+        return Err(lsl_error(name, "a name is not empty and has no quotation marks"));
     }
     Ok(())
 }
 
 /// The only stream whose `property` is `label`.
-fn find(property: &str, label: &str) -> Result<StreamInfo, DeviceError> {
-    let resolve =
-        |least, secs| lsl::resolve_byprop(property, label, least, secs).map_err(|error| failed(label, error));
-    let mut found = resolve(2, ALL_SECS)?;
+fn resolve_stream(property: &str, label: &str) -> Result<StreamInfo, DeviceError> {
+    let resolve = |min_count, secs| {
+        lsl::resolve_byprop(property, label, min_count, secs).map_err(|error| lsl_error(label, error))
+    };
+    let mut found = resolve(2, RESOLVE_ALL_SECS)?;
     if found.is_empty() {
-        found = resolve(1, FIRST_SECS)?;
+        found = resolve(1, RESOLVE_FIRST_SECS)?;
     }
     if found.len() > 1 {
         let name = |s: &StreamInfo| format!("{:?} on {}", s.stream_name(), s.hostname());
         let names: Vec<String> = found.iter().map(name).collect();
         let names = names.join(", ");
-        return Err(failed(
+        return Err(lsl_error(
             label,
             format!("several streams of this {property}, expected one: {names}; name one"),
         ));
     }
     found.pop().ok_or_else(|| {
-        let secs = ALL_SECS + FIRST_SECS;
-        failed(
+        let secs = RESOLVE_ALL_SECS + RESOLVE_FIRST_SECS;
+        lsl_error(
             label,
             format!(
                 "no stream of this {property} answered within {secs} s; is its program running, and does a \
@@ -73,7 +74,9 @@ fn find(property: &str, label: &str) -> Result<StreamInfo, DeviceError> {
 }
 
 fn subscribe(stream: &StreamInfo, label: &str) -> Result<StreamInlet, DeviceError> {
-    let inlet = StreamInlet::new(stream, KEPT_SECS, 0, true).map_err(|error| failed(label, error))?;
-    inlet.open_stream(OPEN_SECS).map_err(|error| failed(label, format!("cannot be opened: {error}")))?;
+    let inlet = StreamInlet::new(stream, BUFFER_SECS, 0, true).map_err(|error| lsl_error(label, error))?;
+    inlet
+        .open_stream(OPEN_TIMEOUT_SECS)
+        .map_err(|error| lsl_error(label, format!("cannot be opened: {error}")))?;
     Ok(inlet)
 }

@@ -1,21 +1,21 @@
-use super::{EMG_TYPE, check_name, failed};
+use super::{EMG_TYPE, check_name, lsl_error};
 use crate::{AmplifierLayout, DeviceError, EmgPacket, SourceInfo};
 use lsl::{ChannelFormat, ExPushable, StreamInfo, StreamOutlet};
-use proact_types::GestureName;
+use proact_types::Gesture;
 
 /// Type of the channels of an inertial measurement unit.
 const IMU_TYPE: &str = "IMU";
 /// Weight of one packet's arrival in the line from sample counter to stamp.
-const LINE_GAIN: f64 = 0.01;
+const TIMESTAMP_GAIN: f64 = 0.01;
 /// Most by which that line moves, of the time that passes. No device's clock is further from its nominal rate, and a
 /// reader must not take the move for a lost sample.
-const LARGEST_DRIFT: f64 = 0.01;
+const MAX_DRIFT: f64 = 0.01;
 /// Most by which it moves at once, in samples.
-const LARGEST_STEP: f64 = 0.2;
+const MAX_STEP_SAMPLES: f64 = 0.2;
 /// A packet that comes by more than this before its time follows one that had waited, seconds.
-const WAITED_SECS: f64 = 0.005;
+const BACKLOG_SECS: f64 = 0.005;
 /// Seconds that are kept for a reader that is late.
-const KEPT_SECS: i32 = 60;
+const BUFFER_SECS: i32 = 60;
 
 /// Publishes samples as `NAME` (type EMG) and decisions as `NAME-decisions` (type Markers, the gesture's name).
 ///
@@ -25,11 +25,11 @@ pub struct LslOutlet {
     samples: StreamOutlet,
     decisions: StreamOutlet,
     name: String,
-    period: f64,
+    period_secs: f64,
     /// Counter and stamp of the newest sample.
-    newest: Option<(u64, f64)>,
+    newest_stamp: Option<(u64, f64)>,
     /// Packets are known to come when they are sent.
-    settled: bool,
+    backlog_drained: bool,
     values: Vec<f32>,
 }
 
@@ -44,7 +44,7 @@ impl LslOutlet {
         layout: Option<&AmplifierLayout>,
     ) -> Result<LslOutlet, DeviceError> {
         check_name(name)?;
-        let error = |error| failed(name, error);
+        let error = |error| lsl_error(name, error);
         let channels = (info.channels + info.imu.len()) as u32;
         // With the same source a reader finds the stream again when the program is started anew.
         let source = |stream: &str| format!("proact-{stream}");
@@ -67,7 +67,7 @@ impl LslOutlet {
                 .append_child_value("type", IMU_TYPE);
         }
         about.desc().append_child_value("device", &info.name);
-        let samples = StreamOutlet::new(&about, 0, KEPT_SECS).map_err(error)?;
+        let samples = StreamOutlet::new(&about, 0, BUFFER_SECS).map_err(error)?;
         let markers = format!("{name}-decisions");
         let about = StreamInfo::new(
             &markers,
@@ -78,15 +78,15 @@ impl LslOutlet {
             &source(&markers),
         )
         .map_err(error)?;
-        let decisions = StreamOutlet::new(&about, 0, KEPT_SECS).map_err(error)?;
-        let (period, values) = (1.0 / info.rate_hz, Vec::with_capacity(info.channels));
+        let decisions = StreamOutlet::new(&about, 0, BUFFER_SECS).map_err(error)?;
+        let (period_secs, values) = (1.0 / info.rate_hz, Vec::with_capacity(info.channels));
         Ok(LslOutlet {
             samples,
             decisions,
             name: name.to_owned(),
-            period,
-            newest: None,
-            settled: false,
+            period_secs,
+            newest_stamp: None,
+            backlog_drained: false,
             values,
         })
     }
@@ -104,23 +104,23 @@ impl LslOutlet {
     pub fn packet(&mut self, packet: &EmgPacket) -> Result<(), DeviceError> {
         let Some(last) = packet.samples.last() else { return Ok(()) };
         let now = lsl::local_clock();
-        let passed = self.newest.map(|(counter, stamp)| (last.counter as f64 - counter as f64, stamp));
-        let due = passed.map_or(f64::INFINITY, |(samples, stamp)| stamp + samples * self.period);
-        self.settled |= now > due - WAITED_SECS;
-        if !self.settled {
-            self.newest = Some((last.counter, now));
+        let passed = self.newest_stamp.map(|(counter, stamp)| (last.counter as f64 - counter as f64, stamp));
+        let due = passed.map_or(f64::INFINITY, |(samples, stamp)| stamp + samples * self.period_secs);
+        self.backlog_drained |= now > due - BACKLOG_SECS;
+        if !self.backlog_drained {
+            self.newest_stamp = Some((last.counter, now));
             return Ok(());
         }
         let samples = passed.map_or(0.0, |(samples, _)| samples.max(0.0));
-        let most = (LARGEST_DRIFT * samples).min(LARGEST_STEP) * self.period;
-        let end = due + (LINE_GAIN * (now - due)).clamp(-most, most);
-        self.newest = Some((last.counter, end));
+        let max_correction = (MAX_DRIFT * samples).min(MAX_STEP_SAMPLES) * self.period_secs;
+        let end = due + (TIMESTAMP_GAIN * (now - due)).clamp(-max_correction, max_correction);
+        self.newest_stamp = Some((last.counter, end));
         for sample in &packet.samples {
             self.values.clear();
             self.values.extend(sample.channels.iter().map(|value| *value as f32));
-            let stamp = end - (last.counter - sample.counter) as f64 * self.period;
+            let stamp = end - (last.counter - sample.counter) as f64 * self.period_secs;
             let pushed = self.samples.push_sample_ex(&self.values, stamp, sample.counter == last.counter);
-            pushed.map_err(|error| failed(&self.name, error))?;
+            pushed.map_err(|error| lsl_error(&self.name, error))?;
         }
         Ok(())
     }
@@ -129,12 +129,14 @@ impl LslOutlet {
     ///
     /// # Errors
     /// liblsl refuses it.
-    pub fn decision(&mut self, gesture: GestureName, counter: Option<u64>) -> Result<(), DeviceError> {
-        let stamp = match (counter, self.newest) {
-            (Some(counter), Some((newest, end))) => end - newest.saturating_sub(counter) as f64 * self.period,
+    pub fn decision(&mut self, gesture: Gesture, counter: Option<u64>) -> Result<(), DeviceError> {
+        let stamp = match (counter, self.newest_stamp) {
+            (Some(counter), Some((newest, end))) => {
+                end - newest.saturating_sub(counter) as f64 * self.period_secs
+            }
             _ => lsl::local_clock(),
         };
         let pushed = self.decisions.push_sample_ex(&vec![gesture.as_str()], stamp, true);
-        pushed.map_err(|error| failed(&self.name, error))
+        pushed.map_err(|error| lsl_error(&self.name, error))
     }
 }

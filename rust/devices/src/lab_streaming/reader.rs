@@ -1,4 +1,4 @@
-use super::{check_name, failed};
+use super::{check_name, lsl_error};
 use crate::DeviceError;
 use lsl::{Pullable, StreamInlet};
 use std::{
@@ -11,14 +11,14 @@ use std::{
 };
 
 /// A stream that is read in a thread of its own, because an inlet cannot leave the thread that made it.
-pub(super) struct Reader<S> {
+pub(super) struct LslReader<S> {
     /// What came, as long as there is room; closed when liblsl gives the stream up.
     pub(super) samples: Receiver<S>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
-impl<S: Send + 'static> Reader<S> {
+impl<S: Send + 'static> LslReader<S> {
     /// Opens the stream called `name`, or without a name the only one of type `kind`. `connect` is given the property to
     /// find it by and its value, and gives what is known of the stream and what makes a sample of values and stamp.
     /// Up to `waiting` samples are kept; those beyond are dropped.
@@ -30,7 +30,7 @@ impl<S: Send + 'static> Reader<S> {
         kind: &str,
         waiting: usize,
         connect: C,
-    ) -> Result<(Reader<S>, I), DeviceError>
+    ) -> Result<(LslReader<S>, I), DeviceError>
     where
         I: Send + 'static,
         C: FnOnce(&str, &str) -> Result<(StreamInlet, I, F), DeviceError> + Send + 'static,
@@ -55,12 +55,12 @@ impl<S: Send + 'static> Reader<S> {
                 }
             }
         });
-        let info = opened.recv().map_err(|_| failed(&label, "the thread of the stream has ended"))??;
-        Ok((Reader { samples, stop, thread: Some(thread) }, info))
+        let info = opened.recv().map_err(|_| lsl_error(&label, "the thread of the stream has ended"))??;
+        Ok((LslReader { samples, stop, thread: Some(thread) }, info))
     }
 }
 
-impl<S> Drop for Reader<S> {
+impl<S> Drop for LslReader<S> {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {

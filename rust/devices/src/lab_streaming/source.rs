@@ -1,7 +1,10 @@
-use super::{EMG_TYPE, OPEN_SECS, failed, find, numbering::Numbering, reader::Reader, subscribe};
+use super::{
+    EMG_TYPE, OPEN_TIMEOUT_SECS, lsl_error, numbering::TimestampNumbering, reader::LslReader, resolve_stream,
+    subscribe,
+};
 use crate::{
     DeviceError, EmgPacket, SampleSource, SourceClock, SourceCounts, SourceEvent, SourceInfo,
-    amplifier::{is_emg, is_imu, microvolts_of},
+    amplifier::{is_emg, is_imu, microvolts_per_unit},
 };
 use lsl::{ChannelFormat, StreamInfo, StreamInlet};
 use proact_emg::{ImuChannel, RATES_HZ};
@@ -12,13 +15,13 @@ use std::{
 };
 
 /// From one look at the clocks' comparison, which liblsl makes in the background, to the next: before there is one, and then.
-const CLOCK_PERIODS: [Duration; 2] = [Duration::from_millis(200), Duration::from_secs(2)];
+const CLOCK_QUERY_PERIODS: [Duration; 2] = [Duration::from_millis(200), Duration::from_secs(2)];
 /// A stream without a sample for so long is lost, until one comes.
-const SILENCE: Duration = Duration::from_secs(2);
+const SAMPLE_TIMEOUT: Duration = Duration::from_secs(2);
 /// Samples that may wait for whoever polls; those beyond leave a gap. Four seconds at 4 kHz.
-const WAITING: usize = 16_384;
+const MAX_QUEUED_SAMPLES: usize = 16_384;
 /// Most samples of a packet.
-const PACKET: usize = 64;
+const MAX_PACKET_SAMPLES: usize = 64;
 
 /// An EMG stream of the lab streaming layer, from any program on the network.
 ///
@@ -26,42 +29,42 @@ const PACKET: usize = 64;
 /// missing in them is a gap.
 pub struct LslSource {
     info: SourceInfo,
-    reader: Reader<Arrived>,
+    reader: LslReader<ReceivedSample>,
     /// Came after a gap and begins the next packet.
-    held: Option<EmgSampleAfter>,
-    numbering: Numbering,
-    next: u64,
+    pending: Option<NumberedSample>,
+    numbering: TimestampNumbering,
+    next_counter: u64,
     opened: Instant,
-    heard: Instant,
+    last_sample: Instant,
     lost: bool,
     counts: SourceCounts,
     clock: ClockStatistics,
 }
 
 /// A sample as it came.
-struct Arrived {
+struct ReceivedSample {
     sample: EmgSample,
     /// By the sender's clock, and when it arrived, seconds of liblsl's clock on this machine.
-    stamp: f64,
-    arrived: f64,
-    at: Instant,
+    stamp_secs: f64,
+    arrival_secs: f64,
+    received: Instant,
     /// The sender's clock to that of this machine, and how wrong that may be, seconds.
-    offset: Option<(f64, f64)>,
+    clock_offset_secs: Option<(f64, f64)>,
 }
 
 /// A numbered sample, and what is missing before it.
-struct EmgSampleAfter {
+struct NumberedSample {
     sample: EmgSample,
-    lost: u64,
-    at: Instant,
+    lost_before: u64,
+    received: Instant,
 }
 
 #[derive(Default)]
 struct ClockStatistics {
-    offset: Option<(f64, f64)>,
-    ages: u64,
-    age_sum: f64,
-    worst_age: f64,
+    offset_secs: Option<(f64, f64)>,
+    age_count: u64,
+    age_sum_secs: f64,
+    worst_age_secs: f64,
 }
 
 impl LslSource {
@@ -71,19 +74,19 @@ impl LslSource {
     /// # Errors
     /// No such stream, or several; one without a rate, with too many channels or with texts; no connection.
     pub fn open(name: Option<&str>, imu: bool) -> Result<LslSource, DeviceError> {
-        let (reader, info) = Reader::open(name, EMG_TYPE, WAITING, move |property, label| {
+        let (reader, info) = LslReader::open(name, EMG_TYPE, MAX_QUEUED_SAMPLES, move |property, label| {
             let (inlet, info, chosen) = connect(property, label, imu)?;
-            Ok((inlet, info, arrivals(chosen)))
+            Ok((inlet, info, sample_converter(chosen)))
         })?;
         let now = Instant::now();
         Ok(LslSource {
-            numbering: Numbering::new(info.rate_hz),
+            numbering: TimestampNumbering::new(info.rate_hz),
             info,
             reader,
-            held: None,
-            next: 0,
+            pending: None,
+            next_counter: 0,
             opened: now,
-            heard: now,
+            last_sample: now,
             lost: false,
             counts: SourceCounts::default(),
             clock: ClockStatistics::default(),
@@ -91,25 +94,25 @@ impl LslSource {
     }
 
     /// Numbers a sample; none if its stamp is no time.
-    fn number(&mut self, arrived: Arrived) -> Option<EmgSampleAfter> {
-        let Arrived { mut sample, stamp, arrived, at, offset } = arrived;
-        if !stamp.is_finite() {
+    fn number_sample(&mut self, arrived: ReceivedSample) -> Option<NumberedSample> {
+        let ReceivedSample { mut sample, stamp_secs, arrival_secs, received, clock_offset_secs } = arrived;
+        if !stamp_secs.is_finite() {
             self.counts.malformed += 1;
             return None;
         }
-        let lost = self.numbering.lost_before(stamp, arrived);
+        let lost_before = self.numbering.lost_before(stamp_secs, arrival_secs);
         self.counts.resyncs = self.numbering.clock_resets();
-        self.next += lost;
-        sample.counter = self.next;
-        self.next += 1;
-        self.clock.offset = offset.or(self.clock.offset);
-        if let Some((offset, _)) = self.clock.offset {
-            let age = arrived - (stamp + offset);
-            self.clock.ages += 1;
-            self.clock.age_sum += age;
-            self.clock.worst_age = self.clock.worst_age.max(age);
+        self.next_counter += lost_before;
+        sample.counter = self.next_counter;
+        self.next_counter += 1;
+        self.clock.offset_secs = clock_offset_secs.or(self.clock.offset_secs);
+        if let Some((offset_secs, _)) = self.clock.offset_secs {
+            let age_secs = arrival_secs - (stamp_secs + offset_secs);
+            self.clock.age_count += 1;
+            self.clock.age_sum_secs += age_secs;
+            self.clock.worst_age_secs = self.clock.worst_age_secs.max(age_secs);
         }
-        Some(EmgSampleAfter { sample, lost, at })
+        Some(NumberedSample { sample, lost_before, received })
     }
 }
 
@@ -119,16 +122,16 @@ impl SampleSource for LslSource {
     }
 
     fn poll(&mut self, timeout: Duration, packet: &mut EmgPacket) -> Result<SourceEvent, DeviceError> {
-        let first = match self.held.take() {
-            Some(held) => held,
+        let first = match self.pending.take() {
+            Some(pending) => pending,
             None => match self.reader.samples.recv_timeout(timeout) {
-                Ok(arrived) => match self.number(arrived) {
+                Ok(arrived) => match self.number_sample(arrived) {
                     Some(sample) => sample,
                     None => return Ok(SourceEvent::Nothing),
                 },
                 Err(RecvTimeoutError::Timeout) => {
-                    let silent = self.heard.elapsed();
-                    if self.lost || silent < SILENCE {
+                    let silent = self.last_sample.elapsed();
+                    if self.lost || silent < SAMPLE_TIMEOUT {
                         return Ok(SourceEvent::Nothing);
                     }
                     self.lost = true;
@@ -137,33 +140,33 @@ impl SampleSource for LslSource {
                     return Ok(SourceEvent::Lost { reason });
                 }
                 Err(RecvTimeoutError::Disconnected) => {
-                    return Err(failed(&self.info.name, "liblsl gave the stream up"));
+                    return Err(lsl_error(&self.info.name, "liblsl gave the stream up"));
                 }
             },
         };
-        self.heard = first.at;
+        self.last_sample = first.received;
         if std::mem::take(&mut self.lost) {
-            self.held = Some(first);
+            self.pending = Some(first);
             return Ok(SourceEvent::Restored);
         }
         packet.samples.clear();
-        packet.lost_before = first.lost;
-        let mut at = first.at;
+        packet.lost_before = first.lost_before;
+        let mut received = first.received;
         packet.samples.push(first.sample);
         // The rest that is there, up to the next gap.
-        while packet.samples.len() < PACKET
+        while packet.samples.len() < MAX_PACKET_SAMPLES
             && let Ok(arrived) = self.reader.samples.try_recv()
         {
-            let Some(next) = self.number(arrived) else { continue };
-            if next.lost > 0 {
-                self.held = Some(next);
+            let Some(next) = self.number_sample(arrived) else { continue };
+            if next.lost_before > 0 {
+                self.pending = Some(next);
                 break;
             }
-            at = next.at;
+            received = next.received;
             packet.samples.push(next.sample);
         }
-        self.heard = at;
-        packet.received = at.saturating_duration_since(self.opened);
+        self.last_sample = received;
+        packet.received = received.saturating_duration_since(self.opened);
         let last = packet.samples.last().map_or(0, |sample| sample.counter);
         packet.device_secs = (last + 1) as f64 / self.info.rate_hz;
         self.counts.packets += 1;
@@ -176,23 +179,27 @@ impl SampleSource for LslSource {
     }
 
     fn clock(&self) -> Option<SourceClock> {
-        let ClockStatistics { offset, ages, age_sum, worst_age } = self.clock;
-        let (offset_secs, uncertainty_secs) = offset?;
-        let mean_age_secs = age_sum / ages.max(1) as f64;
-        Some(SourceClock { offset_secs, uncertainty_secs, mean_age_secs, worst_age_secs: worst_age })
+        let ClockStatistics { offset_secs, age_count, age_sum_secs, worst_age_secs } = self.clock;
+        let (offset_secs, uncertainty_secs) = offset_secs?;
+        let mean_age_secs = age_sum_secs / age_count.max(1) as f64;
+        Some(SourceClock { offset_secs, uncertainty_secs, mean_age_secs, worst_age_secs })
     }
 }
 
 /// Finds the stream and subscribes to it.
-fn connect(property: &str, label: &str, imu: bool) -> Result<(StreamInlet, SourceInfo, Chosen), DeviceError> {
-    let stream = find(property, label)?;
-    let info = checked(&stream).map_err(|reason| failed(label, reason))?;
+fn connect(
+    property: &str,
+    label: &str,
+    imu: bool,
+) -> Result<(StreamInlet, SourceInfo, ChannelSelection), DeviceError> {
+    let stream = resolve_stream(property, label)?;
+    let info = check_stream(&stream).map_err(|reason| lsl_error(label, reason))?;
     let inlet = subscribe(&stream, label)?;
-    let chosen = Chosen::of(&described(&inlet, label)?, info.channels, imu);
-    let volts = chosen.in_microvolts.then_some(1e-6);
+    let chosen = ChannelSelection::select(&describe_channels(&inlet, label)?, info.channels, imu);
+    let volts_per_code = chosen.in_microvolts.then_some(1e-6);
     let info = SourceInfo {
         channels: chosen.channels.len(),
-        volts,
+        volts_per_code,
         imu: chosen.imu.iter().map(|(_, channel)| channel.clone()).collect(),
         ..info
     };
@@ -201,21 +208,25 @@ fn connect(property: &str, label: &str, imu: bool) -> Result<(StreamInlet, Sourc
 
 /// What a stream says of a channel.
 #[derive(Clone, Debug, Default)]
-struct Described {
+struct ChannelDescription {
     kind: String,
     unit: String,
     label: String,
 }
 
 /// What the stream says of each channel, as far as it does.
-fn described(inlet: &StreamInlet, label: &str) -> Result<Vec<Described>, DeviceError> {
-    let mut about = inlet.info(OPEN_SECS).map_err(|error| failed(label, error))?;
+fn describe_channels(inlet: &StreamInlet, label: &str) -> Result<Vec<ChannelDescription>, DeviceError> {
+    let mut about = inlet.info(OPEN_TIMEOUT_SECS).map_err(|error| lsl_error(label, error))?;
     let count = about.channel_count().unsigned_abs() as usize;
     let mut channel = about.desc().child("channels").child("channel");
     let mut described = Vec::new();
     while !channel.empty() && described.len() < count {
-        let said = |key: &str| channel.child_value_named(key);
-        described.push(Described { kind: said("type"), unit: said("unit"), label: said("label") });
+        let described_value = |key: &str| channel.child_value_named(key);
+        described.push(ChannelDescription {
+            kind: described_value("type"),
+            unit: described_value("unit"),
+            label: described_value("label"),
+        });
         channel = channel.next_sibling_named("channel");
     }
     Ok(described)
@@ -223,42 +234,46 @@ fn described(inlet: &StreamInlet, label: &str) -> Result<Vec<Described>, DeviceE
 
 /// Which channels of a stream are taken, and in what they are multiplied.
 #[derive(Clone, Debug, PartialEq)]
-struct Chosen {
+struct ChannelSelection {
     channels: Vec<usize>,
     /// Those of an inertial measurement unit, where they are asked for.
     imu: Vec<(usize, ImuChannel)>,
-    factor: f64,
+    scale: f64,
     in_microvolts: bool,
 }
 
-impl Chosen {
+impl ChannelSelection {
     /// Of a stream of `count` channels that says so much of them. Where some are of type EMG or EXG, the others (accelerometers,
     /// triggers, counters) are left out; else all are taken. Voltages become microvolts, since limits of quality are in
     /// converter's counts, and a microvolt is near one.
-    fn of(described: &[Described], count: usize, with_imu: bool) -> Chosen {
+    fn select(described: &[ChannelDescription], count: usize, with_imu: bool) -> ChannelSelection {
         let emg = described.iter().enumerate().filter(|(_, channel)| is_emg(&channel.kind));
         let emg: Vec<usize> = emg.map(|(channel, _)| channel).collect();
         let channels = if emg.is_empty() { (0..count).collect() } else { emg };
         let named = described.iter().enumerate().filter(|(k, c)| is_imu(&c.kind) && !channels.contains(k));
-        let imu = named.map(|(place, channel)| {
-            let said = |text: &str, otherwise: &str| match text.trim() {
+        let imu = named.map(|(index, channel)| {
+            let non_empty = |text: &str, otherwise: &str| match text.trim() {
                 "" => otherwise.to_owned(),
                 text => text.to_owned(),
             };
             // Without a unit channels of one type are taken for one sensor.
-            let unit = said(&channel.unit, &channel.kind);
-            (place, ImuChannel { name: said(&channel.label, &format!("{}_{place}", channel.kind)), unit })
+            let unit = non_empty(&channel.unit, &channel.kind);
+            (
+                index,
+                ImuChannel { name: non_empty(&channel.label, &format!("{}_{index}", channel.kind)), unit },
+            )
         });
         let imu = if with_imu { imu.collect() } else { Vec::new() };
-        let unit = |channel: &usize| described.get(*channel).and_then(|channel| microvolts_of(&channel.unit));
+        let unit =
+            |channel: &usize| described.get(*channel).and_then(|channel| microvolts_per_unit(&channel.unit));
         let first = channels.first().and_then(unit);
         let one = first.filter(|first| channels.iter().all(|channel| unit(channel) == Some(*first)));
-        Chosen { channels, imu, factor: one.unwrap_or(1.0), in_microvolts: one.is_some() }
+        ChannelSelection { channels, imu, scale: one.unwrap_or(1.0), in_microvolts: one.is_some() }
     }
 }
 
 /// What the stream is, if it can be used.
-fn checked(stream: &StreamInfo) -> Result<SourceInfo, String> {
+fn check_stream(stream: &StreamInfo) -> Result<SourceInfo, String> {
     let (rate_hz, channels) = (stream.nominal_srate(), stream.channel_count());
     if !RATES_HZ.contains(&rate_hz) {
         return Err(format!("its nominal rate is {rate_hz}, expected 1 to 1000000 samples per second"));
@@ -274,31 +289,37 @@ fn checked(stream: &StreamInfo) -> Result<SourceInfo, String> {
         rate_hz,
         channels: channels as usize,
         packet_samples: 1,
-        zero: 0.0,
+        zero_code: 0.0,
         rails: None,
         loss_is_counted: true,
-        volts: None,
+        volts_per_code: None,
         imu: Vec::new(),
     })
 }
 
 /// Makes a sample of what was pulled, with the newest comparison of the clocks.
-fn arrivals(chosen: Chosen) -> impl FnMut(&StreamInlet, &[f64], f64) -> Arrived {
+fn sample_converter(chosen: ChannelSelection) -> impl FnMut(&StreamInlet, &[f64], f64) -> ReceivedSample {
     let mut clock = None;
     let mut compared: Option<Instant> = None;
     move |inlet, values, stamp| {
-        let period = CLOCK_PERIODS[usize::from(clock.is_some())];
+        let period = CLOCK_QUERY_PERIODS[usize::from(clock.is_some())];
         if compared.is_none_or(|at| at.elapsed() > period) {
             // Without a time-out it does not wait, so that no sample does.
             let offset =
                 inlet.time_correction_ex(0.0).ok().map(|(offset, _, uncertainty)| (offset, uncertainty));
             (clock, compared) = (offset.or(clock), Some(Instant::now()));
         }
-        let value = |channel: &usize| values.get(*channel).map_or(f64::NAN, |value| value * chosen.factor);
-        let imu = chosen.imu.iter().map(|(place, _)| values.get(*place).copied().unwrap_or(f64::NAN));
+        let value = |channel: &usize| values.get(*channel).map_or(f64::NAN, |value| value * chosen.scale);
+        let imu = chosen.imu.iter().map(|(index, _)| values.get(*index).copied().unwrap_or(f64::NAN));
         let sample =
             EmgSample { counter: 0, channels: chosen.channels.iter().map(value).chain(imu).collect() };
-        Arrived { sample, stamp, arrived: lsl::local_clock(), at: Instant::now(), offset: clock }
+        ReceivedSample {
+            sample,
+            stamp_secs: stamp,
+            arrival_secs: lsl::local_clock(),
+            received: Instant::now(),
+            clock_offset_secs: clock,
+        }
     }
 }
 
@@ -307,8 +328,8 @@ mod tests {
     use super::*;
     use crate::{AmplifierLayout, LslOutlet};
 
-    fn described(channels: &[(&str, &str)]) -> Vec<Described> {
-        let of = |(kind, unit): &(&str, &str)| Described {
+    fn described(channels: &[(&str, &str)]) -> Vec<ChannelDescription> {
+        let of = |(kind, unit): &(&str, &str)| ChannelDescription {
             kind: (*kind).to_owned(),
             unit: (*unit).to_owned(),
             label: String::new(),
@@ -319,20 +340,21 @@ mod tests {
     #[test]
     fn channels_that_are_no_emg_are_left_out_and_voltages_become_microvolts() {
         let mixed = described(&[("EMG", "mV"), ("AUX", "g"), ("emg", "millivolts")]);
-        let chosen = Chosen::of(&mixed, 3, true);
+        let chosen = ChannelSelection::select(&mixed, 3, true);
         assert_eq!(chosen.imu, [], "nobody says that it is an inertial measurement unit");
-        assert_eq!((&chosen.channels[..], chosen.factor, chosen.in_microvolts), (&[0, 2][..], 1e3, true));
-        let of = |channels: &[Described]| Chosen::of(channels, 2, false);
-        let all = Chosen { channels: vec![0, 1], imu: Vec::new(), factor: 1.0, in_microvolts: false };
+        assert_eq!((&chosen.channels[..], chosen.scale, chosen.in_microvolts), (&[0, 2][..], 1e3, true));
+        let of = |channels: &[ChannelDescription]| ChannelSelection::select(channels, 2, false);
+        let all =
+            ChannelSelection { channels: vec![0, 1], imu: Vec::new(), scale: 1.0, in_microvolts: false };
         assert_eq!(of(&[]), all, "a stream that says nothing");
         assert_eq!(of(&described(&[("EEG", "counts"), ("", "")])), all);
         assert_eq!(of(&described(&[("EMG", "V"), ("EMG", "mV")])), all, "two units are none");
         let mut worn = described(&[("EMG", "mV"), ("ACC", "g"), ("Gyroscope", ""), ("MISC", "counts")]);
         worn[1].label = "X1".to_owned();
-        let chosen = Chosen::of(&worn, 4, true);
+        let chosen = ChannelSelection::select(&worn, 4, true);
         let imu = [(1, ImuChannel::new("X1", "g")), (2, ImuChannel::new("Gyroscope_2", "Gyroscope"))];
         assert_eq!((&chosen.channels[..], &chosen.imu[..]), (&[0][..], &imu[..]));
-        assert_eq!(Chosen::of(&worn, 4, false).imu, []);
+        assert_eq!(ChannelSelection::select(&worn, 4, false).imu, []);
     }
 
     /// The double of each amplifier is read as its page says. The grid runs at 4 kHz, its highest rate.
@@ -347,17 +369,21 @@ mod tests {
                 rate_hz,
                 channels: layout.channels.len(),
                 packet_samples: 16,
-                zero: 0.0,
+                zero_code: 0.0,
                 rails: None,
                 loss_is_counted: true,
-                volts: None,
+                volts_per_code: None,
                 imu: Vec::new(),
             };
             let mut outlet = LslOutlet::open(&name, &info, Some(&layout)).unwrap();
             let mut source = LslSource::open(Some(&name), false).unwrap();
             let got = source.info().clone();
-            assert_eq!((got.rate_hz, got.channels, got.volts), (rate_hz, channels, Some(1e-6)), "{key}");
-            let mut codes = layout.double(Box::new(|| [10.0; 8].into_iter().collect()), 1);
+            assert_eq!(
+                (got.rate_hz, got.channels, got.volts_per_code),
+                (rate_hz, channels, Some(1e-6)),
+                "{key}"
+            );
+            let mut codes = layout.simulated_samples(Box::new(|| [10.0; 8].into_iter().collect()), 1);
             let begin = Instant::now();
             let (mut packet, mut came) = (EmgPacket::default(), Vec::new());
             // A second of the stream, by the clock.

@@ -1,6 +1,6 @@
 use super::{EmgPacket, SampleSource, SourceCounts, SourceEvent, SourceInfo};
-use crate::{DeviceError, stream};
-use proact_types::{EmgSample, GestureName};
+use crate::{DeviceError, random_stream};
+use proact_types::{EmgSample, Gesture};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::{collections::VecDeque, time::Duration};
@@ -103,7 +103,7 @@ pub struct FaultySource<S> {
     faults: Vec<InjectedFault>,
     rng: ChaCha8Rng,
     /// Packets that the inner source has given.
-    taken: u64,
+    packet_count: u64,
     /// To be handed out before the next.
     queue: VecDeque<EmgPacket>,
     frozen: Option<EmgSample>,
@@ -116,8 +116,8 @@ impl<S: SampleSource> FaultySource<S> {
         FaultySource {
             inner,
             faults: faults.to_vec(),
-            rng: stream(seed, "emg/faults"),
-            taken: 0,
+            rng: random_stream(seed, "emg/faults"),
+            packet_count: 0,
             queue: VecDeque::new(),
             frozen: None,
             silence: None,
@@ -125,9 +125,9 @@ impl<S: SampleSource> FaultySource<S> {
     }
 
     /// Applies every fault to the packet that has just come. Queues what is left of it.
-    fn spoil(&mut self, mut packet: EmgPacket) -> SourceEvent {
-        let number = self.taken;
-        self.taken += 1;
+    fn apply_faults(&mut self, mut packet: EmgPacket) -> SourceEvent {
+        let number = self.packet_count;
+        self.packet_count += 1;
         let (mut copies, mut late, mut lost) = (1, false, false);
         for fault in self.faults.clone() {
             match fault {
@@ -160,9 +160,9 @@ impl<S: SampleSource> FaultySource<S> {
         if packet.samples.is_empty() {
             copies = 0;
         }
-        let place = if late { self.queue.len() } else { 0 };
+        let index = if late { self.queue.len() } else { 0 };
         for _ in 0..copies {
-            self.queue.insert(place.min(self.queue.len()), packet.clone());
+            self.queue.insert(index.min(self.queue.len()), packet.clone());
         }
         if late {
             // Kept until the next packet has passed it.
@@ -195,14 +195,14 @@ impl<S: SampleSource> SampleSource for FaultySource<S> {
         if self.queue.is_empty() {
             let mut fresh = EmgPacket::default();
             match self.inner.poll(timeout, &mut fresh)? {
-                SourceEvent::Packet => match self.spoil(fresh) {
+                SourceEvent::Packet => match self.apply_faults(fresh) {
                     SourceEvent::Packet => {}
                     SourceEvent::Nothing => {
                         // One that comes late: the next one goes first.
                         let mut next = EmgPacket::default();
                         match self.inner.poll(timeout, &mut next)? {
                             SourceEvent::Packet => {
-                                self.taken += 1;
+                                self.packet_count += 1;
                                 self.queue.push_front(next);
                             }
                             other => return Ok(other),
@@ -226,7 +226,7 @@ impl<S: SampleSource> SampleSource for FaultySource<S> {
         self.inner.counts()
     }
 
-    fn prompt(&mut self, gesture: GestureName) {
+    fn prompt(&mut self, gesture: Gesture) {
         self.inner.prompt(gesture);
     }
 }
@@ -238,7 +238,8 @@ mod tests {
 
     fn clean(count: u64) -> PlaybackSource {
         let sample = |counter| EmgSample { counter, channels: [counter as f64].into_iter().collect() };
-        PlaybackSource::new("test", (0..count).map(sample).collect(), 1000.0, 4, Pacing::FlatOut).unwrap()
+        PlaybackSource::new("test", (0..count).map(sample).collect(), 1000.0, 4, Pacing::AsFastAsPossible)
+            .unwrap()
     }
 
     /// Counters of all samples, and all events that were no packet.

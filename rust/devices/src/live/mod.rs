@@ -4,16 +4,16 @@
 //! counter and never filled in. The clock is the source's affair; who uses one only says how long to wait.
 
 mod doubles;
-mod person;
 mod playback;
+mod simulated_person;
 
 pub use doubles::{FaultySource, InjectedFault, ScriptedEvent, ScriptedSource};
-pub use person::{KeyboardSource, PersonSource};
 pub use playback::{Pacing, PlaybackSource};
+pub use simulated_person::{KeyboardSource, SimulatedPersonSource};
 
 use crate::DeviceError;
-use proact_emg::{ImuChannel, RecordedFault};
-use proact_types::{EmgSample, GestureName};
+use proact_emg::{ImuChannel, RecordingFault};
+use proact_types::{EmgSample, Gesture};
 use std::time::Duration;
 
 /// What a stream is, known once it runs.
@@ -29,13 +29,13 @@ pub struct SourceInfo {
     pub packet_samples: usize,
     /// The code of zero volts by the maker's word, to be subtracted; 0 for signed streams. Makers disagree: the
     /// median at rest is better where there is one.
-    pub zero: f64,
+    pub zero_code: f64,
     /// Smallest and largest code that the converter can give; a signal there is cut off. None where unknown.
     pub rails: Option<(f64, f64)>,
     /// Losses show in the counter, by the device's own numbering or its time stamps. Without it only silences tell.
     pub loss_is_counted: bool,
     /// Volts of one code by the maker's word, from `zero`. None where nobody says.
-    pub volts: Option<f64>,
+    pub volts_per_code: Option<f64>,
     /// Channels of an inertial measurement unit, which follow those of the electrodes in every sample: the newest of a sensor that
     /// is slower than the electrodes, no number before its first.
     pub imu: Vec<ImuChannel>,
@@ -96,15 +96,15 @@ pub trait SampleSource: Send {
     }
 
     /// What was found in the recordings that it plays, and accepted.
-    fn findings(&self) -> &[RecordedFault] {
+    fn findings(&self) -> &[RecordingFault] {
         &[]
     }
 
     /// Tells a simulated person what is asked for. Armbands on people, and recordings, take no notice.
-    fn prompt(&mut self, _gesture: GestureName) {}
+    fn prompt(&mut self, _gesture: Gesture) {}
 
-    /// Tells a simulated person into which position the limb is to go: `place` of `count`, from the arm hanging to overhead.
-    fn prompt_position(&mut self, _place: usize, _count: usize) {}
+    /// Tells a simulated person into which position the limb is to go: `position` of `count`, from the arm hanging to overhead.
+    fn prompt_position(&mut self, _position: usize, _count: usize) {}
 }
 
 /// A sender's clock beside the host's, and how old samples are when they arrive.

@@ -1,7 +1,7 @@
 use super::{EmgPacket, SampleSource, SourceCounts, SourceEvent, SourceInfo};
 use crate::{DeviceError, Recordings};
-use proact_emg::{RATES_HZ, RecordedFault};
-use proact_types::{ChannelValues, EmgSample, GestureName};
+use proact_emg::{RATES_HZ, RecordingFault};
+use proact_types::{ChannelValues, EmgSample, Gesture};
 use std::time::{Duration, Instant};
 
 /// How fast a recording is played.
@@ -10,7 +10,7 @@ pub enum Pacing {
     /// Each packet when its last sample is due.
     RealTime,
     /// Without waiting.
-    FlatOut,
+    AsFastAsPossible,
 }
 
 /// A recording played as if it came from a device, in packets.
@@ -19,11 +19,11 @@ pub struct PlaybackSource {
     info: SourceInfo,
     pacing: Pacing,
     samples: Vec<EmgSample>,
-    at: usize,
+    position: usize,
     opened: Instant,
     packets: u64,
     lost_samples: u64,
-    findings: Vec<RecordedFault>,
+    findings: Vec<RecordingFault>,
 }
 
 impl PlaybackSource {
@@ -63,7 +63,7 @@ impl PlaybackSource {
                 });
             }
             if pair[1].counter <= pair[0].counter {
-                return Err(DeviceError::Counter {
+                return Err(DeviceError::CounterNotRising {
                     name: name.to_owned(),
                     before: pair[0].counter,
                     got: pair[1].counter,
@@ -75,19 +75,28 @@ impl PlaybackSource {
             rate_hz,
             channels,
             packet_samples,
-            zero: 0.0,
+            zero_code: 0.0,
             rails: None,
             loss_is_counted: true,
-            volts: None,
+            volts_per_code: None,
             imu: Vec::new(),
         };
         let opened = Instant::now();
         let findings = Vec::new();
-        Ok(PlaybackSource { info, pacing, samples, at: 0, opened, packets: 0, lost_samples: 0, findings })
+        Ok(PlaybackSource {
+            info,
+            pacing,
+            samples,
+            position: 0,
+            opened,
+            packets: 0,
+            lost_samples: 0,
+            findings,
+        })
     }
 
     /// The same, of recordings in which `findings` were accepted.
-    pub fn with_findings(self, findings: Vec<RecordedFault>) -> PlaybackSource {
+    pub fn with_findings(self, findings: Vec<RecordingFault>) -> PlaybackSource {
         PlaybackSource { findings, ..self }
     }
 
@@ -98,7 +107,7 @@ impl PlaybackSource {
     pub fn of_recordings(
         recordings: &Recordings,
         repetition: u32,
-        gestures: &[impl Copy + Into<GestureName>],
+        gestures: &[impl Copy + Into<Gesture>],
         packet_samples: usize,
         pacing: Pacing,
     ) -> Result<PlaybackSource, DeviceError> {
@@ -120,12 +129,12 @@ impl SampleSource for PlaybackSource {
         &self.info
     }
 
-    fn findings(&self) -> &[RecordedFault] {
+    fn findings(&self) -> &[RecordingFault] {
         &self.findings
     }
 
     fn poll(&mut self, timeout: Duration, packet: &mut EmgPacket) -> Result<SourceEvent, DeviceError> {
-        let rest = &self.samples[self.at..];
+        let rest = &self.samples[self.position..];
         let Some(first) = rest.first() else { return Ok(SourceEvent::Ended) };
         // A packet ends before a gap, as a device's would.
         let unbroken = rest.iter().zip(first.counter..).take_while(|(s, due)| s.counter == *due).count();
@@ -140,7 +149,7 @@ impl SampleSource for PlaybackSource {
                 return Ok(SourceEvent::Nothing);
             }
         }
-        let expected = if self.at == 0 { begin } else { self.samples[self.at - 1].counter + 1 };
+        let expected = if self.position == 0 { begin } else { self.samples[self.position - 1].counter + 1 };
         packet.samples.clear();
         packet.samples.extend_from_slice(&rest[..count]);
         packet.lost_before = first.counter - expected;
@@ -148,9 +157,9 @@ impl SampleSource for PlaybackSource {
         packet.received = match self.pacing {
             Pacing::RealTime => self.opened.elapsed(),
             // Flat out nothing arrives by the clock; the device's time keeps the same run the same.
-            Pacing::FlatOut => Duration::from_secs_f64((last - begin) as f64 / self.info.rate_hz),
+            Pacing::AsFastAsPossible => Duration::from_secs_f64((last - begin) as f64 / self.info.rate_hz),
         };
-        self.at += count;
+        self.position += count;
         self.packets += 1;
         self.lost_samples += packet.lost_before;
         Ok(SourceEvent::Packet)
@@ -173,7 +182,8 @@ mod tests {
     #[test]
     fn packets_end_at_a_gap_and_the_next_one_says_what_is_missing() {
         let counters = (10..14).chain(20..25);
-        let mut source = PlaybackSource::new("test", samples(counters), 200.0, 3, Pacing::FlatOut).unwrap();
+        let mut source =
+            PlaybackSource::new("test", samples(counters), 200.0, 3, Pacing::AsFastAsPossible).unwrap();
         let mut packet = EmgPacket::default();
         let mut seen = Vec::new();
         while source.poll(Duration::ZERO, &mut packet).unwrap() == SourceEvent::Packet {
@@ -198,7 +208,9 @@ mod tests {
     #[test]
     fn recordings_that_cannot_be_played_are_refused() {
         let refused = |samples, rate, packet| {
-            PlaybackSource::new("test", samples, rate, packet, Pacing::FlatOut).unwrap_err().to_string()
+            PlaybackSource::new("test", samples, rate, packet, Pacing::AsFastAsPossible)
+                .unwrap_err()
+                .to_string()
         };
         assert!(refused(samples([]), 200.0, 1).contains("has no samples"));
         assert!(refused(samples([1, 1]), 200.0, 1).contains("counter 1 after 1"));

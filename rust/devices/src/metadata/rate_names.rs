@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 /// Words that say a rate or an interval.
-const RATE: [&str; 25] = [
+const RATE_WORDS: [&str; 25] = [
     "rate",
     "rates",
     "fs",
@@ -31,7 +31,7 @@ const RATE: [&str; 25] = [
     "acquired",
 ];
 /// Words that say that a name is that of another signal or of a filter, also for all that is within it.
-const OTHER_SIGNAL: [&str; 32] = [
+const OTHER_SIGNAL_WORDS: [&str; 32] = [
     "mains",
     "powerline",
     "notch",
@@ -66,7 +66,7 @@ const OTHER_SIGNAL: [&str; 32] = [
     "stimulation",
 ];
 /// Words that say that a name is that of another figure.
-const OTHER_FIGURE: [&str; 47] = [
+const OTHER_QUANTITY_WORDS: [&str; 47] = [
     "line",
     "power",
     "cut",
@@ -116,10 +116,10 @@ const OTHER_FIGURE: [&str; 47] = [
     "max",
 ];
 /// Words that are written together with these.
-const BESIDE: [&str; 7] = ["sample", "emg", "semg", "data", "scan", "signal", "device"];
+const COMPOUND_WORDS: [&str; 7] = ["sample", "emg", "semg", "data", "scan", "signal", "device"];
 
 /// Bytes of the longest word that may be several: a name can be as long as its file.
-const MOST_LETTERS: usize = 40;
+const MAX_COMPOUND_BYTES: usize = 40;
 
 /// The unknown key `key`, or those within its value, that may say the rate.
 pub(super) fn rate_names(key: &str, value: &Value) -> Vec<String> {
@@ -131,7 +131,7 @@ pub(super) fn rate_names(key: &str, value: &Value) -> Vec<String> {
 
 fn collect(path: &str, key: &str, value: &Value, names: &mut Vec<String>) {
     let number = match value {
-        Value::Object(_) if has(&words(key), &OTHER_SIGNAL) => return,
+        Value::Object(_) if contains_any(&words(key), &OTHER_SIGNAL_WORDS) => return,
         Value::Object(inside) => {
             return inside
                 .iter()
@@ -151,13 +151,13 @@ fn collect(path: &str, key: &str, value: &Value, names: &mut Vec<String>) {
 fn may_be_rate(key: &str) -> bool {
     let words = words(key);
     // `f_s` and `dT` are one word that is written as two.
-    let joined = super::plain(key);
-    (has(&words, &RATE) || RATE.contains(&joined.as_str()))
-        && !has(&words, &OTHER_SIGNAL)
-        && !has(&words, &OTHER_FIGURE)
+    let joined = super::normalize_key(key);
+    (contains_any(&words, &RATE_WORDS) || RATE_WORDS.contains(&joined.as_str()))
+        && !contains_any(&words, &OTHER_SIGNAL_WORDS)
+        && !contains_any(&words, &OTHER_QUANTITY_WORDS)
 }
 
-fn has(words: &[String], list: &[&str]) -> bool {
+fn contains_any(words: &[String], list: &[&str]) -> bool {
     words.iter().any(|word| list.contains(&word.as_str()))
 }
 
@@ -178,22 +178,25 @@ fn words(key: &str) -> Vec<String> {
             words.last_mut().into_iter().for_each(|word| word.extend(letter.to_lowercase()));
         }
     }
-    words.into_iter().flat_map(|word| split(&word).unwrap_or(vec![word])).collect()
+    words.into_iter().flat_map(|word| split_compound(&word).unwrap_or(vec![word])).collect()
 }
 
 /// A word as known words written together; none if it is not wholly made of them.
-fn split(word: &str) -> Option<Vec<String>> {
+fn split_compound(word: &str) -> Option<Vec<String>> {
     if word.is_empty() {
         return Some(Vec::new());
     }
-    if word.len() > MOST_LETTERS {
+    if word.len() > MAX_COMPOUND_BYTES {
         return None;
     }
-    [&RATE[..], &OTHER_SIGNAL, &OTHER_FIGURE, &BESIDE].concat().into_iter().find_map(|known| {
-        let mut rest = split(word.strip_prefix(known)?)?;
-        rest.insert(0, known.to_owned());
-        Some(rest)
-    })
+    [&RATE_WORDS[..], &OTHER_SIGNAL_WORDS, &OTHER_QUANTITY_WORDS, &COMPOUND_WORDS]
+        .concat()
+        .into_iter()
+        .find_map(|known| {
+            let mut rest = split_compound(word.strip_prefix(known)?)?;
+            rest.insert(0, known.to_owned());
+            Some(rest)
+        })
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! A headset's controller as a tracked body: the page in the headset tells where it is.
 
-use super::{CaptureLink, HostClock, MotionCapture};
+use super::{CaptureStatus, HostClock, MotionCapture};
 use crate::DeviceError;
 use proact_localization::RawBodyPose;
 use std::collections::VecDeque;
@@ -10,7 +10,7 @@ pub const LEFT_CONTROLLER: &str = "left_controller";
 /// The controller of the right hand, as a body.
 pub const RIGHT_CONTROLLER: &str = "right_controller";
 /// Poses that may wait for whoever takes them; of more the oldest go.
-const MOST_WAITING: usize = 512;
+const MAX_QUEUED_POSES: usize = 512;
 
 /// What a headset's page tells of a controller, in its `world`: metres with z up. Whoever hears the page feeds it.
 #[derive(Debug)]
@@ -18,7 +18,7 @@ pub struct ControllerCapture {
     name: String,
     body: String,
     poses: VecDeque<RawBodyPose>,
-    heard: bool,
+    connected: bool,
 }
 
 impl ControllerCapture {
@@ -32,7 +32,7 @@ impl ControllerCapture {
             return Err(DeviceError::UnknownSource { got: format!("headset:{body}"), known });
         }
         let name = format!("headset, {}", body.replace('_', " "));
-        Ok(Self { name, body: body.to_owned(), poses: VecDeque::new(), heard: false })
+        Ok(Self { name, body: body.to_owned(), poses: VecDeque::new(), connected: false })
     }
 }
 
@@ -41,21 +41,21 @@ impl MotionCapture for ControllerCapture {
         &self.name
     }
 
-    fn take(&mut self, poses: &mut Vec<RawBodyPose>) -> Result<CaptureLink, DeviceError> {
+    fn drain_poses(&mut self, poses: &mut Vec<RawBodyPose>) -> Result<CaptureStatus, DeviceError> {
         poses.extend(self.poses.drain(..));
-        if self.heard {
-            return Ok(CaptureLink::Connected);
+        if self.connected {
+            return Ok(CaptureStatus::Connected);
         }
         let reason = format!(
             "no {} has been heard of: open the page in the headset (serve --headset), enter AR or VR, and wake the controller",
             self.body.replace('_', " ")
         );
-        Ok(CaptureLink::Waiting { reason })
+        Ok(CaptureStatus::Waiting { reason })
     }
 
-    fn feed(&mut self, pose: RawBodyPose) {
-        self.heard = true;
-        if self.poses.len() >= MOST_WAITING {
+    fn push_pose(&mut self, pose: RawBodyPose) {
+        self.connected = true;
+        if self.poses.len() >= MAX_QUEUED_POSES {
             self.poses.pop_front();
         }
         self.poses.push_back(pose);
@@ -73,7 +73,7 @@ mod tests {
         assert!(error.contains("headset:left_controller"), "{error}");
         let mut capture = ControllerCapture::open(LEFT_CONTROLLER, clock).unwrap();
         let mut poses = Vec::new();
-        let CaptureLink::Waiting { reason } = capture.take(&mut poses).unwrap() else {
+        let CaptureStatus::Waiting { reason } = capture.drain_poses(&mut poses).unwrap() else {
             panic!("nobody fed it")
         };
         assert!(reason.contains("no left controller has been heard of"), "{reason}");
@@ -86,8 +86,8 @@ mod tests {
             quaternion: [0.0, 0.0, 0.0, 1.0],
             tracked: true,
         };
-        (0..2 * MOST_WAITING as i64).for_each(|stamp| capture.feed(pose(stamp)));
-        assert_eq!(capture.take(&mut poses).unwrap(), CaptureLink::Connected);
-        assert_eq!((poses.len(), poses[0].stamp), (MOST_WAITING, MOST_WAITING as i64), "the newest");
+        (0..2 * MAX_QUEUED_POSES as i64).for_each(|stamp| capture.push_pose(pose(stamp)));
+        assert_eq!(capture.drain_poses(&mut poses).unwrap(), CaptureStatus::Connected);
+        assert_eq!((poses.len(), poses[0].stamp), (MAX_QUEUED_POSES, MAX_QUEUED_POSES as i64), "the newest");
     }
 }

@@ -1,7 +1,7 @@
 //! Doubles for tests of what follows a source.
 
-use super::{CaptureLink, MotionCapture};
-use crate::{DeviceError, stream};
+use super::{CaptureStatus, MotionCapture};
+use crate::{DeviceError, random_stream};
 use proact_localization::RawBodyPose;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -10,12 +10,12 @@ use std::collections::VecDeque;
 /// A source that does what the test says, a step a call, without any clock. Ends with the script.
 #[derive(Clone, Debug)]
 pub struct ScriptedCapture {
-    script: VecDeque<(CaptureLink, Vec<RawBodyPose>)>,
+    script: VecDeque<(CaptureStatus, Vec<RawBodyPose>)>,
 }
 
 impl ScriptedCapture {
     /// Plays `script`: at each call how the source stands, and what it hands out.
-    pub fn new(script: impl IntoIterator<Item = (CaptureLink, Vec<RawBodyPose>)>) -> Self {
+    pub fn new(script: impl IntoIterator<Item = (CaptureStatus, Vec<RawBodyPose>)>) -> Self {
         Self { script: script.into_iter().collect() }
     }
 }
@@ -25,8 +25,8 @@ impl MotionCapture for ScriptedCapture {
         "script"
     }
 
-    fn take(&mut self, poses: &mut Vec<RawBodyPose>) -> Result<CaptureLink, DeviceError> {
-        let Some((link, step)) = self.script.pop_front() else { return Ok(CaptureLink::Ended) };
+    fn drain_poses(&mut self, poses: &mut Vec<RawBodyPose>) -> Result<CaptureStatus, DeviceError> {
+        let Some((link, step)) = self.script.pop_front() else { return Ok(CaptureStatus::Ended) };
         poses.extend(step);
         Ok(link)
     }
@@ -49,14 +49,14 @@ pub enum CaptureFault {
         from: u64,
     },
     /// From this pose on stamps are earlier by so many ns.
-    TimeBack {
+    ClockStepBack {
         /// Number of the first such pose, from 0.
         from: u64,
         /// ns.
-        by: i64,
+        step_ns: i64,
     },
     /// From this pose on bodies have another number.
-    OtherId {
+    ChangedId {
         /// Number of the first such pose, from 0.
         from: u64,
     },
@@ -76,20 +76,26 @@ pub struct FaultyCapture<C> {
     inner: C,
     faults: Vec<CaptureFault>,
     rng: ChaCha8Rng,
-    taken: u64,
+    pose_count: u64,
     frozen: Option<RawBodyPose>,
 }
 
 impl<C: MotionCapture> FaultyCapture<C> {
     /// `inner` with `faults`, applied in their order.
     pub fn new(inner: C, faults: &[CaptureFault], seed: u64) -> Self {
-        Self { inner, faults: faults.to_vec(), rng: stream(seed, "mocap/faults"), taken: 0, frozen: None }
+        Self {
+            inner,
+            faults: faults.to_vec(),
+            rng: random_stream(seed, "mocap/faults"),
+            pose_count: 0,
+            frozen: None,
+        }
     }
 
     /// The pose as it comes out; none if it is lost.
-    fn spoil(&mut self, mut pose: RawBodyPose) -> Option<RawBodyPose> {
-        let number = self.taken;
-        self.taken += 1;
+    fn apply_faults(&mut self, mut pose: RawBodyPose) -> Option<RawBodyPose> {
+        let number = self.pose_count;
+        self.pose_count += 1;
         for fault in self.faults.clone() {
             match fault {
                 CaptureFault::Drop(share) if self.rng.random_bool(share) => return None,
@@ -104,8 +110,8 @@ impl<C: MotionCapture> FaultyCapture<C> {
                     let held = self.frozen.get_or_insert_with(|| pose.clone());
                     (pose.position, pose.quaternion) = (held.position, held.quaternion);
                 }
-                CaptureFault::TimeBack { from, by } if number >= from => pose.stamp -= by,
-                CaptureFault::OtherId { from } if number >= from => pose.id = pose.id.map(|id| id + 100),
+                CaptureFault::ClockStepBack { from, step_ns: by } if number >= from => pose.stamp -= by,
+                CaptureFault::ChangedId { from } if number >= from => pose.id = pose.id.map(|id| id + 100),
                 CaptureFault::Scale(factor) => pose.position = pose.position.map(|value| value * factor),
                 CaptureFault::Mirror { axis } => pose.position[axis] = -pose.position[axis],
                 CaptureFault::YUp => {
@@ -124,10 +130,10 @@ impl<C: MotionCapture> MotionCapture for FaultyCapture<C> {
         self.inner.name()
     }
 
-    fn take(&mut self, poses: &mut Vec<RawBodyPose>) -> Result<CaptureLink, DeviceError> {
+    fn drain_poses(&mut self, poses: &mut Vec<RawBodyPose>) -> Result<CaptureStatus, DeviceError> {
         let mut fresh = Vec::new();
-        let link = self.inner.take(&mut fresh)?;
-        poses.extend(fresh.into_iter().filter_map(|pose| self.spoil(pose)));
+        let link = self.inner.drain_poses(&mut fresh)?;
+        poses.extend(fresh.into_iter().filter_map(|pose| self.apply_faults(pose)));
         Ok(link)
     }
 
@@ -154,10 +160,10 @@ mod tests {
 
     /// What comes of five poses, one a call.
     fn spoilt(faults: &[CaptureFault]) -> Vec<RawBodyPose> {
-        let script = (0..5).map(|stamp| (CaptureLink::Connected, vec![pose(stamp)]));
+        let script = (0..5).map(|stamp| (CaptureStatus::Connected, vec![pose(stamp)]));
         let mut source = FaultyCapture::new(ScriptedCapture::new(script), faults, 1);
         let mut poses = Vec::new();
-        while source.take(&mut poses).unwrap() != CaptureLink::Ended {}
+        while source.drain_poses(&mut poses).unwrap() != CaptureStatus::Ended {}
         poses
     }
 
@@ -169,9 +175,9 @@ mod tests {
         let frozen = spoilt(&[CaptureFault::Freeze { from: 2 }]);
         assert_eq!((frozen[1].position, frozen[4].position), (pose(1).position, pose(2).position));
         assert_eq!(frozen[4].stamp, 4, "its stamps go on");
-        let back = spoilt(&[CaptureFault::TimeBack { from: 3, by: 3 }]);
+        let back = spoilt(&[CaptureFault::ClockStepBack { from: 3, step_ns: 3 }]);
         assert_eq!(back.iter().map(|pose| pose.stamp).collect::<Vec<_>>(), [0, 1, 2, 0, 1]);
-        assert_eq!(spoilt(&[CaptureFault::OtherId { from: 4 }])[4].id, Some(101));
+        assert_eq!(spoilt(&[CaptureFault::ChangedId { from: 4 }])[4].id, Some(101));
         assert_eq!(spoilt(&[CaptureFault::Scale(1e3)])[1].position, [100.0, 200.0, 300.0]);
         assert_eq!(spoilt(&[CaptureFault::Mirror { axis: 1 }])[0].position[1], -0.2);
         assert!(spoilt(&[CaptureFault::NotANumber(1.0)])[0].position[1].is_nan());

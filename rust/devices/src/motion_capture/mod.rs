@@ -6,17 +6,17 @@
 
 mod controller;
 mod doubles;
-mod inflow;
 pub mod natnet;
 mod playback;
+mod pose_queue;
 mod schemes;
 pub mod vrpn;
 
 pub use controller::{ControllerCapture, LEFT_CONTROLLER, RIGHT_CONTROLLER};
 pub use doubles::{CaptureFault, FaultyCapture, ScriptedCapture};
-pub use inflow::{Inflow, ThreadedCapture};
-pub use playback::{PlayedCapture, read_poses, write_pose, write_pose_header};
-pub use schemes::{CAPTURE_SCHEMES, CaptureScheme, OpenCapture, OpenedCapture, SplitName, body_of, split};
+pub use playback::{PosePlayback, read_poses, write_pose, write_pose_header};
+pub use pose_queue::{PoseQueue, ThreadedCapture};
+pub use schemes::{CAPTURE_SCHEMES, CaptureScheme, OpenCapture, OpenedCapture, SplitName, body_name, split};
 
 use crate::DeviceError;
 use proact_localization::{Nanos, RawBodyPose};
@@ -40,7 +40,7 @@ impl HostClock {
 
 /// How a source stands with the system behind it.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum CaptureLink {
+pub enum CaptureStatus {
     /// Not there, or not any more; the source keeps trying.
     Waiting {
         /// What is missing, and what to do about it.
@@ -60,11 +60,11 @@ pub trait MotionCapture: Send {
     /// Appends the poses that came since the last call, of all bodies, in the order of arrival. Never waits.
     ///
     /// # Errors
-    /// Only what cannot be mended by waiting. A system that is gone is a [`CaptureLink`].
-    fn take(&mut self, poses: &mut Vec<RawBodyPose>) -> Result<CaptureLink, DeviceError>;
+    /// Only what cannot be mended by waiting. A system that is gone is a [`CaptureStatus`].
+    fn drain_poses(&mut self, poses: &mut Vec<RawBodyPose>) -> Result<CaptureStatus, DeviceError>;
 
     /// A pose that comes another way, such as by the page, at [`RawBodyPose::arrival`]. Sources with a way of their own leave it out.
-    fn feed(&mut self, _pose: RawBodyPose) {}
+    fn push_pose(&mut self, _pose: RawBodyPose) {}
 
     /// Messages so far that could not be read, and were left out.
     fn malformed(&self) -> u64 {

@@ -1,6 +1,6 @@
 //! Poses in a file: `body,id,stamp_ns,x,y,z,qx,qy,qz,qw,tracked`, one a line, as they were sent.
 
-use super::{CaptureLink, HostClock, MotionCapture};
+use super::{CaptureStatus, HostClock, MotionCapture};
 use crate::DeviceError;
 use proact_localization::RawBodyPose;
 use std::{
@@ -10,11 +10,11 @@ use std::{
 };
 
 /// The first line.
-const HEADER: &str = "body,id,stamp_ns,x,y,z,qx,qy,qz,qw,tracked";
+const CSV_HEADER: &str = "body,id,stamp_ns,x,y,z,qx,qy,qz,qw,tracked";
 
 /// Appends the first line of a file.
 pub fn write_pose_header(out: &mut String) {
-    let _ = writeln!(out, "{HEADER}");
+    let _ = writeln!(out, "{CSV_HEADER}");
 }
 
 /// Appends the line of a pose. Commas and line ends in names become underscores.
@@ -34,11 +34,11 @@ pub fn write_pose(out: &mut String, pose: &RawBodyPose) {
 /// # Errors
 /// [`DeviceError::Recorded`] for a line that is none, or a stamp before the one above.
 pub fn read_poses(path: &Path) -> Result<Vec<RawBodyPose>, DeviceError> {
-    let unread = |reason: String| DeviceError::Recorded { path: PathBuf::from(path), reason };
+    let unread = |reason: String| DeviceError::InvalidRecording { path: PathBuf::from(path), reason };
     let text = std::fs::read_to_string(path).map_err(|error| unread(error.to_string()))?;
     let mut lines = text.lines();
-    if lines.next() != Some(HEADER) {
-        return Err(unread(format!("row 1: expected {HEADER}")));
+    if lines.next() != Some(CSV_HEADER) {
+        return Err(unread(format!("row 1: expected {CSV_HEADER}")));
     }
     let mut poses: Vec<RawBodyPose> = Vec::new();
     for (row, line) in lines.enumerate() {
@@ -99,40 +99,40 @@ fn read_pose(line: &str) -> Result<RawBodyPose, String> {
 
 /// A file played as if live, from its opening on.
 #[derive(Debug)]
-pub struct PlayedCapture {
+pub struct PosePlayback {
     name: String,
     poses: VecDeque<RawBodyPose>,
     clock: HostClock,
-    began: i64,
+    start_ns: i64,
 }
 
-impl PlayedCapture {
+impl PosePlayback {
     /// Plays the file at `path`.
     ///
     /// # Errors
     /// As [`read_poses`].
     pub fn open(path: &Path, clock: HostClock) -> Result<Self, DeviceError> {
         let poses = read_poses(path)?.into();
-        Ok(Self { name: path.display().to_string(), poses, clock, began: clock.now() })
+        Ok(Self { name: path.display().to_string(), poses, clock, start_ns: clock.now() })
     }
 }
 
-impl MotionCapture for PlayedCapture {
+impl MotionCapture for PosePlayback {
     fn name(&self) -> &str {
         &self.name
     }
 
-    fn take(&mut self, poses: &mut Vec<RawBodyPose>) -> Result<CaptureLink, DeviceError> {
-        let now = self.clock.now() - self.began;
+    fn drain_poses(&mut self, poses: &mut Vec<RawBodyPose>) -> Result<CaptureStatus, DeviceError> {
+        let now = self.clock.now() - self.start_ns;
         let due = self.poses.iter().take_while(|pose| pose.arrival <= now).count();
         for pose in self.poses.drain(..due) {
-            let arrival = self.began + pose.arrival;
+            let arrival = self.start_ns + pose.arrival;
             poses.push(RawBodyPose { arrival, ..pose });
         }
         Ok(if self.poses.is_empty() && poses.is_empty() {
-            CaptureLink::Ended
+            CaptureStatus::Ended
         } else {
-            CaptureLink::Connected
+            CaptureStatus::Connected
         })
     }
 }

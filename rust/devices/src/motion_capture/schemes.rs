@@ -1,7 +1,7 @@
 //! The kinds of motion capture by their schemes, in one table.
 
 use super::{
-    ControllerCapture, HostClock, MotionCapture, PlayedCapture,
+    ControllerCapture, HostClock, MotionCapture, PosePlayback,
     natnet::{NatNetClient, NatNetOptions},
     vrpn::VrpnClient,
 };
@@ -28,7 +28,7 @@ pub mod split {
     }
 
     /// Not at all: the place is the body's name too.
-    pub fn whole(address: &str) -> Option<(&str, &str)> {
+    pub fn unsplit(address: &str) -> Option<(&str, &str)> {
         Some((address, address))
     }
 }
@@ -43,7 +43,7 @@ pub struct CaptureScheme {
     /// How the rest of its name is split.
     pub split: SplitName,
     /// Which axis is up unless the laboratory says otherwise.
-    pub up: UpAxis,
+    pub up_axis: UpAxis,
     /// How it is opened.
     pub open: OpenCapture,
 }
@@ -54,41 +54,41 @@ pub const CAPTURE_SCHEMES: [CaptureScheme; 5] = [
         scheme: "vrpn",
         form: "vrpn:HOST[:PORT]/BODY",
         split: split::first_slash,
-        up: UpAxis::Z,
+        up_axis: UpAxis::Z,
         open: |host, _, clock| Ok(Box::new(VrpnClient::open(host, clock)?)),
     },
     CaptureScheme {
         scheme: "natnet",
         form: "natnet:HOST[:PORT]/BODY",
         split: split::first_slash,
-        up: UpAxis::Y,
+        up_axis: UpAxis::Y,
         open: |host, _, clock| Ok(Box::new(NatNetClient::open(host, NatNetOptions::default(), clock)?)),
     },
     CaptureScheme {
         scheme: "lsl",
         form: "lsl:STREAM/BODY",
         split: split::first_slash,
-        up: UpAxis::Z,
+        up_axis: UpAxis::Z,
         open: |stream, _, clock| open_lsl(stream, clock),
     },
     CaptureScheme {
         scheme: "headset",
         form: "headset:left_controller|right_controller",
-        split: split::whole,
-        up: UpAxis::Z,
+        split: split::unsplit,
+        up_axis: UpAxis::Z,
         open: |_, body, clock| Ok(Box::new(ControllerCapture::open(body, clock)?)),
     },
     CaptureScheme {
         scheme: "file",
         form: "file:PATH/BODY",
         split: split::last_slash,
-        up: UpAxis::Z,
-        open: |path, _, clock| Ok(Box::new(PlayedCapture::open(Path::new(path), clock)?)),
+        up_axis: UpAxis::Z,
+        open: |path, _, clock| Ok(Box::new(PosePlayback::open(Path::new(path), clock)?)),
     },
 ];
 
 /// The scheme of a name, and its place and body.
-fn parts<'a>(
+fn split_source_name<'a>(
     schemes: &'a [CaptureScheme],
     name: &'a SourceName,
 ) -> Result<(&'a CaptureScheme, &'a str, &'a str), DeviceError> {
@@ -98,17 +98,17 @@ fn parts<'a>(
     };
     let found = schemes.iter().find(|scheme| scheme.scheme == name.scheme()).ok_or_else(unknown)?;
     let parts = (found.split)(name.address());
-    let (place, body) =
-        parts.filter(|(place, body)| !place.is_empty() && !body.is_empty()).ok_or_else(unknown)?;
-    Ok((found, place, body))
+    let (address, body) =
+        parts.filter(|(address, body)| !address.is_empty() && !body.is_empty()).ok_or_else(unknown)?;
+    Ok((found, address, body))
 }
 
 /// The body that the name of a source ends with.
 ///
 /// # Errors
 /// [`DeviceError::UnknownSource`].
-pub fn body_of<'a>(schemes: &'a [CaptureScheme], name: &'a SourceName) -> Result<&'a str, DeviceError> {
-    parts(schemes, name).map(|(_, _, body)| body)
+pub fn body_name<'a>(schemes: &'a [CaptureScheme], name: &'a SourceName) -> Result<&'a str, DeviceError> {
+    split_source_name(schemes, name).map(|(_, _, body)| body)
 }
 
 /// A system that is open, and whose body is followed.
@@ -131,13 +131,13 @@ impl OpenedCapture {
     /// # Errors
     /// [`DeviceError::UnknownSource`] with the kinds that there are; what the source says.
     pub fn open(schemes: &[CaptureScheme], name: &SourceName) -> Result<Self, DeviceError> {
-        let (found, place, body) = parts(schemes, name)?;
+        let (found, address, body) = split_source_name(schemes, name)?;
         let clock = HostClock::start();
         Ok(Self {
             name: name.clone(),
-            capture: (found.open)(place, body, clock)?,
+            capture: (found.open)(address, body, clock)?,
             body: body.to_owned(),
-            axes: TrackingAxes { up: found.up, ..TrackingAxes::default() },
+            axes: TrackingAxes { up: found.up_axis, ..TrackingAxes::default() },
             clock,
         })
     }

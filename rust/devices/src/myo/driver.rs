@@ -1,32 +1,32 @@
 use super::{
-    numbering::TurnNumbering,
+    numbering::RoundRobinNumbering,
     protocol::{
-        CHANNELS, EMG, MyoCommand, MyoEmgMode, PACKET_BYTES, PACKET_SAMPLES, RATE_HZ, firmware_version,
-        imu_values,
+        CHANNELS, EMG_CHARACTERISTIC_ORDER, MyoCommand, MyoEmgMode, PACKET_BYTES, PACKET_SAMPLES, RATE_HZ,
+        firmware_version, imu_values,
     },
 };
 use crate::{
     DeviceError, EmgPacket, SampleSource, SourceCounts, SourceEvent, SourceInfo,
-    gforce::{Characteristic, Connect, GattLink, Heard, KeptLink, LinkError},
+    gforce::{Characteristic, GattConnector, GattLink, LinkError, LinkEvent, ReconnectingLink},
 };
 use proact_emg::ImuChannel;
-use proact_types::{ChannelValues, EmgSample, GestureName};
+use proact_types::{ChannelValues, EmgSample, Gesture};
 use std::time::{Duration, Instant};
 
 /// How long the armband may take to answer what is read, or to send its first samples.
-const ANSWER: Duration = Duration::from_secs(2);
+const REPLY_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// A Myo armband: keeps it awake, switches its samples on, and reconnects with growing waits when it is lost. The sample counter
 /// goes on across a loss and steps over it.
 ///
 /// Everything happens within [`SampleSource::poll`]; connecting may take longer than its timeout.
 pub struct Myo {
-    link: KeptLink,
+    link: ReconnectingLink,
     mode: MyoEmgMode,
     /// The newest values of the inertial measurement unit; none where it is switched off.
     imu: Option<[f64; 10]>,
     info: SourceInfo,
-    numbering: TurnNumbering,
+    numbering: RoundRobinNumbering,
     counts: SourceCounts,
     battery: Option<u8>,
     opened: Instant,
@@ -38,23 +38,28 @@ impl Myo {
     ///
     /// # Errors
     /// It cannot be reached, or sends no samples.
-    pub fn open(mut connector: Box<dyn Connect>, mode: MyoEmgMode, imu: bool) -> Result<Myo, LinkError> {
+    pub fn open(
+        mut connector: Box<dyn GattConnector>,
+        mode: MyoEmgMode,
+        imu: bool,
+    ) -> Result<Myo, LinkError> {
         let mut link = connector.connect()?;
         // For display only; an armband that does not tell is as good.
-        let firmware = link.read(Characteristic::Firmware, ANSWER)?.as_deref().and_then(firmware_version);
+        let firmware =
+            link.read(Characteristic::Firmware, REPLY_TIMEOUT)?.as_deref().and_then(firmware_version);
         let battery = battery(link.as_mut())?;
-        switch_on(link.as_mut(), mode, imu)?;
+        start_streaming(link.as_mut(), mode, imu)?;
         // There are no replies: that samples come is the only answer.
         let mut notification = Vec::with_capacity(PACKET_BYTES);
-        let deadline = Instant::now() + ANSWER;
+        let deadline = Instant::now() + REPLY_TIMEOUT;
         let (mut samples, mut newest) = (false, None);
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
             match link.next_notification(left, &mut notification)? {
-                Some(characteristic) if EMG.contains(&characteristic) => samples = true,
+                Some(characteristic) if EMG_CHARACTERISTIC_ORDER.contains(&characteristic) => samples = true,
                 Some(Characteristic::Imu) => newest = imu_values(&notification).or(newest),
                 _ if left.is_zero() => {
-                    let secs = ANSWER.as_secs();
+                    let secs = REPLY_TIMEOUT.as_secs();
                     let what =
                         if samples { "nothing of its inertial measurement unit" } else { "no samples" };
                     return Err(LinkError::Radio(format!(
@@ -76,18 +81,18 @@ impl Myo {
             rate_hz: RATE_HZ.into(),
             channels: CHANNELS,
             packet_samples: PACKET_SAMPLES,
-            zero: 0.0,
+            zero_code: 0.0,
             rails: Some((-128.0, 127.0)),
             loss_is_counted: true,
-            volts: None,
-            imu: if imu { ImuChannel::of_an_armband() } else { Vec::new() },
+            volts_per_code: None,
+            imu: if imu { ImuChannel::armband_channels() } else { Vec::new() },
         };
         Ok(Myo {
-            link: KeptLink::new(connector, link),
+            link: ReconnectingLink::new(connector, link),
             mode,
             imu: newest.filter(|_| imu),
             info,
-            numbering: TurnNumbering::default(),
+            numbering: RoundRobinNumbering::default(),
             counts: SourceCounts::default(),
             battery,
             opened: Instant::now(),
@@ -110,7 +115,7 @@ impl Myo {
             }
             return false;
         }
-        if EMG.contains(&characteristic) && self.notification.len() != PACKET_BYTES {
+        if EMG_CHARACTERISTIC_ORDER.contains(&characteristic) && self.notification.len() != PACKET_BYTES {
             self.counts.malformed += 1;
             return false;
         }
@@ -139,27 +144,27 @@ impl SampleSource for Myo {
     fn poll(&mut self, timeout: Duration, packet: &mut EmgPacket) -> Result<SourceEvent, DeviceError> {
         let deadline = Instant::now() + timeout;
         loop {
-            let heard = self.link.next(deadline, &mut self.notification, |link| {
+            let event = self.link.next_event(deadline, &mut self.notification, |link| {
                 let battery = battery(link)?;
-                switch_on(link, self.mode, self.imu.is_some())?;
+                start_streaming(link, self.mode, self.imu.is_some())?;
                 Ok::<Option<u8>, LinkError>(battery)
             });
-            match heard {
-                Heard::Notification(characteristic) => {
+            match event {
+                LinkEvent::Notification(characteristic) => {
                     self.link.note_samples();
                     if self.fill(characteristic, packet) {
                         return Ok(SourceEvent::Packet);
                     }
                 }
-                Heard::Nothing => {}
-                Heard::Lost(reason) => {
+                LinkEvent::Nothing => {}
+                LinkEvent::Lost(reason) => {
                     self.counts.disconnects += 1;
                     self.numbering.restart();
                     // What it said before says nothing about the limb now.
                     self.imu = self.imu.map(|_| [f64::NAN; 10]);
                     return Ok(SourceEvent::Lost { reason });
                 }
-                Heard::Restored(battery) => {
+                LinkEvent::Restored(battery) => {
                     self.battery = battery;
                     return Ok(SourceEvent::Restored);
                 }
@@ -174,7 +179,7 @@ impl SampleSource for Myo {
         self.counts
     }
 
-    fn prompt(&mut self, gesture: GestureName) {
+    fn prompt(&mut self, gesture: Gesture) {
         if let Some(link) = self.link.link() {
             // A link that is lost is noticed by the next poll.
             let _ = link.prompt(gesture);
@@ -196,10 +201,10 @@ impl Drop for Myo {
 }
 
 fn battery(link: &mut dyn GattLink) -> Result<Option<u8>, LinkError> {
-    Ok(link.read(Characteristic::Battery, ANSWER)?.and_then(|bytes| bytes.first().copied()))
+    Ok(link.read(Characteristic::Battery, REPLY_TIMEOUT)?.and_then(|bytes| bytes.first().copied()))
 }
 
-fn switch_on(link: &mut dyn GattLink, emg: MyoEmgMode, imu: bool) -> Result<(), LinkError> {
+fn start_streaming(link: &mut dyn GattLink, emg: MyoEmgMode, imu: bool) -> Result<(), LinkError> {
     for command in [MyoCommand::MaySleep(false), MyoCommand::SetMode { emg, imu }] {
         link.write(Characteristic::Command, &command.to_bytes())?;
     }

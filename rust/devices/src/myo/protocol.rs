@@ -21,7 +21,7 @@ pub const EMG_CHARACTERISTICS: [&str; 4] = [
     "d5060405-a904-deb9-4748-2c7f4a124842",
 ];
 /// The same four, as this program names them.
-pub const EMG: [Characteristic; 4] =
+pub const EMG_CHARACTERISTIC_ORDER: [Characteristic; 4] =
     [Characteristic::Emg0, Characteristic::Emg1, Characteristic::Emg2, Characteristic::Emg3];
 
 /// What its inertial measurement unit says comes as notifications of this one.
@@ -142,21 +142,21 @@ impl MyoCommand {
 pub fn imu_values(bytes: &[u8]) -> Option<[f64; 10]> {
     let bytes: &[u8; IMU_BYTES] = bytes.try_into().ok()?;
     Some(std::array::from_fn(|k| {
-        f64::from(i16::from_le_bytes([bytes[2 * k], bytes[2 * k + 1]])) / IMU_SCALES[scale_of(k)]
+        f64::from(i16::from_le_bytes([bytes[2 * k], bytes[2 * k + 1]])) / IMU_SCALES[scale_index(k)]
     }))
 }
 
 /// The notification that says `values`, cut off at the ends of the range.
 pub fn imu_bytes(values: &[f64; 10]) -> [u8; IMU_BYTES] {
     let mut bytes = [0; IMU_BYTES];
-    for (k, (value, place)) in values.iter().zip(bytes.chunks_exact_mut(2)).enumerate() {
-        place.copy_from_slice(&((value * IMU_SCALES[scale_of(k)]).round() as i16).to_le_bytes());
+    for (k, (value, bytes_out)) in values.iter().zip(bytes.chunks_exact_mut(2)).enumerate() {
+        bytes_out.copy_from_slice(&((value * IMU_SCALES[scale_index(k)]).round() as i16).to_le_bytes());
     }
     bytes
 }
 
 /// Orientation, acceleration or angular velocity.
-fn scale_of(channel: usize) -> usize {
+fn scale_index(channel: usize) -> usize {
     match channel {
         0..4 => 0,
         4..7 => 1,
@@ -217,7 +217,7 @@ mod tests {
         assert_eq!((&bytes[12..14], &bytes[16..18]), (&[0x00, 0x08][..], &[0xE0, 0xFF][..]));
         let read = imu_values(&bytes).unwrap();
         for (k, (value, read)) in values.iter().zip(read).enumerate() {
-            assert!((value - read).abs() <= 0.5 / IMU_SCALES[scale_of(k)], "{k}");
+            assert!((value - read).abs() <= 0.5 / IMU_SCALES[scale_index(k)], "{k}");
         }
         assert_eq!(imu_values(&bytes[1..]), None);
         assert_eq!(imu_bytes(&[1e9; 10])[..2], [0xFF, 0x7F]);

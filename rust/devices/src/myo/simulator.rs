@@ -1,10 +1,11 @@
 use super::protocol::{
-    CHANNELS, EMG, IMU_RATE_HZ, MyoCommand, MyoEmgMode, MyoVibration, PACKET_SAMPLES, RATE_HZ, imu_bytes,
+    CHANNELS, EMG_CHARACTERISTIC_ORDER, IMU_RATE_HZ, MyoCommand, MyoEmgMode, MyoVibration, PACKET_SAMPLES,
+    RATE_HZ, imu_bytes,
 };
 use crate::{
     DeviceError, SimulatedImu,
-    gforce::{Characteristic, CodeSource, GattDouble, Notification, PROMPT, Prompted},
-    stream,
+    gforce::{Characteristic, CodeSource, GattSimulator, Notification, PROMPT_OPCODE, SharedPrompt},
+    random_stream,
 };
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -16,7 +17,7 @@ pub struct MyoSimulatorOptions {
     /// Charge, per cent.
     pub battery_percent: u8,
     /// Share of notifications that are lost, 0 to 1.
-    pub loss: f64,
+    pub loss_rate: f64,
     /// Longest delay of a notification; each has its own.
     pub jitter: Duration,
     /// Seeds the faults.
@@ -25,12 +26,12 @@ pub struct MyoSimulatorOptions {
 
 impl Default for MyoSimulatorOptions {
     fn default() -> Self {
-        MyoSimulatorOptions { battery_percent: 87, loss: 0.0, jitter: Duration::ZERO, seed: 0 }
+        MyoSimulatorOptions { battery_percent: 87, loss_rate: 0.0, jitter: Duration::ZERO, seed: 0 }
     }
 }
 
 /// Notifications of samples for one of the inertial measurement unit.
-const IMU_EVERY: u64 = (RATE_HZ / IMU_RATE_HZ) as u64 / PACKET_SAMPLES as u64;
+const PACKETS_PER_IMU_SAMPLE: u64 = (RATE_HZ / IMU_RATE_HZ) as u64 / PACKET_SAMPLES as u64;
 
 /// A Myo without radio and without clock, byte for byte that of the published protocol.
 pub struct MyoSimulator {
@@ -43,7 +44,7 @@ pub struct MyoSimulator {
     vibration: Option<MyoVibration>,
     /// When samples were switched on, and the notifications made since then.
     streaming: Option<(Duration, u64)>,
-    prompted: Prompted,
+    prompted: SharedPrompt,
 }
 
 impl MyoSimulator {
@@ -52,12 +53,12 @@ impl MyoSimulator {
     /// # Errors
     /// A loss that is no share.
     pub fn new(options: MyoSimulatorOptions, codes: CodeSource) -> Result<MyoSimulator, DeviceError> {
-        let value = options.loss;
+        let value = options.loss_rate;
         if !(0.0..=1.0).contains(&value) {
             return Err(DeviceError::Parameter { name: "loss", value, expected: "a share, 0 to 1" });
         }
         Ok(MyoSimulator {
-            rng: stream(options.seed, "emg/simulator/myo"),
+            rng: random_stream(options.seed, "emg/simulator/myo"),
             imu: None,
             options,
             codes,
@@ -65,12 +66,12 @@ impl MyoSimulator {
             may_sleep: true,
             vibration: None,
             streaming: None,
-            prompted: Prompted::default(),
+            prompted: SharedPrompt::default(),
         })
     }
 
     /// Hands what the person is asked for over the link to `prompted`, for the source of the codes to follow.
-    pub fn with_prompts(mut self, prompted: Prompted) -> MyoSimulator {
+    pub fn with_prompts(mut self, prompted: SharedPrompt) -> MyoSimulator {
         self.prompted = prompted;
         self
     }
@@ -119,7 +120,7 @@ impl MyoSimulator {
     }
 }
 
-impl GattDouble for MyoSimulator {
+impl GattSimulator for MyoSimulator {
     fn write(&mut self, characteristic: Characteristic, bytes: &[u8], now: Duration) -> Vec<Notification> {
         let answer = |bytes: &[u8]| vec![Notification { due: now, characteristic, bytes: bytes.to_vec() }];
         match characteristic {
@@ -127,7 +128,7 @@ impl GattDouble for MyoSimulator {
             Characteristic::Firmware => answer(&[1, 0, 5, 0, 0xB2, 0x07, 2, 0]),
             Characteristic::Battery => answer(&[self.options.battery_percent]),
             Characteristic::Command => {
-                if let Some(name) = bytes.strip_prefix(&[PROMPT]) {
+                if let Some(name) = bytes.strip_prefix(&[PROMPT_OPCODE]) {
                     // What is no name is no prompt.
                     self.prompted.set(std::str::from_utf8(name).ok().and_then(|name| name.parse().ok()));
                 } else if let Some(command) = MyoCommand::from_bytes(bytes) {
@@ -153,11 +154,12 @@ impl GattDouble for MyoSimulator {
             let bytes = self.packet();
             // Each is drawn every time, so that one fault does not move the other.
             let late = self.options.jitter.mul_f64(self.rng.random_range(0.0..=1.0));
-            if !self.rng.random_bool(self.options.loss) {
-                let characteristic = EMG[(sent % EMG.len() as u64) as usize];
+            if !self.rng.random_bool(self.options.loss_rate) {
+                let characteristic =
+                    EMG_CHARACTERISTIC_ORDER[(sent % EMG_CHARACTERISTIC_ORDER.len() as u64) as usize];
                 out.push(Notification { due: due + late, characteristic, bytes });
             }
-            if let Some(imu) = self.imu.as_mut().filter(|_| sent.is_multiple_of(IMU_EVERY)) {
+            if let Some(imu) = self.imu.as_mut().filter(|_| sent.is_multiple_of(PACKETS_PER_IMU_SAMPLE)) {
                 let bytes = imu_bytes(&imu.sample()).to_vec();
                 out.push(Notification { due: due + late, characteristic: Characteristic::Imu, bytes });
             }
@@ -197,7 +199,17 @@ mod tests {
         let sent = myo.advance(Duration::from_millis(65));
         assert_eq!(sent.iter().map(|n| n.due.as_millis()).collect::<Vec<_>>(), [15, 25, 35, 45, 55, 65]);
         let turn: Vec<Characteristic> = sent.iter().map(|n| n.characteristic).collect();
-        assert_eq!(turn, [EMG[0], EMG[1], EMG[2], EMG[3], EMG[0], EMG[1]]);
+        assert_eq!(
+            turn,
+            [
+                EMG_CHARACTERISTIC_ORDER[0],
+                EMG_CHARACTERISTIC_ORDER[1],
+                EMG_CHARACTERISTIC_ORDER[2],
+                EMG_CHARACTERISTIC_ORDER[3],
+                EMG_CHARACTERISTIC_ORDER[0],
+                EMG_CHARACTERISTIC_ORDER[1]
+            ]
+        );
         // -1, 49, 99, 149 cut off, ..; then one less.
         assert_eq!(sent[0].bytes[..4], [0xFF, 49, 99, 127]);
         assert_eq!(sent[0].bytes[8..11], [0xFE, 48, 98]);
@@ -235,11 +247,11 @@ mod tests {
 
     #[test]
     fn notifications_are_lost_as_often_as_asked_for() {
-        let mut myo = simulator(|o| o.loss = 0.1);
+        let mut myo = simulator(|o| o.loss_rate = 0.1);
         myo.write(Characteristic::Command, &[0x01, 3, 3, 0, 0], Duration::ZERO);
         let sent = myo.advance(Duration::from_secs(10)).len();
         assert!((850..950).contains(&sent), "{sent}");
-        let wrong = MyoSimulatorOptions { loss: 1.5, ..MyoSimulatorOptions::default() };
+        let wrong = MyoSimulatorOptions { loss_rate: 1.5, ..MyoSimulatorOptions::default() };
         let error = MyoSimulator::new(wrong, Box::new(|| [0.0; CHANNELS].into_iter().collect()))
             .err()
             .unwrap()

@@ -1,4 +1,4 @@
-use super::{RecordedStream, close};
+use super::{RecordedStream, flush_and_sync};
 use crate::{EmgPacket, SourceInfo};
 use proact_types::{EmgSample, MAX_EMG_CHANNELS};
 use std::{
@@ -44,7 +44,7 @@ impl CsvWriter {
     }
 
     pub(super) fn finish(self) -> io::Result<()> {
-        close(self.file)
+        flush_and_sync(self.file)
     }
 }
 

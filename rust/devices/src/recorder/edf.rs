@@ -1,8 +1,8 @@
 //! European Data Format plus (EDF+), as specified at <https://www.edfplus.info/specs>: 16-bit codes, a record a packet,
 //! without interruption (EDF+C), since most programs refuse interrupted files (EDF+D) or read them as if nothing lacked.
-//! Lost samples are [`MISSING`], under an annotation that says so.
+//! Lost samples are [`MISSING_CODE`], under an annotation that says so.
 
-use super::{RecordedStream, close};
+use super::{RecordedStream, flush_and_sync};
 use crate::{EmgPacket, SourceInfo};
 use proact_types::{EmgSample, MAX_EMG_CHANNELS};
 use std::{
@@ -15,13 +15,13 @@ use std::{
 /// Bytes of the annotations of a record: its time, and what is missing.
 const ANNOTATION_BYTES: usize = 128;
 /// Stands for a sample that was lost. No code of an armband is as low.
-const MISSING: i16 = i16::MIN;
+const MISSING_CODE: i16 = i16::MIN;
 /// A longer gap is none that a file should be filled for.
-const LONGEST_GAP_SECS: f64 = 3600.0;
+const MAX_GAP_SECS: f64 = 3600.0;
 /// Says with which sample of the device the file begins.
-const FIRST_SAMPLE: &str = "first sample: ";
+const FIRST_SAMPLE_LABEL: &str = "first sample: ";
 /// Place of the number of records in the header.
-const RECORDS_AT: u64 = 236;
+const RECORD_COUNT_OFFSET: u64 = 236;
 
 #[derive(Debug)]
 pub(super) struct EdfWriter {
@@ -34,11 +34,11 @@ pub(super) struct EdfWriter {
     /// `[sample][channel]` of the record under way.
     record: Vec<i16>,
     /// Counter of the next sample, none before the first.
-    expected: Option<u64>,
+    next_counter: Option<u64>,
     /// Annotations that are to go into the next records.
-    notes: Vec<String>,
+    pending_annotations: Vec<String>,
     records: u64,
-    unflushed: f64,
+    unflushed_secs: f64,
 }
 
 impl EdfWriter {
@@ -54,23 +54,27 @@ impl EdfWriter {
             imu: info.imu.len(),
             record_samples,
             record: Vec::with_capacity(record_samples * info.channels),
-            expected: None,
-            notes: Vec::new(),
+            next_counter: None,
+            pending_annotations: Vec::new(),
             records: 0,
-            unflushed: 0.0,
+            unflushed_secs: 0.0,
         })
     }
 
     pub(super) fn packet(&mut self, packet: &EmgPacket) -> io::Result<()> {
         for sample in &packet.samples {
             let codes = self.codes(sample)?;
-            match self.expected {
-                None => self.notes.push(note("0", None, &format!("{FIRST_SAMPLE}{}", sample.counter))),
-                Some(expected) => self.fill(expected, sample.counter)?,
+            match self.next_counter {
+                None => self.pending_annotations.push(annotation(
+                    "0",
+                    None,
+                    &format!("{FIRST_SAMPLE_LABEL}{}", sample.counter),
+                )),
+                Some(expected) => self.write_lost_samples(expected, sample.counter)?,
             }
-            self.expected = Some(sample.counter.saturating_add(1));
+            self.next_counter = Some(sample.counter.saturating_add(1));
             self.record.extend(codes);
-            self.write_if_whole()?;
+            self.write_full_record()?;
         }
         Ok(())
     }
@@ -96,7 +100,7 @@ impl EdfWriter {
     }
 
     /// Marks the samples from `expected` to before `counter` as lost.
-    fn fill(&mut self, expected: u64, counter: u64) -> io::Result<()> {
+    fn write_lost_samples(&mut self, expected: u64, counter: u64) -> io::Result<()> {
         let Some(lost) = counter.checked_sub(expected) else {
             return Err(invalid(format!(
                 "sample {counter} comes after {}; the device began anew: begin another recording",
@@ -107,33 +111,34 @@ impl EdfWriter {
             return Ok(());
         }
         let secs = lost as f64 / self.rate_hz;
-        if secs > LONGEST_GAP_SECS {
+        if secs > MAX_GAP_SECS {
             return Err(invalid(format!(
-                "{lost} samples are lost before sample {counter}, {secs:.0} s, expected at most {LONGEST_GAP_SECS} s: \
+                "{lost} samples are lost before sample {counter}, {secs:.0} s, expected at most {MAX_GAP_SECS} s: \
                  begin another recording, or record to a .csv file"
             )));
         }
-        let onset = self.seconds(self.records * self.record_samples as u64 + self.filled() as u64);
+        let onset =
+            self.onset_text(self.records * self.record_samples as u64 + self.samples_in_record() as u64);
         // MNE leaves out what is annotated as bad.
-        self.notes.push(note(&onset, Some(secs), &format!("BAD_lost {lost} samples")));
+        self.pending_annotations.push(annotation(&onset, Some(secs), &format!("BAD_lost {lost} samples")));
         for _ in 0..lost {
-            self.record.extend(std::iter::repeat_n(MISSING, self.channels));
-            self.write_if_whole()?;
+            self.record.extend(std::iter::repeat_n(MISSING_CODE, self.channels));
+            self.write_full_record()?;
         }
         Ok(())
     }
 
     /// Samples in the record under way.
-    fn filled(&self) -> usize {
+    fn samples_in_record(&self) -> usize {
         self.record.len() / self.channels
     }
 
-    fn seconds(&self, samples: u64) -> String {
+    fn onset_text(&self, samples: u64) -> String {
         (samples as f64 / self.rate_hz).to_string()
     }
 
-    fn write_if_whole(&mut self) -> io::Result<()> {
-        if self.filled() == self.record_samples { self.write_record() } else { Ok(()) }
+    fn write_full_record(&mut self) -> io::Result<()> {
+        if self.samples_in_record() == self.record_samples { self.write_record() } else { Ok(()) }
     }
 
     fn write_record(&mut self) -> io::Result<()> {
@@ -144,10 +149,14 @@ impl EdfWriter {
                 bytes.extend(code.to_le_bytes());
             }
         }
-        let time = self.seconds(self.records * self.record_samples as u64);
+        let time = self.onset_text(self.records * self.record_samples as u64);
         let mut annotations = format!("+{time}\u{14}\u{14}\0");
-        while self.notes.first().is_some_and(|note| annotations.len() + note.len() <= ANNOTATION_BYTES) {
-            annotations += &self.notes.remove(0);
+        while self
+            .pending_annotations
+            .first()
+            .is_some_and(|note| annotations.len() + note.len() <= ANNOTATION_BYTES)
+        {
+            annotations += &self.pending_annotations.remove(0);
         }
         let mut annotations = annotations.into_bytes();
         annotations.resize(ANNOTATION_BYTES, 0);
@@ -155,29 +164,30 @@ impl EdfWriter {
         self.file.write_all(&bytes)?;
         self.record.clear();
         self.records += 1;
-        self.unflushed += self.record_samples as f64 / self.rate_hz;
-        if self.unflushed >= 1.0 {
-            self.unflushed = 0.0;
+        self.unflushed_secs += self.record_samples as f64 / self.rate_hz;
+        if self.unflushed_secs >= 1.0 {
+            self.unflushed_secs = 0.0;
             self.file.flush()?;
         }
         Ok(())
     }
 
     pub(super) fn finish(mut self) -> io::Result<()> {
-        let missing = (self.record_samples - self.filled()) % self.record_samples;
+        let missing = (self.record_samples - self.samples_in_record()) % self.record_samples;
         if missing > 0 {
-            let onset = self.seconds(self.records * self.record_samples as u64 + self.filled() as u64);
+            let onset =
+                self.onset_text(self.records * self.record_samples as u64 + self.samples_in_record() as u64);
             let secs = missing as f64 / self.rate_hz;
-            self.notes.push(note(&onset, Some(secs), "BAD_after the end"));
+            self.pending_annotations.push(annotation(&onset, Some(secs), "BAD_after the end"));
         }
         // Annotations of many short gaps may need a record more.
-        while !self.record.is_empty() || !self.notes.is_empty() {
-            self.record.resize(self.record_samples * self.channels, MISSING);
+        while !self.record.is_empty() || !self.pending_annotations.is_empty() {
+            self.record.resize(self.record_samples * self.channels, MISSING_CODE);
             self.write_record()?;
         }
-        self.file.seek(SeekFrom::Start(RECORDS_AT))?;
+        self.file.seek(SeekFrom::Start(RECORD_COUNT_OFFSET))?;
         write!(self.file, "{:<8}", self.records)?;
-        close(self.file)
+        flush_and_sync(self.file)
     }
 }
 
@@ -186,7 +196,7 @@ fn invalid(message: String) -> io::Error {
 }
 
 /// A time-stamped annotation.
-fn note(onset: &str, secs: Option<f64>, text: &str) -> String {
+fn annotation(onset: &str, secs: Option<f64>, text: &str) -> String {
     let duration = secs.map(|secs| format!("\u{15}{secs}")).unwrap_or_default();
     format!("+{onset}{duration}\u{14}{text}\u{14}\0")
 }
@@ -213,8 +223,8 @@ fn header(info: &SourceInfo, record_samples: usize) -> String {
     field(&(record_samples as f64 / info.rate_hz).to_string(), 8);
     field(&signals.to_string(), 4);
     // Microvolts where the device says what a code is, else codes as they came, without a unit.
-    let physical = |code: i16| match info.volts {
-        Some(volts) => eight((f64::from(code) - info.zero) * volts * 1e6),
+    let physical = |code: i16| match info.volts_per_code {
+        Some(volts) => format_in_8_chars((f64::from(code) - info.zero_code) * volts * 1e6),
         None => code.to_string(),
     };
     let (lowest, highest) = (physical(i16::MIN), physical(i16::MAX));
@@ -224,7 +234,7 @@ fn header(info: &SourceInfo, record_samples: usize) -> String {
     };
     fields(16, &|channel| format!("EMG ch{channel}"), "EDF Annotations");
     fields(80, &|_| info.name.clone(), "");
-    fields(8, &|_| if info.volts.is_some() { "uV" } else { "" }.to_owned(), "");
+    fields(8, &|_| if info.volts_per_code.is_some() { "uV" } else { "" }.to_owned(), "");
     fields(8, &|_| lowest.clone(), "-32768");
     fields(8, &|_| highest.clone(), "32767");
     fields(8, &|_| "-32768".to_owned(), "-32768");
@@ -236,7 +246,7 @@ fn header(info: &SourceInfo, record_samples: usize) -> String {
 }
 
 /// `value` in at most eight characters, as exactly as they allow.
-fn eight(value: f64) -> String {
+fn format_in_8_chars(value: f64) -> String {
     let whole = format!("{value:.0}").len();
     let decimals = 8_usize.saturating_sub(whole + 1).min(6);
     format!("{value:.decimals$}")
@@ -245,7 +255,7 @@ fn eight(value: f64) -> String {
 /// The time in UTC as EDF's date, EDF+'s date and EDF's time.
 fn now() -> (String, String, String) {
     let secs = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
-    let (year, month, day) = civil(secs / 86_400);
+    let (year, month, day) = civil_from_days(secs / 86_400);
     const MONTHS: [&str; 12] =
         ["JAN", "FEB", "MAR", "APR", "MAY", "JUN", "JUL", "AUG", "SEP", "OCT", "NOV", "DEC"];
     let (h, m, s) = (secs / 3600 % 24, secs / 60 % 60, secs % 60);
@@ -257,7 +267,7 @@ fn now() -> (String, String, String) {
 }
 
 /// Year, month and day of the `days`-th day after 1 January 1970 (Gregorian).
-fn civil(days: u64) -> (u64, u64, u64) {
+fn civil_from_days(days: u64) -> (u64, u64, u64) {
     // Years that begin in March, counted from the year 0, have the leap day last.
     let days = days + 719_468;
     let era = days / 146_097;
@@ -273,8 +283,12 @@ fn civil(days: u64) -> (u64, u64, u64) {
 /// The device's number of the first sample; 0 in files of other programs.
 fn first_sample(notes: &[u8]) -> Result<u64, String> {
     let texts = notes.split(|b| *b == 0 || *b == 0x14).filter_map(|text| std::str::from_utf8(text).ok());
-    let Some(number) = texts.filter_map(|text| text.strip_prefix(FIRST_SAMPLE)).next() else { return Ok(0) };
-    number.parse().map_err(|_| format!("the annotation {FIRST_SAMPLE:?} says {number:?}, expected a number"))
+    let Some(number) = texts.filter_map(|text| text.strip_prefix(FIRST_SAMPLE_LABEL)).next() else {
+        return Ok(0);
+    };
+    number
+        .parse()
+        .map_err(|_| format!("the annotation {FIRST_SAMPLE_LABEL:?} says {number:?}, expected a number"))
 }
 
 /// The codes of a file; of interrupted ones (EDF+D) each record has its own time.
@@ -322,7 +336,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<RecordedStream, String> {
             i16::from_le_bytes([codes[at], codes[at + 1]])
         };
         for (sample, counter) in (0..samples).zip(begins..) {
-            if code(sample, 0) != MISSING {
+            if code(sample, 0) != MISSING_CODE {
                 let channels = (0..channels).map(|channel| f64::from(code(sample, channel))).collect();
                 out.push(EmgSample { counter, channels });
             }
@@ -340,9 +354,9 @@ mod tests {
 
     #[test]
     fn dates_are_those_of_the_calendar() {
-        assert_eq!(civil(0), (1970, 1, 1));
-        assert_eq!(civil(11_016), (2000, 2, 29));
-        assert_eq!(civil(11_017), (2000, 3, 1));
-        assert_eq!(civil(20_818), (2026, 12, 31));
+        assert_eq!(civil_from_days(0), (1970, 1, 1));
+        assert_eq!(civil_from_days(11_016), (2000, 2, 29));
+        assert_eq!(civil_from_days(11_017), (2000, 3, 1));
+        assert_eq!(civil_from_days(20_818), (2026, 12, 31));
     }
 }

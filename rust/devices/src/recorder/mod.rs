@@ -5,7 +5,7 @@ mod csv;
 mod edf;
 
 use crate::{DeviceError, EmgPacket, SourceInfo};
-use proact_types::{EmgSample, MOST_RECORDING_BYTES, read_bytes};
+use proact_types::{EmgSample, MAX_RECORDING_BYTES, read_bytes};
 use std::{
     fs::File,
     io::{self, BufWriter},
@@ -17,12 +17,12 @@ use std::{
 #[derive(Debug)]
 pub struct EmgRecorder {
     path: PathBuf,
-    file: Format,
+    file: FormatWriter,
     samples: u64,
 }
 
 #[derive(Debug)]
-enum Format {
+enum FormatWriter {
     Csv(csv::CsvWriter),
     Edf(edf::EdfWriter),
 }
@@ -46,11 +46,11 @@ impl EmgRecorder {
         let ending = ending.filter(|e| e == "csv" || e == "edf");
         let Some(ending) = ending else { return Err(DeviceError::RecordFormat { path: path.to_owned() }) };
         let failed = |source| DeviceError::Write { path: path.to_owned(), source };
-        let file = proact_files::create_growing(path).map_err(failed)?;
+        let file = proact_files::create_in_place(path).map_err(failed)?;
         let file = BufWriter::new(file);
         let file = match ending.as_str() {
-            "csv" => csv::CsvWriter::begin(file, info).map(Format::Csv),
-            _ => edf::EdfWriter::begin(file, info).map(Format::Edf),
+            "csv" => csv::CsvWriter::begin(file, info).map(FormatWriter::Csv),
+            _ => edf::EdfWriter::begin(file, info).map(FormatWriter::Edf),
         };
         Ok(EmgRecorder { path: path.to_owned(), file: file.map_err(failed)?, samples: 0 })
     }
@@ -62,8 +62,8 @@ impl EmgRecorder {
     pub fn packet(&mut self, packet: &EmgPacket) -> Result<(), DeviceError> {
         self.samples += packet.samples.len() as u64;
         match &mut self.file {
-            Format::Csv(file) => file.packet(packet),
-            Format::Edf(file) => file.packet(packet),
+            FormatWriter::Csv(file) => file.packet(packet),
+            FormatWriter::Edf(file) => file.packet(packet),
         }
         .map_err(|source| DeviceError::Write { path: self.path.clone(), source })
     }
@@ -74,8 +74,8 @@ impl EmgRecorder {
     /// The disk is full.
     pub fn finish(self) -> Result<u64, DeviceError> {
         match self.file {
-            Format::Csv(file) => file.finish(),
-            Format::Edf(file) => file.finish(),
+            FormatWriter::Csv(file) => file.finish(),
+            FormatWriter::Edf(file) => file.finish(),
         }
         .map_err(|source| DeviceError::Write { path: self.path.clone(), source })?;
         Ok(self.samples)
@@ -88,18 +88,19 @@ impl EmgRecorder {
 /// A file of another kind, or one with damage: what stands where is said.
 pub fn read_recorded(path: &Path) -> Result<RecordedStream, DeviceError> {
     let bytes = File::open(path)
-        .and_then(|file| read_bytes(file, MOST_RECORDING_BYTES))
+        .and_then(|file| read_bytes(file, MAX_RECORDING_BYTES))
         .map_err(|source| DeviceError::Read { path: path.to_owned(), source })?;
     let read = match path.extension().and_then(|e| e.to_str()) {
         Some("csv") => csv::read(&bytes),
         Some("edf") => edf::read(&bytes),
         _ => return Err(DeviceError::RecordFormat { path: path.to_owned() }),
     };
-    read.and_then(rising).map_err(|reason| DeviceError::Recorded { path: path.to_owned(), reason })
+    read.and_then(check_counters_rise)
+        .map_err(|reason| DeviceError::InvalidRecording { path: path.to_owned(), reason })
 }
 
 /// The stream if its counters rise, as the recorder writes them; a damaged file may say otherwise.
-fn rising(stream: RecordedStream) -> Result<RecordedStream, String> {
+fn check_counters_rise(stream: RecordedStream) -> Result<RecordedStream, String> {
     match stream.samples.windows(2).find(|pair| pair[1].counter <= pair[0].counter) {
         None => Ok(stream),
         Some(pair) => {
@@ -109,7 +110,7 @@ fn rising(stream: RecordedStream) -> Result<RecordedStream, String> {
 }
 
 /// Hands over what is in memory and on to the disk. Pipes and devices have nothing that could be synchronized.
-fn close(file: BufWriter<File>) -> io::Result<()> {
+fn flush_and_sync(file: BufWriter<File>) -> io::Result<()> {
     let file = file.into_inner().map_err(io::IntoInnerError::into_error)?;
     if file.metadata()?.is_file() { file.sync_all() } else { Ok(()) }
 }
@@ -126,10 +127,10 @@ mod tests {
             rate_hz: 1000.0,
             channels,
             packet_samples: 16,
-            zero: 128.0,
+            zero_code: 128.0,
             rails: Some((0.0, 255.0)),
             loss_is_counted: true,
-            volts: Some(2.5 / 1200.0 / 127.0),
+            volts_per_code: Some(2.5 / 1200.0 / 127.0),
             imu: Vec::new(),
         }
     }

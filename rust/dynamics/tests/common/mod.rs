@@ -4,10 +4,10 @@
 
 use nalgebra::UnitQuaternion;
 use proact_arm::ArmModel;
-use proact_dynamics::{DynamicsOptions, OdePlant};
+use proact_dynamics::{DynamicsOptions, RigidBodyPlant};
 use proact_kinematics::Kinematics;
 use proact_testbed::{
-    LoggedPlans, Parts, Testbed, TrialConfig,
+    LoggedPlans, Testbed, TestbedParts, TrialConfig,
     ports::{Plant, PlantError},
 };
 use proact_types::{
@@ -33,14 +33,19 @@ pub fn standing(id: ObjectId, x: f64, y: f64) -> Object {
 
 /// A block with its centre at `pose`.
 pub fn block(id: ObjectId, pose: Pose) -> Object {
-    Object::plain(NAMES[id.index()], Shape::Cylinder { radius: RADIUS, length: HEIGHT }, 0.1, pose)
+    Object::with_default_friction(
+        NAMES[id.index()],
+        Shape::Cylinder { radius: RADIUS, length: HEIGHT },
+        0.1,
+        pose,
+    )
 }
 
-fn box_at(name: &str, size: [f64; 3], centre: [f64; 3]) -> SceneObject {
+fn box_at(name: &str, size: [f64; 3], center: [f64; 3]) -> SceneObject {
     SceneObject {
         name: name.to_owned(),
         shape: Shape::Box { size },
-        pose: Pose::translation(centre[0], centre[1], centre[2]),
+        pose: Pose::translation(center[0], center[1], center[2]),
         friction: 0.4,
     }
 }
@@ -77,15 +82,15 @@ pub fn box_scene() -> Scene {
             friction: 0.4,
         });
     }
-    let places = [(0.058, -0.2083), (-0.058, -0.092), (-0.058, -0.2083), (0.058, -0.092)];
+    let positions = [(0.058, -0.2083), (-0.058, -0.092), (-0.058, -0.2083), (0.058, -0.092)];
     let ids = (0..4).map(ObjectId::new);
-    let objects = ids.clone().zip(places).map(|(id, (x, y))| standing(id, x, y)).collect();
+    let objects = ids.clone().zip(positions).map(|(id, (x, y))| standing(id, x, y)).collect();
     let target = |(object, (x, y)): (ObjectId, (f64, f64))| Target {
         object,
-        centre: Point::new(x, -y, TABLE),
+        center: Point::new(x, -y, TABLE),
         radius: 0.05,
     };
-    let targets = ids.zip(places).map(target).collect();
+    let targets = ids.zip(positions).map(target).collect();
     Scene { fixed, objects, targets, table_height: TABLE, ..Scene::default() }
 }
 
@@ -105,29 +110,29 @@ pub fn still() -> Pose {
 }
 
 /// A shoulder far above everything, so that only blocks and table matter.
-pub fn away() -> Pose {
+pub fn far_base() -> Pose {
     Pose::translation(-0.39, 0.12, 5.0)
 }
 
 /// A plant with the arm in its start pose and the hand open.
-pub fn plant(scene: &Scene, base: &Pose) -> OdePlant {
+pub fn plant(scene: &Scene, base: &Pose) -> RigidBodyPlant {
     plant_with(scene, base, DynamicsOptions::default())
 }
 
 /// The same with other settings.
-pub fn plant_with(scene: &Scene, base: &Pose, options: DynamicsOptions) -> OdePlant {
+pub fn plant_with(scene: &Scene, base: &Pose, options: DynamicsOptions) -> RigidBodyPlant {
     let model = proact_description::mpl_right_arm();
     let start = positions(&model, &START, "open");
-    OdePlant::new(&model, scene, &start, base, options).expect("a sound scene")
+    RigidBodyPlant::new(&model, scene, &start, base, options).expect("a sound scene")
 }
 
 /// A command to stay at `positions`.
-pub fn stay(positions: &[f64], base: Pose) -> PlantCommand {
+pub fn hold_command(positions: &[f64], base: Pose) -> PlantCommand {
     PlantCommand { position: joints(positions), velocity: zeros(positions.len()), world_from_base: base }
 }
 
 /// Steps `ticks` times under one command.
-pub fn run(plant: &mut OdePlant, command: &PlantCommand, ticks: usize) {
+pub fn run(plant: &mut RigidBodyPlant, command: &PlantCommand, ticks: usize) {
     for tick in 0..ticks {
         plant.step(command).unwrap_or_else(|error| panic!("tick {tick}: {error}"));
     }
@@ -139,8 +144,8 @@ pub fn plant_at(
     scene: &Scene,
     positions: &[f64],
     base: &Pose,
-) -> Result<OdePlant, PlantError> {
-    OdePlant::new(model, scene, positions, base, DynamicsOptions::default())
+) -> Result<RigidBodyPlant, PlantError> {
+    RigidBodyPlant::new(model, scene, positions, base, DynamicsOptions::default())
 }
 
 /// The base at which the tip of the arm, in `positions`, is at `world_from_tip`.
@@ -153,15 +158,16 @@ pub fn base_that_puts_tip_at(model: &ArmModel, positions: &[f64], world_from_tip
 /// The base at which the hand, in `positions`, grasps a block that stands on the table at the origin: fingers ahead
 /// and rolled as it grips, grasp centre in the block's centre.
 pub fn grasp_base(model: &ArmModel, positions: &[f64]) -> Pose {
-    let rotation = UnitQuaternion::from_euler_angles(model.widest_grasp().roll, -1.0_f64.to_radians(), 0.0);
+    let rotation =
+        UnitQuaternion::from_euler_angles(model.widest_grasp().roll_rad, -1.0_f64.to_radians(), 0.0);
     let block = Vector::new(0.0, 0.0, TABLE + 0.5 * HEIGHT);
-    let world_from_tip = Pose::from_parts((block - rotation * model.widest_grasp().centre).into(), rotation);
+    let world_from_tip = Pose::from_parts((block - rotation * model.widest_grasp().center).into(), rotation);
     base_that_puts_tip_at(model, positions, &world_from_tip)
 }
 
 /// Two opposing contacts on a block that have lasted.
 #[derive(Debug)]
-pub struct Holding {
+pub struct OpposedGrip {
     /// Tick from the start of closing.
     pub tick: usize,
     /// Between the two normals.
@@ -175,11 +181,11 @@ pub struct Holding {
 /// Closes the hand at 2 rad/s until thumb3 and the last link of index, middle or ring have pressed a block from
 /// opposite sides (normals over 100 degrees apart) in 40 ticks.
 pub fn close_until_held(
-    plant: &mut OdePlant,
+    plant: &mut RigidBodyPlant,
     model: &ArmModel,
     base: &Pose,
     ticks: usize,
-) -> Result<Option<Holding>, PlantError> {
+) -> Result<Option<OpposedGrip>, PlantError> {
     let start = plant.state().position.to_vec();
     let closed = positions(model, &start[..model.arm_count()], "closed");
     let is = |contact: &Contact, parts: &[&str]| {
@@ -202,7 +208,7 @@ pub fn close_until_held(
             if lasted == 40 {
                 let name = |contact: &Contact| model.links[contact.link].name.clone();
                 let (links, forces) = ((name(thumb), name(finger)), (thumb.force, finger.force));
-                return Ok(Some(Holding { tick, degrees, links, forces }));
+                return Ok(Some(OpposedGrip { tick, degrees, links, forces }));
             }
         }
     }
@@ -215,9 +221,9 @@ pub fn move_hand(from: &[f64], to: &[f64], base: Pose, ticks: usize) -> Vec<Plan
     let step = |at: &mut JointVector| {
         let mut velocity = zeros(at.len());
         for (k, angle) in at.iter_mut().enumerate() {
-            let way = (to[k] - *angle).clamp(-2e-3, 2e-3);
-            *angle += way;
-            velocity[k] = way / TICK_SECS;
+            let increment = (to[k] - *angle).clamp(-2e-3, 2e-3);
+            *angle += increment;
+            velocity[k] = increment / TICK_SECS;
         }
         PlantCommand { position: at.clone(), velocity, world_from_base: base }
     };
@@ -236,10 +242,11 @@ pub fn testbed(config: TrialConfig, base: Option<Pose>) -> Testbed {
     ]
     .concat();
     let base = base.unwrap_or_else(|| config.setup.body.shoulder_pose(&Default::default()));
-    let options = DynamicsOptions::of(&config.physics);
+    let options = DynamicsOptions::from_config(&config.physics);
     let task = config.build_task(&model).expect("a task that ships");
-    let plant = OdePlant::new(&model, task.scene(), &start, &base, options).expect("a plant of this arm");
-    let parts = Parts {
+    let plant =
+        RigidBodyPlant::new(&model, task.scene(), &start, &base, options).expect("a plant of this arm");
+    let parts = TestbedParts {
         arm: config.arm.clone(),
         kinematics: Box::new(Kinematics::new(&model).expect("the arm is usable")),
         plant: Box::new(plant),

@@ -1,5 +1,5 @@
-use crate::{ChannelFault, Light};
-use proact_types::{EmgSample, GestureName};
+use crate::{ChannelFault, ChannelStatus};
+use proact_types::{EmgSample, Gesture};
 use serde::{Deserialize, Serialize};
 
 /// What the person is asked for.
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct Prompt {
     /// The gesture.
-    pub gesture: GestureName,
+    pub gesture: Gesture,
     /// Which repetition of it, from 0.
     pub repetition: usize,
 }
@@ -16,7 +16,7 @@ pub struct Prompt {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(tag = "name", rename_all = "snake_case")]
-pub enum Phase {
+pub enum CalibrationPhase {
     /// A channel or the stream is red, or no samples come: the prompt waits.
     Blocked {
         /// What comes next.
@@ -27,7 +27,8 @@ pub enum Phase {
         /// What is asked for.
         prompt: Prompt,
         /// Seconds until the recording begins.
-        left_secs: f64,
+        #[serde(rename = "left_secs")]
+        remaining_secs: f64,
     },
     /// The gesture is being recorded.
     Recording {
@@ -45,7 +46,7 @@ pub enum Phase {
 /// Why a repetition was not kept.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "reason", rename_all = "snake_case")]
-pub enum Refusal {
+pub enum RepetitionRejection {
     /// Too many samples were lost on the way, or one was unusable.
     Gap {
         /// Samples lost in this repetition; 0 for one with a NaN or another number of channels.
@@ -72,11 +73,11 @@ pub enum CalibrationEvent {
     /// Recording began.
     Recording(Prompt),
     /// The repetition was kept.
-    Kept(Prompt),
+    RepetitionAccepted(Prompt),
     /// The repetition was not kept, and the same prompt comes again.
-    Refused(Prompt, Refusal),
+    RepetitionRejected(Prompt, RepetitionRejection),
     /// The prompt waits: red, or no samples.
-    Blocked(Prompt, Refusal),
+    Blocked(Prompt, RepetitionRejection),
     /// All gestures of a round were recorded. There is a report from the second round on.
     RoundFinished,
 }
@@ -85,9 +86,9 @@ pub enum CalibrationEvent {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Repetition {
     /// What the person was asked for.
-    pub gesture: GestureName,
+    pub gesture: Gesture,
     /// Raw codes; counters rise by one, and step over samples that were lost.
     pub samples: Vec<EmgSample>,
     /// The worst light; never red.
-    pub light: Light,
+    pub status: ChannelStatus,
 }

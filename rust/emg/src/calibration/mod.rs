@@ -7,14 +7,14 @@ mod score;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use config::moving;
-pub use config::{CalibrationConfig, ZeroLevel};
-pub use events::{CalibrationEvent, Phase, Prompt, Refusal, Repetition};
+pub(crate) use config::prompted_gestures;
+pub use config::{CalibrationConfig, DcOffsetSource};
+pub use events::{CalibrationEvent, CalibrationPhase, Prompt, Repetition, RepetitionRejection};
 pub use score::{CalibrationReport, DriveScore, RepetitionScore, cross_validate};
 
-use crate::model::{centred, check_imu, median};
-use crate::{ChannelQuality, EmgConfig, EmgError, EmgModel, Light, QualityMonitor, StreamQuality};
-use proact_types::{EmgSample, GestureName, SimTime};
+use crate::model::{check_imu, median, subtract_dc_offset};
+use crate::{ChannelQuality, ChannelStatus, EmgConfig, EmgError, EmgModel, QualityMonitor, StreamQuality};
+use proact_types::{EmgSample, Gesture, SimTime};
 use std::collections::VecDeque;
 
 /// Silence after which no prompt goes on, milliseconds.
@@ -30,14 +30,14 @@ const SILENCE_MILLIS: u64 = 500;
 pub struct Calibration {
     config: CalibrationConfig,
     quality: QualityMonitor,
-    kept: Vec<Repetition>,
-    waiting: VecDeque<GestureName>,
+    accepted: Vec<Repetition>,
+    pending_gestures: VecDeque<Gesture>,
     state: State,
     /// Time of the newest sample.
-    heard: Option<SimTime>,
+    last_sample_at: Option<SimTime>,
     now: SimTime,
     report: Option<CalibrationReport>,
-    refusals: usize,
+    consecutive_rejections: usize,
 }
 
 #[derive(Clone, Debug)]
@@ -46,7 +46,7 @@ enum State {
     Next,
     Blocked(Prompt),
     Preparing(Prompt, SimTime),
-    Recording(Prompt, Vec<EmgSample>, Light),
+    Recording(Prompt, Vec<EmgSample>, ChannelStatus),
     Reviewing,
     Finished,
 }
@@ -64,13 +64,13 @@ impl Calibration {
         Ok(Calibration {
             config,
             quality,
-            kept: Vec::new(),
-            waiting,
+            accepted: Vec::new(),
+            pending_gestures: waiting,
             state: State::Next,
-            heard: None,
+            last_sample_at: None,
             now: SimTime(0),
             report: None,
-            refusals: 0,
+            consecutive_rejections: 0,
         })
     }
 
@@ -84,10 +84,10 @@ impl Calibration {
         self.now = now;
         self.advance(&mut events)?;
         for sample in samples {
-            let mut level = self.config.emg.electrodes(sample);
-            level.channels.iter_mut().for_each(|v| *v -= self.config.nominal_zero);
+            let mut level = self.config.emg.electrode_sample(sample);
+            level.channels.iter_mut().for_each(|v| *v -= self.config.nominal_dc_offset);
             self.quality.push(now, &level);
-            self.heard = Some(now);
+            self.last_sample_at = Some(now);
             self.record(sample, &mut events);
             self.advance(&mut events)?;
         }
@@ -97,38 +97,40 @@ impl Calibration {
     /// Goes on to the next prompt where one is due.
     fn advance(&mut self, events: &mut Vec<CalibrationEvent>) -> Result<(), EmgError> {
         match &self.state {
-            State::Next => match self.waiting.front() {
+            State::Next => match self.pending_gestures.front() {
                 Some(&gesture) => {
                     let prompt = Prompt { gesture, repetition: self.count(gesture) };
                     self.prompt(prompt, events);
                 }
                 None => {
                     self.state = State::Reviewing;
-                    self.judge()?;
+                    self.score_repetitions()?;
                     events.push(CalibrationEvent::RoundFinished);
                 }
             },
             State::Blocked(prompt) => {
                 let prompt = *prompt;
-                if self.trouble().is_none() {
+                if self.blocking_reason().is_none() {
                     self.prompt(prompt, events);
                 }
             }
             State::Preparing(prompt, begins) if self.now >= *begins => {
                 let prompt = *prompt;
-                match self.trouble() {
+                match self.blocking_reason() {
                     Some(trouble) => {
                         self.state = State::Blocked(prompt);
                         events.push(CalibrationEvent::Blocked(prompt, trouble));
                     }
                     None => {
                         let samples = Vec::with_capacity(self.config.samples());
-                        self.state = State::Recording(prompt, samples, Light::Green);
+                        self.state = State::Recording(prompt, samples, ChannelStatus::Green);
                         events.push(CalibrationEvent::Recording(prompt));
                     }
                 }
             }
-            State::Recording(..) if self.silent() => self.refuse(Refusal::Silence, events),
+            State::Recording(..) if self.is_silent() => {
+                self.reject_repetition(RepetitionRejection::Silence, events)
+            }
             _ => {}
         }
         Ok(())
@@ -142,7 +144,7 @@ impl Calibration {
 
     /// Adds a sample to the repetition that is being recorded.
     fn record(&mut self, sample: &EmgSample, events: &mut Vec<CalibrationEvent>) {
-        let light = self.quality.light();
+        let light = self.quality.status();
         let State::Recording(prompt, samples, worst) = &mut self.state else { return };
         let prompt = *prompt;
         *worst = light.max(*worst);
@@ -150,15 +152,19 @@ impl Calibration {
         if sample.counter < expected && expected - sample.counter <= self.config.samples() as u64 {
             return; // Repeated or late: it has been counted already.
         }
-        let usable = usable(&self.config.emg, sample);
+        let usable = is_usable(&self.config.emg, sample);
         let begin = samples.first().map_or(sample.counter, |s| s.counter);
         // Up to this sample; a counter that began anew is before its begin.
         let span = sample.counter.checked_sub(begin);
         let length = self.config.samples();
         let gap = sample.counter.saturating_sub(expected);
         let lost = span.map_or(0, |span| span.saturating_sub(samples.len() as u64));
-        if span.is_none() || sample.counter < expected || !usable || !self.config.stands(gap, lost, length) {
-            self.refuse(Refusal::Gap { lost: if usable { lost } else { 0 } }, events);
+        if span.is_none()
+            || sample.counter < expected
+            || !usable
+            || !self.config.gap_is_acceptable(gap, lost, length)
+        {
+            self.reject_repetition(RepetitionRejection::Gap { lost: if usable { lost } else { 0 } }, events);
             return;
         }
         // The end may lie in a gap.
@@ -166,96 +172,99 @@ impl Calibration {
         if !over {
             samples.push(sample.clone());
         }
-        if *worst == Light::Red {
-            let red = self.red();
-            self.refuse(red, events);
+        if *worst == ChannelStatus::Red {
+            let red = self.red_status();
+            self.reject_repetition(red, events);
         } else if over || span.is_some_and(|span| span + 1 == length as u64) {
             let (samples, light) = (std::mem::take(samples), *worst);
             if check_imu(&self.config.emg, prompt.gesture, &samples).is_err() {
-                self.refuse(Refusal::Imu, events);
+                self.reject_repetition(RepetitionRejection::Imu, events);
                 return;
             }
-            self.kept.push(Repetition { gesture: prompt.gesture, samples, light });
-            self.waiting.pop_front();
-            self.refusals = 0;
+            self.accepted.push(Repetition { gesture: prompt.gesture, samples, status: light });
+            self.pending_gestures.pop_front();
+            self.consecutive_rejections = 0;
             self.state = State::Next;
-            events.push(CalibrationEvent::Kept(prompt));
+            events.push(CalibrationEvent::RepetitionAccepted(prompt));
         }
     }
 
-    fn refuse(&mut self, refusal: Refusal, events: &mut Vec<CalibrationEvent>) {
+    fn reject_repetition(&mut self, refusal: RepetitionRejection, events: &mut Vec<CalibrationEvent>) {
         if let State::Recording(prompt, ..) = self.state {
-            self.refusals += 1;
+            self.consecutive_rejections += 1;
             self.state = State::Next;
-            events.push(CalibrationEvent::Refused(prompt, refusal));
+            events.push(CalibrationEvent::RepetitionRejected(prompt, refusal));
         }
     }
 
-    fn silent(&self) -> bool {
-        self.heard.is_none_or(|at| self.now.millis_since(at) > SILENCE_MILLIS)
+    fn is_silent(&self) -> bool {
+        self.last_sample_at.is_none_or(|at| self.now.millis_since(at) > SILENCE_MILLIS)
     }
 
     /// What forbids recording now.
-    fn trouble(&self) -> Option<Refusal> {
-        if self.silent() {
-            return Some(Refusal::Silence);
+    fn blocking_reason(&self) -> Option<RepetitionRejection> {
+        if self.is_silent() {
+            return Some(RepetitionRejection::Silence);
         }
-        (self.quality.light() == Light::Red).then(|| self.red())
+        (self.quality.status() == ChannelStatus::Red).then(|| self.red_status())
     }
 
-    fn red(&self) -> Refusal {
+    fn red_status(&self) -> RepetitionRejection {
         let channels = self.quality.channels().iter().enumerate();
-        Refusal::Red {
-            channels: channels.filter(|(_, q)| q.light == Light::Red).map(|(k, q)| (k, q.fault)).collect(),
-            stream: self.quality.stream().light == Light::Red,
+        RepetitionRejection::Red {
+            channels: channels
+                .filter(|(_, q)| q.status == ChannelStatus::Red)
+                .map(|(k, q)| (k, q.fault))
+                .collect(),
+            stream: self.quality.stream().status == ChannelStatus::Red,
         }
     }
 
-    fn count(&self, gesture: GestureName) -> usize {
-        self.kept.iter().filter(|r| r.gesture == gesture).count()
+    fn count(&self, gesture: Gesture) -> usize {
+        self.accepted.iter().filter(|r| r.gesture == gesture).count()
     }
 
     /// Judges all repetitions, if there are two of each gesture.
-    fn judge(&mut self) -> Result<(), EmgError> {
+    fn score_repetitions(&mut self) -> Result<(), EmgError> {
         self.report = None;
         if self.config.gestures.iter().any(|g| self.count(*g) < 2) {
             return Ok(());
         }
-        let centring = self.centring();
+        let dc_offset = self.dc_offset();
         let level = |r: &Repetition| {
-            let samples = r.samples.iter().map(|s| centred(s, &centring)).collect();
+            let samples = r.samples.iter().map(|s| subtract_dc_offset(s, &dc_offset)).collect();
             (r.gesture, samples)
         };
-        let repetitions: Vec<(GestureName, Vec<EmgSample>)> = self.kept.iter().map(level).collect();
+        let repetitions: Vec<(Gesture, Vec<EmgSample>)> = self.accepted.iter().map(level).collect();
         let emg = &self.config.emg;
         let mut report = cross_validate(emg, &repetitions)?;
         if !emg.imu.features.is_empty() {
             let without = EmgConfig { imu: emg.imu.without_features(), ..emg.clone() };
             report.accuracy_without_imu = Some(cross_validate(&without, &repetitions)?.accuracy);
         }
-        let recognised = report.accuracy >= self.config.target_accuracy
+        let is_recognized = report.accuracy >= self.config.target_accuracy
             && report.recall.iter().all(|recall| *recall >= self.config.target_recall);
         // What counts for a regressor is how far it drives, not which gesture is driven most.
         let driven = report.drives.iter().all(|drive| drive.r2 >= self.config.target_r2);
-        let reached = if report.drives.is_empty() { recognised } else { driven };
+        let reached = if report.drives.is_empty() { is_recognized } else { driven };
         report.good_enough = report.rounds >= self.config.needed_rounds() && reached;
         self.report = Some(report);
         Ok(())
     }
 
     /// The zero level of each channel, as far as it is known.
-    pub fn centring(&self) -> Vec<f64> {
+    pub fn dc_offset(&self) -> Vec<f64> {
         let channels = self.config.emg.channels;
-        match self.config.zero {
-            ZeroLevel::Fixed(level) => vec![level; channels],
-            ZeroLevel::RestMedian => {
+        match self.config.dc_offset {
+            DcOffsetSource::Fixed(level) => vec![level; channels],
+            DcOffsetSource::RestMedian => {
                 let at_rest = |r: &&Repetition| r.gesture == self.config.emg.rest;
-                let rested = self.kept.iter().any(|r| at_rest(&r));
+                let rested = self.accepted.iter().any(|r| at_rest(&r));
                 let samples: Vec<&EmgSample> =
-                    self.kept.iter().filter(|r| !rested || at_rest(r)).flat_map(|r| &r.samples).collect();
+                    self.accepted.iter().filter(|r| !rested || at_rest(r)).flat_map(|r| &r.samples).collect();
                 (0..channels)
                     .map(|c| median(samples.iter().map(|s| s.channels[c]).collect()))
-                    .map(|level| level.unwrap_or(self.config.nominal_zero))
+                    .map(|level| level.unwrap_or(self.config.nominal_dc_offset))
                     .collect()
             }
         }
@@ -266,12 +275,12 @@ impl Calibration {
     ///
     /// # Errors
     /// A gesture that is not asked for, a gap, too few samples for a window, or samples that are unusable.
-    pub fn add(&mut self, gesture: impl Into<GestureName>, samples: Vec<EmgSample>) -> Result<(), EmgError> {
+    pub fn add(&mut self, gesture: impl Into<Gesture>, samples: Vec<EmgSample>) -> Result<(), EmgError> {
         let gesture = gesture.into();
         if !self.config.gestures.contains(&gesture) {
             return Err(EmgError::NotTrained(gesture));
         }
-        if let Some(bad) = samples.iter().find(|s| !usable(&self.config.emg, s)) {
+        if let Some(bad) = samples.iter().find(|s| !is_usable(&self.config.emg, s)) {
             let (counter, channels) = (bad.counter, bad.channels.len());
             let expected = self.config.emg.sample_channels();
             return Err(EmgError::BadSample { counter, channels, expected });
@@ -282,7 +291,7 @@ impl Calibration {
             let (after, next) = (pair[0].counter, pair[1].counter);
             let gap = next.checked_sub(after).and_then(|step| step.checked_sub(1));
             lost = lost.saturating_add(gap.unwrap_or(0));
-            if gap.is_none_or(|gap| !self.config.stands(gap, lost, length)) {
+            if gap.is_none_or(|gap| !self.config.gap_is_acceptable(gap, lost, length)) {
                 return Err(EmgError::Gap { after, next });
             }
         }
@@ -290,7 +299,7 @@ impl Calibration {
         if samples.len() < window {
             return Err(EmgError::ShortRepetition { gesture, got: samples.len(), expected: window });
         }
-        self.kept.push(Repetition { gesture, samples, light: Light::Green });
+        self.accepted.push(Repetition { gesture, samples, status: ChannelStatus::Green });
         Ok(())
     }
 
@@ -299,22 +308,22 @@ impl Calibration {
     ///
     /// # Errors
     /// As [`Calibration::add`] and [`Calibration::review`].
-    pub fn resume(&mut self, kept: Vec<(GestureName, Vec<EmgSample>)>) -> Result<(), EmgError> {
+    pub fn resume(&mut self, kept: Vec<(Gesture, Vec<EmgSample>)>) -> Result<(), EmgError> {
         for (gesture, samples) in kept {
             self.add(gesture, samples)?;
         }
         let round = self.config.gestures.iter().map(|gesture| self.count(*gesture)).max().unwrap_or(0);
         // One that is lacking from an earlier round was dropped to be recorded again.
-        self.waiting = (0..round)
+        self.pending_gestures = (0..round)
             .flat_map(|before| self.config.gestures.iter().map(move |gesture| (before, *gesture)))
             .filter(|(before, gesture)| self.count(*gesture) <= *before)
             .map(|(_, gesture)| gesture)
             .collect();
         if round == 0 {
-            self.waiting = self.config.gestures.iter().copied().collect();
+            self.pending_gestures = self.config.gestures.iter().copied().collect();
         }
         self.state = State::Next;
-        if self.waiting.is_empty() { self.review() } else { Ok(()) }
+        if self.pending_gestures.is_empty() { self.review() } else { Ok(()) }
     }
 
     /// Ends prompting and judges what there is.
@@ -322,16 +331,16 @@ impl Calibration {
     /// # Errors
     /// What the classifier refuses.
     pub fn review(&mut self) -> Result<(), EmgError> {
-        self.waiting.clear();
+        self.pending_gestures.clear();
         self.state = State::Reviewing;
-        self.judge()
+        self.score_repetitions()
     }
 
     /// Begins another round. False unless a round is being reviewed and there may be more.
-    pub fn proceed(&mut self) -> bool {
-        let may = matches!(self.state, State::Reviewing) && self.rounds() < self.config.most_rounds;
+    pub fn start_next_round(&mut self) -> bool {
+        let may = matches!(self.state, State::Reviewing) && self.rounds() < self.config.max_rounds;
         if may {
-            self.waiting = self.config.gestures.iter().copied().collect();
+            self.pending_gestures = self.config.gestures.iter().copied().collect();
             self.state = State::Next;
         }
         may
@@ -339,19 +348,19 @@ impl Calibration {
 
     /// Drops a repetition of a gesture, the newest if none is named, and asks for the gesture again. False unless a
     /// round is being reviewed and there is such a repetition.
-    pub fn record_again(&mut self, gesture: impl Into<GestureName>, repetition: Option<usize>) -> bool {
+    pub fn redo_repetition(&mut self, gesture: impl Into<Gesture>, repetition: Option<usize>) -> bool {
         let gesture = gesture.into();
         if !matches!(self.state, State::Reviewing) {
             return false;
         }
-        let mut of_gesture = (0..self.kept.len()).filter(|k| self.kept[*k].gesture == gesture);
+        let mut of_gesture = (0..self.accepted.len()).filter(|k| self.accepted[*k].gesture == gesture);
         let index = match repetition {
             None => of_gesture.next_back(),
             Some(number) => of_gesture.nth(number),
         };
         let Some(index) = index else { return false };
-        self.kept.remove(index);
-        self.waiting.push_back(gesture);
+        self.accepted.remove(index);
+        self.pending_gestures.push_back(gesture);
         self.state = State::Next;
         true
     }
@@ -361,34 +370,34 @@ impl Calibration {
     /// # Errors
     /// What [`EmgModel::train`] refuses, such as fewer than two gestures; the session goes on then.
     pub fn finish(&mut self) -> Result<EmgModel, EmgError> {
-        let slices: Vec<(GestureName, &[EmgSample])> =
-            self.kept.iter().map(|r| (r.gesture, r.samples.as_slice())).collect();
-        let model = EmgModel::train(&self.config.emg, &self.centring(), &slices)?;
+        let slices: Vec<(Gesture, &[EmgSample])> =
+            self.accepted.iter().map(|r| (r.gesture, r.samples.as_slice())).collect();
+        let model = EmgModel::train(&self.config.emg, &self.dc_offset(), &slices)?;
         self.state = State::Finished;
         Ok(model)
     }
 
     /// What the session is doing.
-    pub fn phase(&self) -> Phase {
+    pub fn phase(&self) -> CalibrationPhase {
         match &self.state {
-            State::Next => match self.waiting.front() {
+            State::Next => match self.pending_gestures.front() {
                 Some(&gesture) => {
                     let prompt = Prompt { gesture, repetition: self.count(gesture) };
-                    Phase::Preparing { prompt, left_secs: self.config.prepare_secs }
+                    CalibrationPhase::Preparing { prompt, remaining_secs: self.config.prepare_secs }
                 }
-                None => Phase::Reviewing,
+                None => CalibrationPhase::Reviewing,
             },
-            State::Blocked(prompt) => Phase::Blocked { prompt: *prompt },
+            State::Blocked(prompt) => CalibrationPhase::Blocked { prompt: *prompt },
             State::Preparing(prompt, begins) => {
                 let left_secs = begins.0.saturating_sub(self.now.0) as f64 / 1000.0;
-                Phase::Preparing { prompt: *prompt, left_secs }
+                CalibrationPhase::Preparing { prompt: *prompt, remaining_secs: left_secs }
             }
-            State::Recording(prompt, samples, _) => Phase::Recording {
+            State::Recording(prompt, samples, _) => CalibrationPhase::Recording {
                 prompt: *prompt,
-                share: recorded(samples) as f64 / self.config.samples().max(1) as f64,
+                share: recorded_span(samples) as f64 / self.config.samples().max(1) as f64,
             },
-            State::Reviewing => Phase::Reviewing,
-            State::Finished => Phase::Finished,
+            State::Reviewing => CalibrationPhase::Reviewing,
+            State::Finished => CalibrationPhase::Finished,
         }
     }
 
@@ -396,10 +405,10 @@ impl Calibration {
     /// named, or nothing is asked for.
     pub fn position(&self) -> Option<&str> {
         match self.phase() {
-            Phase::Blocked { prompt } | Phase::Preparing { prompt, .. } | Phase::Recording { prompt, .. } => {
-                self.config.position_of(prompt.repetition)
-            }
-            Phase::Reviewing | Phase::Finished => None,
+            CalibrationPhase::Blocked { prompt }
+            | CalibrationPhase::Preparing { prompt, .. }
+            | CalibrationPhase::Recording { prompt, .. } => self.config.position_of(prompt.repetition),
+            CalibrationPhase::Reviewing | CalibrationPhase::Finished => None,
         }
     }
 
@@ -415,12 +424,12 @@ impl Calibration {
 
     /// What was kept, oldest first.
     pub fn repetitions(&self) -> &[Repetition] {
-        &self.kept
+        &self.accepted
     }
 
     /// Repetitions refused in a row: after a few the person should look at the band instead of trying on.
-    pub fn refusals(&self) -> usize {
-        self.refusals
+    pub fn consecutive_rejections(&self) -> usize {
+        self.consecutive_rejections
     }
 
     /// Lights per channel.
@@ -440,15 +449,15 @@ impl Calibration {
 }
 
 /// Of the stream's length, and what decisions need are numbers.
-fn usable(config: &EmgConfig, sample: &EmgSample) -> bool {
-    let used = config.imu.used();
+fn is_usable(config: &EmgConfig, sample: &EmgSample) -> bool {
+    let used = config.imu.feature_indices();
     let needed = |k: usize| k < config.channels || used.contains(&(k - config.channels));
     sample.channels.len() == config.sample_channels()
         && sample.channels.iter().enumerate().all(|(k, v)| v.is_finite() || !needed(k))
 }
 
 /// Samples from the first to the newest, those that were lost included.
-fn recorded(samples: &[EmgSample]) -> u64 {
+fn recorded_span(samples: &[EmgSample]) -> u64 {
     match (samples.first(), samples.last()) {
         (Some(first), Some(last)) => last.counter - first.counter + 1,
         _ => 0,

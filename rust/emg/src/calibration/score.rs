@@ -1,7 +1,7 @@
 use crate::classifier::distinct;
-use crate::moments::Moments;
-use crate::{Classifier, EmgConfig, EmgError, FeatureVector, extract_with_amplitudes};
-use proact_types::{DegreeOfFreedom, EmgSample, GestureName};
+use crate::moments::ClassMoments;
+use crate::{Classifier, EmgConfig, EmgError, FeatureVector, extract_features_with_amplitudes};
+use proact_types::{DegreeOfFreedom, EmgSample, Gesture};
 use serde::{Deserialize, Serialize};
 
 /// What is known of one repetition.
@@ -9,13 +9,14 @@ use serde::{Deserialize, Serialize};
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct RepetitionScore {
     /// What the person was asked for.
-    pub gesture: GestureName,
+    pub gesture: Gesture,
     /// Number of the repetition of this gesture, from 0.
     pub repetition: usize,
     /// Windows in it.
     pub windows: usize,
     /// Share of its windows that a classifier trained on the other repetitions recognises.
-    pub recognised: f64,
+    #[serde(rename = "recognised")]
+    pub recognized_share: f64,
     /// How far its mean lies from that of the other repetitions of the gesture, in standard deviations within the
     /// gestures, root mean square over features.
     pub distance: f64,
@@ -39,7 +40,7 @@ pub struct DriveScore {
 
 impl DriveScore {
     /// Of the target and the drive of each window.
-    pub fn of(drive: DegreeOfFreedom, windows: &[(f64, f64)]) -> DriveScore {
+    pub fn from_windows(drive: DegreeOfFreedom, windows: &[(f64, f64)]) -> DriveScore {
         let count = windows.len().max(1) as f64;
         let mean = windows.iter().map(|(target, _)| target).sum::<f64>() / count;
         let spread: f64 = windows.iter().map(|(target, _)| (target - mean).powi(2)).sum();
@@ -61,7 +62,7 @@ pub struct CalibrationReport {
     /// Windows tested.
     pub windows: usize,
     /// The gesture of each row and column.
-    pub classes: Vec<GestureName>,
+    pub classes: Vec<Gesture>,
     /// `[true class][recognised class]`, numbers of windows.
     pub confusion: Vec<Vec<usize>>,
     /// Share of the windows of each class that were recognised.
@@ -91,11 +92,11 @@ impl CalibrationReport {
 /// place lie below 0.9, those of a turned band at 2 to 9, rest aside, which looks alike at every position.
 const OUTLIER_DISTANCE: f64 = 2.0;
 /// Below this share recognised a repetition is an outlier.
-const OUTLIER_RECOGNISED: f64 = 0.5;
+const OUTLIER_RECOGNIZED_SHARE: f64 = 0.5;
 
 /// Features of one repetition.
-struct Windows {
-    gesture: GestureName,
+struct RepetitionWindows {
+    gesture: Gesture,
     repetition: usize,
     vectors: Vec<FeatureVector>,
     amplitudes: Vec<f64>,
@@ -106,22 +107,22 @@ struct Windows {
 /// is left out together. Deterministic.
 ///
 /// # Errors
-/// Fewer than two repetitions of a gesture, or what [`crate::extract`] and [`Classifier::train`] refuse.
-pub fn cross_validate<G: Copy + Into<GestureName>>(
+/// Fewer than two repetitions of a gesture, or what [`crate::extract_features`] and [`Classifier::train`] refuse.
+pub fn cross_validate<G: Copy + Into<Gesture>>(
     config: &EmgConfig,
     repetitions: &[(G, Vec<EmgSample>)],
 ) -> Result<CalibrationReport, EmgError> {
-    let learnt = || repetitions.iter().filter(|(gesture, _)| config.learns((*gesture).into()));
+    let learnt = || repetitions.iter().filter(|(gesture, _)| config.trains_on((*gesture).into()));
     let classes = distinct(learnt().map(|(gesture, _)| (*gesture).into()));
     let mut counts = vec![0; classes.len()];
     let mut all = Vec::with_capacity(repetitions.len());
     for (gesture, samples) in learnt() {
-        let gesture: GestureName = (*gesture).into();
-        let (vectors, amplitudes) = extract_with_amplitudes(config, samples)?;
+        let gesture: Gesture = (*gesture).into();
+        let (vectors, amplitudes) = extract_features_with_amplitudes(config, samples)?;
         let Ok(class) = classes.binary_search(&gesture) else { continue };
         let repetition = counts[class];
         counts[class] += 1;
-        all.push(Windows { gesture, repetition, vectors, amplitudes });
+        all.push(RepetitionWindows { gesture, repetition, vectors, amplitudes });
     }
     if let Some((gesture, got)) = classes.iter().zip(&counts).find(|(_, count)| **count < 2) {
         return Err(EmgError::TooFewRepetitions { gesture: *gesture, got: *got });
@@ -132,16 +133,16 @@ pub fn cross_validate<G: Copy + Into<GestureName>>(
         if config.classifier.is_regression() { &config.regression.drives } else { &[] };
     let mut drives = vec![Vec::new(); driven.len()];
     for left_out in 0..counts.iter().copied().max().unwrap_or(0) {
-        let (tested, trained): (Vec<&Windows>, Vec<&Windows>) =
+        let (tested, trained): (Vec<&RepetitionWindows>, Vec<&RepetitionWindows>) =
             all.iter().partition(|w| w.repetition == left_out);
         let (classifier, moments) = train(config, &classes, &trained)?;
-        for Windows { gesture, repetition, vectors, .. } in tested {
+        for RepetitionWindows { gesture, repetition, vectors, .. } in tested {
             let Some(row) = classes.iter().position(|g| g == gesture) else { continue };
-            let mut recognised = 0;
+            let mut correct_count = 0;
             for vector in vectors {
                 let prediction = classifier.predict(vector)?;
                 let class = prediction.class;
-                recognised += usize::from(class == *gesture);
+                correct_count += usize::from(class == *gesture);
                 for ((windows, drive), value) in drives.iter_mut().zip(driven).zip(&prediction.drives) {
                     windows.push((drive.target(*gesture), *value));
                 }
@@ -150,11 +151,18 @@ pub fn cross_validate<G: Copy + Into<GestureName>>(
                 }
             }
             let windows = vectors.len();
-            let recognised = recognised as f64 / windows.max(1) as f64;
+            let recognized_share = correct_count as f64 / windows.max(1) as f64;
             let distance = moments.distance(row, &mean(vectors));
-            let outlier = distance > OUTLIER_DISTANCE || recognised < OUTLIER_RECOGNISED;
+            let outlier = distance > OUTLIER_DISTANCE || recognized_share < OUTLIER_RECOGNIZED_SHARE;
             let (gesture, repetition) = (*gesture, *repetition);
-            scores.push(RepetitionScore { gesture, repetition, windows, recognised, distance, outlier });
+            scores.push(RepetitionScore {
+                gesture,
+                repetition,
+                windows,
+                recognized_share,
+                distance,
+                outlier,
+            });
         }
     }
     scores.sort_by_key(|s| (s.gesture, s.repetition));
@@ -169,7 +177,11 @@ pub fn cross_validate<G: Copy + Into<GestureName>>(
         classes,
         confusion,
         repetitions: scores,
-        drives: driven.iter().zip(&drives).map(|(drive, windows)| DriveScore::of(*drive, windows)).collect(),
+        drives: driven
+            .iter()
+            .zip(&drives)
+            .map(|(drive, windows)| DriveScore::from_windows(*drive, windows))
+            .collect(),
         accuracy_without_imu: None,
         good_enough: false,
     })
@@ -177,9 +189,9 @@ pub fn cross_validate<G: Copy + Into<GestureName>>(
 
 fn train(
     config: &EmgConfig,
-    classes: &[GestureName],
-    trained: &[&Windows],
-) -> Result<(Classifier, Moments), EmgError> {
+    classes: &[Gesture],
+    trained: &[&RepetitionWindows],
+) -> Result<(Classifier, ClassMoments), EmgError> {
     let (mut vectors, mut labels, mut amplitudes) = (Vec::new(), Vec::new(), Vec::new());
     for windows in trained {
         vectors.extend(windows.vectors.iter().cloned());
@@ -187,9 +199,9 @@ fn train(
         labels.resize(vectors.len(), windows.gesture);
     }
     let classifier = Classifier::train_with_amplitudes(config, &vectors, &labels, &amplitudes)?;
-    let class = |gesture: &GestureName| classes.iter().position(|g| g == gesture);
+    let class = |gesture: &Gesture| classes.iter().position(|g| g == gesture);
     let numbers: Vec<usize> = labels.iter().filter_map(class).collect();
-    Ok((classifier, Moments::of(&vectors, &numbers, classes.len())))
+    Ok((classifier, ClassMoments::of(&vectors, &numbers, classes.len())))
 }
 
 fn mean(vectors: &[FeatureVector]) -> Vec<f64> {

@@ -10,7 +10,8 @@ pub(crate) struct NaiveBayes {
     /// `[classes][features]`.
     variances: Vec<Vec<f64>>,
     /// Of the priors.
-    logarithms: Vec<f64>,
+    #[serde(rename = "logarithms")]
+    log_priors: Vec<f64>,
 }
 
 /// Share of the largest variance of a feature over all windows that is added to every variance (scikit-learn's
@@ -39,7 +40,7 @@ impl NaiveBayes {
             (means, variances)
         };
         let (means, variances) = (0..set.classes).map(of_class).unzip();
-        Ok(NaiveBayes { means, variances, logarithms: priors.iter().map(|p| p.ln()).collect() })
+        Ok(NaiveBayes { means, variances, log_priors: priors.iter().map(|p| p.ln()).collect() })
     }
 
     pub(crate) fn classes(&self) -> usize {
@@ -55,9 +56,9 @@ impl NaiveBayes {
         classes >= 2
             && features > 0
             && self.variances.len() == classes
-            && self.logarithms.len() == classes
+            && self.log_priors.len() == classes
             && self.means.iter().chain(&self.variances).all(|row| row.len() == features)
-            && self.means.iter().flatten().chain(&self.logarithms).all(|v| v.is_finite())
+            && self.means.iter().flatten().chain(&self.log_priors).all(|v| v.is_finite())
             && self.variances.iter().flatten().all(|v| v.is_finite() && *v > 0.0)
     }
 
@@ -66,12 +67,12 @@ impl NaiveBayes {
         NaiveBayes {
             means: map(&self.means),
             variances: map(&self.variances),
-            logarithms: self.logarithms.clone(),
+            log_priors: self.log_priors.clone(),
         }
     }
 
     pub(crate) fn scores(&self, features: &[f64], out: &mut [f64]) {
-        let classes = self.means.iter().zip(&self.variances).zip(&self.logarithms);
+        let classes = self.means.iter().zip(&self.variances).zip(&self.log_priors);
         for (score, ((means, variances), logarithm)) in out.iter_mut().zip(classes) {
             let terms = features.iter().zip(means).zip(variances);
             let density = terms.map(|((x, mean), variance)| {

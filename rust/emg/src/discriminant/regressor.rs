@@ -1,8 +1,8 @@
 use super::TrainingSet;
-use crate::lda::decompose;
+use crate::lda::singular_values;
 use crate::{EmgError, RegressionConfig};
 use nalgebra::{DMatrix, DVector};
-use proact_types::{DegreeOfFreedom, Drives, GestureName, MAX_DRIVES};
+use proact_types::{DegreeOfFreedom, Drives, Gesture, MAX_DRIVES};
 use serde::{Deserialize, Serialize};
 
 /// Singular values below this share of the largest, of standardised features, count as zero: constant and duplicated
@@ -18,28 +18,30 @@ const TOLERANCE: f64 = 1e-10;
 pub(crate) struct Regressor {
     drives: Vec<DegreeOfFreedom>,
     /// Class of the positive and of the negative gesture of each drive.
-    places: Vec<[usize; 2]>,
+    #[serde(rename = "places")]
+    class_indices: Vec<[usize; 2]>,
     /// Class of the relaxed hand.
     rest: usize,
     dead_band: f64,
     /// Of each feature in the training.
     means: Vec<f64>,
-    spreads: Vec<f64>,
+    #[serde(rename = "spreads")]
+    sds: Vec<f64>,
     /// `[drives][features]`, of standardised features.
     coefficients: Vec<Vec<f64>>,
     /// `[drives]`.
     intercepts: Vec<f64>,
 }
 
-/// One score a class, from `drives` between -1 and 1 whose positive and negative classes are `places`.
+/// One score a class, from `drives` between -1 and 1 whose positive and negative classes are `class_pairs`.
 pub(super) fn drive_scores(
     drives: &Drives,
-    places: &[[usize; 2]],
+    class_pairs: &[[usize; 2]],
     rest: usize,
     dead_band: f64,
     out: &mut [f64],
 ) {
-    for (&value, [positive, negative]) in drives.iter().zip(places) {
+    for (&value, [positive, negative]) in drives.iter().zip(class_pairs) {
         let towards = |sign: f64| if value * sign < 0.0 { 0.0 } else { value * sign };
         (out[*positive], out[*negative]) = (towards(1.0), towards(-1.0));
     }
@@ -59,11 +61,11 @@ impl Regressor {
     pub(crate) fn fit(
         set: &TrainingSet<'_>,
         config: &RegressionConfig,
-        rest: GestureName,
+        rest: Gesture,
         alpha: f64,
     ) -> Result<Regressor, EmgError> {
         let known = set.gestures;
-        let place = |gesture: GestureName, drive: DegreeOfFreedom| {
+        let class_index = |gesture: Gesture, drive: DegreeOfFreedom| {
             let missing = || EmgError::NoDriveGesture {
                 gesture: gesture.to_string(),
                 drive: drive.to_string(),
@@ -72,32 +74,32 @@ impl Regressor {
             known.iter().position(|name| *name == gesture).ok_or_else(missing)
         };
         let pair = |drive: &DegreeOfFreedom| {
-            Ok([place(drive.positive(), *drive)?, place(drive.negative(), *drive)?])
+            Ok([class_index(drive.positive(), *drive)?, class_index(drive.negative(), *drive)?])
         };
-        let places: Vec<[usize; 2]> = config.drives.iter().map(pair).collect::<Result<_, EmgError>>()?;
-        let rest_place = known.iter().position(|name| *name == rest);
-        let rest_place = rest_place.ok_or_else(|| EmgError::NoRest { rest, known: known.to_vec() })?;
-        let idle =
-            (0..known.len()).find(|k| *k != rest_place && !places.iter().flatten().any(|place| place == k));
+        let class_pairs: Vec<[usize; 2]> = config.drives.iter().map(pair).collect::<Result<_, EmgError>>()?;
+        let rest_index = known.iter().position(|name| *name == rest);
+        let rest_index = rest_index.ok_or_else(|| EmgError::NoRest { rest, known: known.to_vec() })?;
+        let idle = (0..known.len())
+            .find(|k| *k != rest_index && !class_pairs.iter().flatten().any(|class_index| class_index == k));
         if let Some(idle) = idle {
             return Err(EmgError::UnpairedGesture { gesture: known[idle], drives: config.drives.clone() });
         }
 
-        let (means, spreads) = set.scale();
+        let (means, spreads) = set.mean_and_sd();
         // Finite values whose squares overflow.
         if let Some(index) = spreads.iter().position(|spread| !spread.is_finite()) {
             return Err(EmgError::NotFinite { window: 0, index, value: spreads[index] });
         }
         let windows = set.samples.nrows();
-        let standardised =
+        let standardized =
             DMatrix::from_fn(windows, means.len(), |i, j| (set.samples[(i, j)] - means[j]) / spreads[j]);
-        let (singular, v_t) = decompose(standardised.clone())?;
+        let (singular, v_t) = singular_values(standardized.clone())?;
         let largest = singular.iter().copied().fold(0.0, f64::max);
         if largest.is_nan() || largest <= 0.0 {
             return Err(EmgError::NoVariance);
         }
         // Windows along the directions of the features, so that the squares of the singular values need no inverse alone.
-        let along = standardised * v_t.transpose();
+        let along = standardized * v_t.transpose();
         let fit = |drive: &DegreeOfFreedom| {
             let targets = DVector::from_iterator(
                 windows,
@@ -115,11 +117,11 @@ impl Regressor {
         let (coefficients, intercepts) = config.drives.iter().map(fit).unzip();
         let regressor = Regressor {
             drives: config.drives.clone(),
-            places,
-            rest: rest_place,
+            class_indices: class_pairs,
+            rest: rest_index,
             dead_band: config.dead_band,
             means,
-            spreads,
+            sds: spreads,
             coefficients,
             intercepts,
         };
@@ -146,26 +148,26 @@ impl Regressor {
     /// Whether all lengths fit, every value is finite, and every class is what it is once.
     pub(crate) fn is_sound(&self) -> bool {
         let (drives, features) = (self.drives.len(), self.features());
-        let mut classes: Vec<usize> = self.places.iter().flatten().copied().collect();
+        let mut classes: Vec<usize> = self.class_indices.iter().flatten().copied().collect();
         classes.push(self.rest);
         classes.sort_unstable();
         (1..=MAX_DRIVES).contains(&drives)
             && features > 0
             && classes == (0..self.classes()).collect::<Vec<_>>()
-            && self.spreads.len() == features
+            && self.sds.len() == features
             && self.coefficients.len() == drives
             && self.intercepts.len() == drives
             && self.coefficients.iter().all(|row| row.len() == features)
             && (0.0..1.0).contains(&self.dead_band)
-            && self.spreads.iter().all(|v| v.is_finite() && *v > 0.0)
+            && self.sds.iter().all(|v| v.is_finite() && *v > 0.0)
             && self.means.iter().chain(&self.intercepts).all(|v| v.is_finite())
             && self.coefficients.iter().flatten().all(|v| v.is_finite())
     }
 
     /// Whether the classes are those of `gestures`: a file may have been edited.
-    pub(crate) fn names(&self, gestures: &[GestureName]) -> bool {
-        let at = |place: usize| gestures.get(place).copied();
-        self.drives.iter().zip(&self.places).all(|(drive, [positive, negative])| {
+    pub(crate) fn matches_gestures(&self, gestures: &[Gesture]) -> bool {
+        let at = |index: usize| gestures.get(index).copied();
+        self.drives.iter().zip(&self.class_indices).all(|(drive, [positive, negative])| {
             at(*positive) == Some(drive.positive()) && at(*negative) == Some(drive.negative())
         })
     }
@@ -173,7 +175,7 @@ impl Regressor {
     pub(crate) fn map_features(&self, order: &dyn Fn(&[f64]) -> Vec<f64>) -> Regressor {
         Regressor {
             means: order(&self.means),
-            spreads: order(&self.spreads),
+            sds: order(&self.sds),
             coefficients: self.coefficients.iter().map(|row| order(row)).collect(),
             ..self.clone()
         }
@@ -182,7 +184,7 @@ impl Regressor {
     /// Each drive before the dead band, -1 to 1; NaN where the sum overflows.
     pub(crate) fn predict(&self, features: &[f64]) -> Drives {
         let drive = |(row, intercept): (&Vec<f64>, &f64)| {
-            let terms = features.iter().zip(row).zip(self.means.iter().zip(&self.spreads));
+            let terms = features.iter().zip(row).zip(self.means.iter().zip(&self.sds));
             let sum: f64 = terms.map(|((x, weight), (mean, spread))| weight * (x - mean) / spread).sum();
             let value = sum + intercept;
             if value.is_finite() { value.clamp(-1.0, 1.0) } else { f64::NAN }
@@ -193,7 +195,7 @@ impl Regressor {
     /// One score a class: how far the drive of its gesture is out, and the dead band for rest. The largest is what the hand
     /// does most.
     pub(crate) fn scores(&self, features: &[f64], out: &mut [f64]) {
-        drive_scores(&self.predict(features), &self.places, self.rest, self.dead_band, out);
+        drive_scores(&self.predict(features), &self.class_indices, self.rest, self.dead_band, out);
     }
 
     /// Shares of the scores: they say how the drives compare, not how probable a gesture is.
@@ -207,7 +209,7 @@ impl Regressor {
 mod tests {
     use super::*;
     use crate::DriveScore;
-    use proact_types::Gesture;
+    use proact_types::Command;
 
     /// What scikit-learn 1.9.1 makes of windows of the five gestures, from `tests/make_regression_vectors.py`.
     #[derive(Deserialize)]
@@ -236,10 +238,10 @@ mod tests {
         fn fit(&self, config: &RegressionConfig, alpha: f64) -> Result<Regressor, EmgError> {
             let values = self.train.iter().flatten().copied();
             let samples = DMatrix::from_row_iterator(self.train.len(), self.train[0].len(), values);
-            let gestures = Gesture::ALL.map(GestureName::from);
+            let gestures = Command::ALL.map(Gesture::from);
             let set =
                 TrainingSet { samples: &samples, labels: &self.labels, classes: 5, gestures: &gestures };
-            Regressor::fit(&set, config, GestureName::default(), alpha)
+            Regressor::fit(&set, config, Gesture::default(), alpha)
         }
     }
 
@@ -255,10 +257,10 @@ mod tests {
             println!("alpha {alpha}: drives differ by {worst:.1e}");
             assert!(worst < 1e-12, "alpha {alpha}: {worst}");
             for (k, drive) in config.drives.iter().enumerate() {
-                let target = |class: &usize| drive.target(Gesture::ALL[*class].into());
+                let target = |class: &usize| drive.target(Command::ALL[*class].into());
                 let windows: Vec<(f64, f64)> =
                     reference.truth.iter().map(target).zip(ours.iter().map(|drives| drives[k])).collect();
-                let score = DriveScore::of(*drive, &windows);
+                let score = DriveScore::from_windows(*drive, &windows);
                 assert!(
                     (score.r2 - r2[k]).abs() < 1e-12 && (score.mean_absolute_error - mae[k]).abs() < 1e-12
                 );
@@ -273,12 +275,12 @@ mod tests {
         let json = serde_json::to_string(&regressor).expect("it can be written");
         let read: Regressor = serde_json::from_str(&json).expect("it was just written");
         assert_eq!(read, regressor);
-        assert!(read.names(&Gesture::ALL.map(GestureName::from)));
+        assert!(read.matches_gestures(&Command::ALL.map(Gesture::from)));
         for window in &reference.test {
             let (drives, mut scores) = (regressor.predict(window), [0.0; 5]);
             regressor.scores(window, &mut scores);
             let relaxed = drives.iter().all(|drive| drive.abs() <= 0.3);
-            assert_eq!(scores[Gesture::NoMotion.index()] == 1.0, relaxed, "{drives:?} {scores:?}");
+            assert_eq!(scores[Command::NoMotion.index()] == 1.0, relaxed, "{drives:?} {scores:?}");
             Regressor::posterior(&mut scores);
             assert!((scores.iter().sum::<f64>() - 1.0).abs() < 1e-12);
         }
@@ -316,12 +318,12 @@ mod tests {
         let refused = |change: fn(&mut RegressionConfig)| {
             let mut config = RegressionConfig::default();
             change(&mut config);
-            config.check(GestureName::default()).expect_err("must be refused").to_string()
+            config.check(Gesture::default()).expect_err("must be refused").to_string()
         };
-        assert!(refused(|c| c.alpha = -1.0).contains("regression.alpha is -1"));
-        assert!(refused(|c| c.alpha = f64::NAN).contains("NaN"));
+        assert!(refused(|c| c.ridge_alpha = -1.0).contains("regression.ridge_alpha is -1"));
+        assert!(refused(|c| c.ridge_alpha = f64::NAN).contains("NaN"));
         assert!(refused(|c| c.dead_band = 1.0).contains("regression.dead_band is 1"));
-        assert!(refused(|c| c.smoothing_ms = -1.0).contains("0 to 10000"));
+        assert!(refused(|c| c.smoothing_time_constant_ms = -1.0).contains("0 to 10000"));
         assert!(refused(|c| c.drives.clear()).contains("is 0, expected 1 to 8"));
         assert!(refused(|c| c.drives.push(DegreeOfFreedom::hand())).contains("another's already"));
         assert!(

@@ -4,23 +4,23 @@ use serde::{Deserialize, Serialize};
 /// Probability of the first of two classes as a function of the decision value, `1 / (1 + exp(slope v + offset))` (Platt
 /// 1999).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Sigmoid {
+pub(crate) struct PlattSigmoid {
     pub(crate) slope: f64,
     pub(crate) offset: f64,
 }
 
-impl Sigmoid {
+impl PlattSigmoid {
     /// Fits to decision values, each with whether it is of the first class: Newton's method with backtracking (Lin, Lin and
     /// Weng, Machine Learning 68, 2007).
-    pub(crate) fn fit(decisions: &[(f64, bool)]) -> Sigmoid {
-        const MOST_STEPS: usize = 100;
+    pub(crate) fn fit(decisions: &[(f64, bool)]) -> PlattSigmoid {
+        const MAX_ITERATIONS: usize = 100;
         const RIDGE: f64 = 1e-12;
         let first = decisions.iter().filter(|(_, first)| *first).count() as f64;
         let second = decisions.len() as f64 - first;
         let target =
             |is_first: bool| if is_first { (first + 1.0) / (first + 2.0) } else { 1.0 / (second + 2.0) };
         // Written so that no exponential overflows.
-        let loss = |s: Sigmoid| -> f64 {
+        let loss = |s: PlattSigmoid| -> f64 {
             let term = |(v, is_first): &(f64, bool)| {
                 let z = s.slope * v + s.offset;
                 let t = target(*is_first);
@@ -28,12 +28,12 @@ impl Sigmoid {
             };
             decisions.iter().map(term).sum()
         };
-        let mut s = Sigmoid { slope: 0.0, offset: ((second + 1.0) / (first + 1.0)).ln() };
+        let mut s = PlattSigmoid { slope: 0.0, offset: ((second + 1.0) / (first + 1.0)).ln() };
         let mut now = loss(s);
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_ITERATIONS {
             let (mut aa, mut bb, mut ab, mut a, mut b) = (RIDGE, RIDGE, 0.0, 0.0, 0.0);
             for (v, is_first) in decisions {
-                let p = s.of(*v);
+                let p = s.probability(*v);
                 let (weight, error) = (p * (1.0 - p), target(*is_first) - p);
                 aa += v * v * weight;
                 bb += weight;
@@ -49,7 +49,7 @@ impl Sigmoid {
             let downhill = a * da + b * db;
             let mut step = 1.0;
             let next = loop {
-                let next = Sigmoid { slope: s.slope + step * da, offset: s.offset + step * db };
+                let next = PlattSigmoid { slope: s.slope + step * da, offset: s.offset + step * db };
                 let value = loss(next);
                 if value < now + 1e-4 * step * downhill {
                     break Some((next, value));
@@ -66,7 +66,7 @@ impl Sigmoid {
     }
 
     /// Probability of the first class.
-    pub(crate) fn of(&self, decision: f64) -> f64 {
+    pub(crate) fn probability(&self, decision: f64) -> f64 {
         let z = self.slope * decision + self.offset;
         if z >= 0.0 { (-z).exp() / (1.0 + (-z).exp()) } else { 1.0 / (1.0 + z.exp()) }
     }
@@ -74,7 +74,7 @@ impl Sigmoid {
 
 /// Probabilities of all classes from those of each pair, `pair(i, j)` for i before j (the second method of Wu, Lin and Weng,
 /// Journal of Machine Learning Research 5, 2004). Does not allocate.
-pub(crate) fn couple(pair: impl Fn(usize, usize) -> f64, out: &mut [f64]) {
+pub(crate) fn pairwise_coupling(pair: impl Fn(usize, usize) -> f64, out: &mut [f64]) {
     let classes = out.len();
     let r = |i: usize, j: usize| if i < j { pair(i, j) } else { 1.0 - pair(j, i) };
     let mut q = [[0.0; MAX_GESTURES]; MAX_GESTURES];
@@ -115,16 +115,19 @@ mod tests {
         // At +1 nine of ten are of the first class, at -1 one of ten.
         let side = |v: f64, first: usize| (0..100).map(move |k| (v, k < first));
         let decisions: Vec<_> = side(1.0, 90).chain(side(-1.0, 10)).collect();
-        let fitted = Sigmoid::fit(&decisions);
-        assert!((fitted.of(1.0) - 0.9).abs() < 0.01 && (fitted.of(-1.0) - 0.1).abs() < 0.01, "{fitted:?}");
-        assert!(fitted.of(1e300) <= 1.0 && fitted.of(-1e300) >= 0.0);
+        let fitted = PlattSigmoid::fit(&decisions);
+        assert!(
+            (fitted.probability(1.0) - 0.9).abs() < 0.01 && (fitted.probability(-1.0) - 0.1).abs() < 0.01,
+            "{fitted:?}"
+        );
+        assert!(fitted.probability(1e300) <= 1.0 && fitted.probability(-1e300) >= 0.0);
     }
 
     #[test]
     fn pairs_that_agree_are_coupled_exactly() {
         let p = [0.6, 0.3, 0.1];
         let mut out = [0.0; 3];
-        couple(|i, j| p[i] / (p[i] + p[j]), &mut out);
+        pairwise_coupling(|i, j| p[i] / (p[i] + p[j]), &mut out);
         for (got, expected) in out.iter().zip(p) {
             assert!((got - expected).abs() < 0.01, "{out:?}");
         }

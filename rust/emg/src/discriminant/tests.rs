@@ -6,7 +6,7 @@ struct Reference {
     train: Vec<Vec<f64>>,
     labels: Vec<usize>,
     #[serde(default)]
-    gestures: Vec<GestureName>,
+    gestures: Vec<Gesture>,
     test: Vec<Vec<f64>>,
     truth: Vec<usize>,
     qda: Answers,

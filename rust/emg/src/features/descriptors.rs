@@ -43,10 +43,10 @@ impl<S: Simd> Descriptors<S> {
         let less = x.len() as f64 - 1.0;
         let ([square, square_1, square_2], [length_1, length_2]) = (squares(x), lengths(x));
         // The power of a tenth, divided by a tenth, is the normalisation of TDPSD.
-        let normalised = |moment: Lanes<S>| power(moment, 0.1) / 0.1;
-        let m0 = normalised(square.sqrt() / less);
-        let m2 = normalised((square_1 / less).sqrt());
-        let m4 = normalised((square_2 / less).sqrt());
+        let normalized = |moment: Lanes<S>| power(moment, 0.1) / 0.1;
+        let m0 = normalized(square.sqrt() / less);
+        let m2 = normalized((square_1 / less).sqrt());
+        let m4 = normalized((square_2 / less).sqrt());
         Descriptors {
             m0: ln(m0.abs()),
             m2: ln((m0 - m2).abs()),

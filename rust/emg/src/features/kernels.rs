@@ -3,14 +3,14 @@ use super::autoregression::{burg, cepstrum};
 use super::descriptors::Descriptors;
 use super::entropy::{fuzzy_entropy, sample_entropy};
 use super::phasors::{Radii, phasors};
-use super::spectral::{FOURIER_BANDS, Frequencies, Spectral};
+use super::spectral::{FOURIER_BANDS, SpectralFeatures, SpectralMoments};
 use super::sums::{
-    central_moments, l_score, largest, lengths, magnitude_and_crossings, mean_cube, mean_logarithm,
-    mean_square_root, slope_of_means, squares, steps_beyond, turns_and_length,
+    central_moments, l_score, largest, lengths, magnitude_and_crossings, mav_slope, mean_cube,
+    mean_logarithm, mean_square_root, slope_sign_changes_and_waveform_length, squares, willison_amplitude,
 };
-use super::wavelets::{Band, Wavelets};
-use crate::feature::{AR_ORDER, Shape, wavelet_bands};
-use crate::lanes::{LANES, Lanes, Mask, exp, ln, mean, mean_absolute, where_true};
+use super::wavelets::{WaveletBand, Wavelets};
+use crate::feature::{AR_ORDER, FeatureShape, wavelet_bands};
+use crate::lanes::{LANES, Lanes, Mask, exp, ln, mean, mean_absolute, select_or_zero};
 use crate::{EmgConfig, Feature, FeatureLayout, WindowView};
 use fearless_simd::prelude::*;
 use std::fmt::Debug;
@@ -25,7 +25,7 @@ pub(super) trait Kernels: Debug + Send + Sync {
 
 /// [`Kernels`] with the vectors of `S`.
 #[derive(Clone, Debug)]
-pub(super) struct Vectors<S: Simd> {
+pub(super) struct SimdKernels<S: Simd> {
     simd: S,
     length: usize,
     /// The window's samples, eight channels after the other: `[channels / 8, rounded up][length]`.
@@ -37,16 +37,16 @@ pub(super) struct Vectors<S: Simd> {
     /// Burg's backward errors.
     backward: Vec<Lanes<S>>,
     /// None if no feature is of the spectrum.
-    spectral: Option<Spectral<S>>,
+    spectral: Option<SpectralFeatures<S>>,
     wavelets: Wavelets<S>,
     /// Strength of each channel.
     radii: Vec<Radii>,
-    needs: Needs,
+    needs: RequiredQuantities,
 }
 
 /// Which quantities the set is made of; nothing else is computed.
 #[derive(Clone, Copy, Debug)]
-struct Needs {
+struct RequiredQuantities {
     magnitudes: bool,
     slopes: bool,
     squares: bool,
@@ -76,20 +76,20 @@ struct Block<S: Simd> {
     /// Lanes whose spread is rounding only.
     constant: Mask<S>,
     ar: [Lanes<S>; AR_ORDER],
-    frequencies: Frequencies<S>,
+    frequencies: SpectralMoments<S>,
     fourier: [Lanes<S>; FOURIER_BANDS],
-    wavelets: Vec<Band<S>>,
+    wavelets: Vec<WaveletBand<S>>,
 }
 
 /// What COMP needs of the other channels.
 struct AllChannels {
     /// Sum of the squares of the second differences.
-    bends: f64,
+    second_difference_energy: f64,
 }
 
 /// `apart!(simd, value)`: the value by a function of its own, compiled for the processor's vectors, so that what it sums up
 /// stays in registers.
-macro_rules! apart {
+macro_rules! outlined {
     ($simd:expr, $value:expr) => {
         $simd.vectorize(
             #[inline(always)]
@@ -99,14 +99,14 @@ macro_rules! apart {
 }
 
 /// Samples beyond this may overflow when raised to the fourth power and summed.
-const LARGEST_SAMPLE: f64 = 1e70;
+const MAX_SAMPLE: f64 = 1e70;
 
-impl<S: Simd> Vectors<S> {
+impl<S: Simd> SimdKernels<S> {
     pub(super) fn new(simd: S, config: &EmgConfig, length: usize) -> Self {
         use Feature::*;
         let set = config.features;
         let any = |features: &[Feature]| features.iter().any(|f| set.contains(*f));
-        let needs = Needs {
+        let needs = RequiredQuantities {
             magnitudes: any(&[Mav, Zc]),
             slopes: any(&[Ssc, Wl]),
             descriptors: any(&[M0, M2, M4, Sparsi, Irf, Wlf]),
@@ -120,7 +120,7 @@ impl<S: Simd> Vectors<S> {
         };
         let blocks = config.channels.div_ceil(LANES);
         let zeros = |count: usize| vec![Lanes::splat(simd, 0.0); count];
-        Vectors {
+        SimdKernels {
             simd,
             length,
             samples: zeros(blocks * length),
@@ -128,7 +128,7 @@ impl<S: Simd> Vectors<S> {
             scratch: zeros(length),
             backward: zeros(length),
             spectral: (needs.frequencies || needs.fourier)
-                .then(|| Spectral::new(simd, length, config.rate_hz)),
+                .then(|| SpectralFeatures::new(simd, length, config.rate_hz)),
             wavelets: Wavelets::new(length),
             radii: vec![Radii::default(); config.channels],
             needs,
@@ -141,37 +141,38 @@ impl<S: Simd> Vectors<S> {
         let (simd, needs) = (self.simd, self.needs);
         for (block, x) in self.blocks.iter_mut().zip(self.samples.chunks_exact(self.length)) {
             if needs.magnitudes {
-                block.magnitudes = apart!(simd, magnitude_and_crossings(x));
+                block.magnitudes = outlined!(simd, magnitude_and_crossings(x));
             }
             if needs.slopes {
-                block.slopes = apart!(simd, turns_and_length(x, parameters.ssc_threshold));
+                block.slopes =
+                    outlined!(simd, slope_sign_changes_and_waveform_length(x, parameters.ssc_threshold));
             }
             if needs.squares {
-                block.squares = apart!(simd, squares(x));
+                block.squares = outlined!(simd, squares(x));
             }
             if needs.lengths {
-                block.lengths = apart!(simd, lengths(x));
+                block.lengths = outlined!(simd, lengths(x));
             }
             if needs.descriptors {
-                block.descriptors = apart!(simd, Descriptors::of(x, &mut self.scratch));
+                block.descriptors = outlined!(simd, Descriptors::of(x, &mut self.scratch));
             }
             if needs.central {
-                (block.central, block.constant) = apart!(simd, central_moments(x));
+                (block.central, block.constant) = outlined!(simd, central_moments(x));
             }
             if needs.ar {
-                block.ar = apart!(simd, burg(x, &mut self.scratch, &mut self.backward));
+                block.ar = outlined!(simd, burg(x, &mut self.scratch, &mut self.backward));
             }
             if let Some(spectral) = &mut self.spectral {
-                apart!(simd, spectral.transform(x));
+                outlined!(simd, spectral.transform(x));
                 if needs.frequencies {
-                    block.frequencies = apart!(simd, spectral.frequencies());
+                    block.frequencies = outlined!(simd, spectral.frequencies());
                 }
                 if needs.fourier {
-                    block.fourier = apart!(simd, spectral.bands());
+                    block.fourier = outlined!(simd, spectral.bands());
                 }
             }
             if needs.wavelets {
-                apart!(simd, self.wavelets.decompose(x, &mut block.wavelets));
+                outlined!(simd, self.wavelets.decompose(x, &mut block.wavelets));
             }
         }
     }
@@ -187,14 +188,14 @@ impl<S: Simd> Vectors<S> {
         let channels = window.channels();
         // LibEMG's COMP sums over the channels.
         let bends = self.blocks.iter().flat_map(|block| block.squares[2].to_array());
-        let all = AllChannels { bends: bends.take(channels).sum() };
-        let overflows = |channel: usize| window.channel(channel).any(|v| v.abs() > LARGEST_SAMPLE);
-        for (feature, shape, range) in layout.parts() {
+        let all = AllChannels { second_difference_energy: bends.take(channels).sum() };
+        let overflows = |channel: usize| window.channel(channel).any(|v| v.abs() > MAX_SAMPLE);
+        for (feature, shape, range) in layout.feature_ranges() {
             let out = &mut out[range];
             let (values, a_channel, a_value) = match shape {
-                Shape::Channels { values } => (values, values, 1),
-                Shape::Bands { bands } => (bands, 1, channels),
-                Shape::Pairs => {
+                FeatureShape::Channels { values } => (values, values, 1),
+                FeatureShape::Bands { bands } => (bands, 1, channels),
+                FeatureShape::Pairs => {
                     let strengths = self.blocks.iter().flat_map(|block| block.radii(feature, self.length));
                     self.radii.clear();
                     self.radii.extend(strengths.take(channels));
@@ -221,9 +222,9 @@ impl<S: Simd> Vectors<S> {
     }
 }
 
-impl<S: Simd> Kernels for Vectors<S> {
+impl<S: Simd> Kernels for SimdKernels<S> {
     fn compute(&mut self, window: &WindowView<'_>, layout: &FeatureLayout, out: &mut [f64]) {
-        apart!(self.simd, self.features(window, layout, out));
+        outlined!(self.simd, self.features(window, layout, out));
     }
 
     fn boxed_clone(&self) -> Box<dyn Kernels> {
@@ -243,9 +244,9 @@ impl<S: Simd> Block<S> {
             central: [zero; 3],
             constant: Mask::splat(simd, false),
             ar: [zero; AR_ORDER],
-            frequencies: Frequencies::new(simd),
+            frequencies: SpectralMoments::new(simd),
             fourier: [zero; FOURIER_BANDS],
-            wavelets: vec![Band::new(simd); bands],
+            wavelets: vec![WaveletBand::new(simd); bands],
         }
     }
 
@@ -269,13 +270,13 @@ impl<S: Simd> Block<S> {
             Feature::Zc => crossings,
             Feature::Ssc => turns,
             Feature::Wl => length,
-            Feature::Ls => apart!(simd, {
+            Feature::Ls => outlined!(simd, {
                 scratch.copy_from_slice(x);
                 l_score(scratch)
             }),
             Feature::Mfl => ln(self.lengths[0]) * std::f64::consts::LOG10_E,
             Feature::Msr => mean_square_root(x),
-            Feature::Wamp => steps_beyond(x, parameters.wamp_threshold),
+            Feature::Wamp => willison_amplitude(x, parameters.wamp_threshold),
             Feature::Rms => (square / count).sqrt(),
             Feature::Iav => mean_absolute(x) * count,
             Feature::Dasdv => (square_1 / (count - 1.0)).sqrt(),
@@ -292,22 +293,22 @@ impl<S: Simd> Block<S> {
             Feature::Mnf => self.frequencies.mean,
             Feature::Mnp => self.frequencies.mean_power,
             Feature::Sm => self.frequencies.second_moment,
-            Feature::Skew => where_true(!self.constant, third / (second * second.sqrt())),
-            Feature::Kurt => where_true(!self.constant, fourth / (second * second)),
+            Feature::Skew => select_or_zero(!self.constant, third / (second * second.sqrt())),
+            Feature::Kurt => select_or_zero(!self.constant, fourth / (second * second)),
             Feature::Act => square / count,
             Feature::Mob => (square_1 / square).sqrt(),
-            Feature::Comp => (Lanes::splat(simd, all.bends) / square_1).sqrt(),
+            Feature::Comp => (Lanes::splat(simd, all.second_difference_energy) / square_1).sqrt(),
             Feature::Compc => (square_2 * square).sqrt() / square_1,
             Feature::Ld => exp(mean_logarithm(x)),
             Feature::Mavfd => self.lengths[0] / (count - 1.0),
-            Feature::Mavslp => slope_of_means(x),
+            Feature::Mavslp => mav_slope(x),
             Feature::Mpk => largest(x),
             Feature::Tm => mean_cube(x),
             Feature::Mean => mean(x),
             Feature::Pap => square.sqrt() / (square_2.sqrt() / square_1.sqrt()),
             Feature::Mzp => (square_1 / count).sqrt(),
-            Feature::Sampen => apart!(simd, sample_entropy(x, scratch)),
-            Feature::Fuzzyen => apart!(simd, fuzzy_entropy(x)),
+            Feature::Sampen => outlined!(simd, sample_entropy(x, scratch)),
+            Feature::Fuzzyen => outlined!(simd, fuzzy_entropy(x)),
             Feature::Dftr => self.fourier[which],
             Feature::Isd => square,
             Feature::Cor => square_1 / count / (square_2 / count * square),

@@ -6,7 +6,7 @@ use std::ops::Range;
 
 /// Fourier transform of windows of one length. Buffers are allocated once.
 #[derive(Clone, Debug)]
-pub(crate) struct Spectral<S: Simd> {
+pub(crate) struct SpectralFeatures<S: Simd> {
     simd: S,
     transform: PowerSpectrum<Lanes<S>>,
     length: f64,
@@ -17,7 +17,7 @@ pub(crate) struct Spectral<S: Simd> {
 
 /// What the powers of a window tell.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Frequencies<S: Simd> {
+pub(crate) struct SpectralMoments<S: Simd> {
     pub(crate) median: Lanes<S>,
     pub(crate) mean: Lanes<S>,
     pub(crate) mean_power: Lanes<S>,
@@ -27,14 +27,14 @@ pub(crate) struct Frequencies<S: Simd> {
 /// Most bands of [`crate::Feature::Dftr`].
 pub(crate) const FOURIER_BANDS: usize = 6;
 
-impl<S: Simd> Frequencies<S> {
+impl<S: Simd> SpectralMoments<S> {
     pub(crate) fn new(simd: S) -> Self {
         let zero = Lanes::splat(simd, 0.0);
-        Frequencies { median: zero, mean: zero, mean_power: zero, second_moment: zero }
+        SpectralMoments { median: zero, mean: zero, mean_power: zero, second_moment: zero }
     }
 }
 
-impl<S: Simd> Spectral<S> {
+impl<S: Simd> SpectralFeatures<S> {
     pub(crate) fn new(simd: S, length: usize, rate_hz: f64) -> Self {
         let transform = PowerSpectrum::new(length, Lanes::splat(simd, 0.0));
         let bin_hz = rate_hz / transform.size() as f64;
@@ -49,7 +49,7 @@ impl<S: Simd> Spectral<S> {
             band
         });
         let bands = bands.collect();
-        Spectral { simd, transform, length: length as f64, bin_hz, bands }
+        SpectralFeatures { simd, transform, length: length as f64, bin_hz, bands }
     }
 
     /// Transforms a window for the two others.
@@ -59,7 +59,7 @@ impl<S: Simd> Spectral<S> {
     }
 
     #[inline(always)]
-    pub(crate) fn frequencies(&self) -> Frequencies<S> {
+    pub(crate) fn frequencies(&self) -> SpectralMoments<S> {
         let simd = self.simd;
         let zero = Lanes::splat(simd, 0.0);
         let powers = self.transform.powers();
@@ -77,7 +77,7 @@ impl<S: Simd> Spectral<S> {
             found |= beyond;
         }
         let scale = self.length.powi(2);
-        Frequencies {
+        SpectralMoments {
             median,
             mean: weighted / total * self.bin_hz,
             mean_power: total / scale / powers.len() as f64,

@@ -1,6 +1,6 @@
 //! Sums over the samples of eight channels, each in one pass.
 
-use crate::lanes::{Lanes, Mask, ln, mean, mean_absolute, ones, sum, where_true};
+use crate::lanes::{Lanes, Mask, ln, mask_to_one, mean, mean_absolute, select_or_zero, sum};
 use fearless_simd::prelude::*;
 
 /// MAV and ZC.
@@ -11,7 +11,7 @@ pub(crate) fn magnitude_and_crossings<S: Simd>(x: &[Lanes<S>]) -> [Lanes<S>; 2] 
     for value in &x[1..] {
         let next = signs(*value);
         absolute += value.abs();
-        crossings += ones(sign.0 & next.1 | sign.1 & next.0);
+        crossings += mask_to_one(sign.0 & next.1 | sign.1 & next.0);
         sign = next;
     }
     [absolute / x.len() as f64, crossings]
@@ -19,13 +19,16 @@ pub(crate) fn magnitude_and_crossings<S: Simd>(x: &[Lanes<S>]) -> [Lanes<S>; 2] 
 
 /// SSC and WL.
 #[inline(always)]
-pub(crate) fn turns_and_length<S: Simd>(x: &[Lanes<S>], ssc_threshold: f64) -> [Lanes<S>; 2] {
+pub(crate) fn slope_sign_changes_and_waveform_length<S: Simd>(
+    x: &[Lanes<S>],
+    ssc_threshold: f64,
+) -> [Lanes<S>; 2] {
     let (mut last, mut slope) = (x[1], x[1] - x[0]);
     let (mut turns, mut length) = (zero(x), slope.abs());
     for value in &x[2..] {
         let next = *value - last;
         // (b - a) (b - c) >= threshold: the second factor is the next slope, negated.
-        turns += ones((slope * next).simd_le(-ssc_threshold));
+        turns += mask_to_one((slope * next).simd_le(-ssc_threshold));
         length += next.abs();
         (last, slope) = (*value, next);
     }
@@ -83,8 +86,8 @@ pub(crate) fn central_moments<S: Simd>(x: &[Lanes<S>]) -> ([Lanes<S>; 3], Mask<S
 
 /// Samples whose neighbour is further away than `threshold`.
 #[inline(always)]
-pub(crate) fn steps_beyond<S: Simd>(x: &[Lanes<S>], threshold: f64) -> Lanes<S> {
-    sum!(x[0].simd, pair in x.windows(2) => ones((pair[1] - pair[0]).abs().simd_gt(threshold)))
+pub(crate) fn willison_amplitude<S: Simd>(x: &[Lanes<S>], threshold: f64) -> Lanes<S> {
+    sum!(x[0].simd, pair in x.windows(2) => mask_to_one((pair[1] - pair[0]).abs().simd_gt(threshold)))
 }
 
 /// Magnitude of the mean root: those of negative samples are imaginary.
@@ -93,8 +96,8 @@ pub(crate) fn mean_square_root<S: Simd>(x: &[Lanes<S>]) -> Lanes<S> {
     let (mut real, mut imaginary) = (zero(x), zero(x));
     for value in x {
         let (root, negative) = (value.abs().sqrt(), value.simd_lt(0.0));
-        real += where_true(!negative, root);
-        imaginary += where_true(negative, root);
+        real += select_or_zero(!negative, root);
+        imaginary += select_or_zero(negative, root);
     }
     // Roots of numbers are far from where squares overflow.
     (real * real + imaginary * imaginary).sqrt() / x.len() as f64
@@ -136,11 +139,11 @@ fn sort<S: Simd>(x: &mut [Lanes<S>]) {
 /// Largest sample.
 #[inline(always)]
 pub(crate) fn largest<S: Simd>(x: &[Lanes<S>]) -> Lanes<S> {
-    let mut most = x[0];
+    let mut maximum = x[0];
     for value in &x[1..] {
-        most = most.max(*value);
+        maximum = maximum.max(*value);
     }
-    most
+    maximum
 }
 
 /// Mean magnitude of the third powers.
@@ -151,7 +154,7 @@ pub(crate) fn mean_cube<S: Simd>(x: &[Lanes<S>]) -> Lanes<S> {
 
 /// Mean magnitude of the second half less that of the first.
 #[inline(always)]
-pub(crate) fn slope_of_means<S: Simd>(x: &[Lanes<S>]) -> Lanes<S> {
+pub(crate) fn mav_slope<S: Simd>(x: &[Lanes<S>]) -> Lanes<S> {
     // The middle of an odd length is rounded to the even number, as Python rounds.
     let half = (x.len() as f64 / 2.0).round_ties_even() as usize;
     mean_absolute(&x[half..x.len().min(2 * half)]) - mean_absolute(&x[..half])
@@ -208,7 +211,7 @@ mod tests {
     fn hudgins_of(x: &[f64], ssc_threshold: f64) -> [f64; 4] {
         dispatch!(Level::new(), simd => {
             let x = same(simd, x);
-            let ([mav, zc], [ssc, wl]) = (magnitude_and_crossings(&x), turns_and_length(&x, ssc_threshold));
+            let ([mav, zc], [ssc, wl]) = (magnitude_and_crossings(&x), slope_sign_changes_and_waveform_length(&x, ssc_threshold));
             [mav, zc, ssc, wl].map(|value| value[0])
         })
     }
@@ -231,9 +234,12 @@ mod tests {
         for x in signals {
             // Several of the large ones in each product.
             let x = x.repeat(3);
-            let apart = x.iter().map(|v| (v.abs() + 1.0).ln()).sum::<f64>() / x.len() as f64;
+            let scalar_result = x.iter().map(|v| (v.abs() + 1.0).ln()).sum::<f64>() / x.len() as f64;
             let together = dispatch!(Level::new(), simd => mean_logarithm(&same(simd, &x))[0]);
-            assert!((together - apart).abs() <= 1e-14 * apart, "{x:?}: {together}, {apart}");
+            assert!(
+                (together - scalar_result).abs() <= 1e-14 * scalar_result,
+                "{x:?}: {together}, {scalar_result}"
+            );
         }
     }
 

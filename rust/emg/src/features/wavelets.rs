@@ -27,7 +27,7 @@ const FLOOR: f64 = 1e-10;
 
 /// What the wavelet features tell of one band.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Band<S: Simd> {
+pub(crate) struct WaveletBand<S: Simd> {
     pub(crate) energy: Lanes<S>,
     pub(crate) variance: Lanes<S>,
     pub(crate) length: Lanes<S>,
@@ -46,42 +46,46 @@ pub(crate) struct Wavelets<S: Simd> {
 impl<S: Simd> Wavelets<S> {
     pub(crate) fn new(length: usize) -> Self {
         // A level of a signal shorter than the filter has up to that many values.
-        let room = |more: usize| Vec::with_capacity(length.max(LOW_PASS.len()) + more);
-        Wavelets { mirrored: room(2 * BEYOND), approximation: room(0), detail: room(0) }
+        let buffer = |more: usize| Vec::with_capacity(length.max(LOW_PASS.len()) + more);
+        Wavelets { mirrored: buffer(2 * EDGE_SAMPLES), approximation: buffer(0), detail: buffer(0) }
     }
 
     /// The bands of a window, from the lowest: the approximation, then the details. Fills `bands`.
     #[inline(always)]
-    pub(crate) fn decompose(&mut self, x: &[Lanes<S>], bands: &mut [Band<S>]) {
+    pub(crate) fn decompose(&mut self, x: &[Lanes<S>], bands: &mut [WaveletBand<S>]) {
         self.approximation.clear();
         self.approximation.extend_from_slice(x);
         for level in (1..bands.len()).rev() {
             self.transform();
-            bands[level] = Band::of(&mut self.detail);
+            bands[level] = WaveletBand::of(&mut self.detail);
         }
-        bands[0] = Band::of(&mut self.approximation);
+        bands[0] = WaveletBand::of(&mut self.approximation);
     }
 
     /// One level: filters and takes every second value; beyond its ends the signal is mirrored, the sample at the edge included.
     #[inline(always)]
     fn transform(&mut self) {
         let x = &self.approximation;
-        let (length, beyond) = (x.len() as isize, BEYOND as isize);
+        let (length, beyond) = (x.len() as isize, EDGE_SAMPLES as isize);
         self.mirrored.clear();
         for k in -beyond..0 {
-            self.mirrored.push(x[mirrored(k, length)]);
+            self.mirrored.push(x[mirrored_index(k, length)]);
         }
         self.mirrored.extend_from_slice(x);
         for k in length..length + beyond {
-            self.mirrored.push(x[mirrored(k, length)]);
+            self.mirrored.push(x[mirrored_index(k, length)]);
         }
         self.approximation.clear();
         self.detail.clear();
         // The oldest of the samples under the filter is the one before the first by all but one of the taps.
         let mut under = &self.mirrored[1..];
         while under.len() >= TAPS.len() {
-            let many = under.len() >= 2 * (TOGETHER - 1) + TAPS.len();
-            let sums: &[_] = if many { &filtered::<_, TOGETHER>(under) } else { &filtered::<_, 1>(under) };
+            let many = under.len() >= 2 * (PARALLEL_OUTPUTS - 1) + TAPS.len();
+            let sums: &[_] = if many {
+                &filter_and_downsample::<_, PARALLEL_OUTPUTS>(under)
+            } else {
+                &filter_and_downsample::<_, 1>(under)
+            };
             for [smooth, rough] in sums {
                 self.approximation.push(*smooth);
                 self.detail.push(*rough);
@@ -92,24 +96,24 @@ impl<S: Simd> Wavelets<S> {
 }
 
 /// Places where the filters are summed up side by side: a sum alone waits for each of its additions.
-const TOGETHER: usize = 4;
+const PARALLEL_OUTPUTS: usize = 4;
 
 /// Both filters at each second of the samples, from the first on.
 #[inline(always)]
-fn filtered<S: Simd, const PLACES: usize>(x: &[Lanes<S>]) -> [[Lanes<S>; 2]; PLACES] {
+fn filter_and_downsample<S: Simd, const PLACES: usize>(x: &[Lanes<S>]) -> [[Lanes<S>; 2]; PLACES] {
     let x = &x[..2 * (PLACES - 1) + TAPS.len()];
     let mut sums = [[Lanes::splat(x[0].simd, 0.0); 2]; PLACES];
     for (k, taps) in TAPS.iter().enumerate() {
-        for (place, sum) in sums.iter_mut().enumerate() {
-            sum[0] += x[2 * place + k] * taps[0];
-            sum[1] += x[2 * place + k] * taps[1];
+        for (index, sum) in sums.iter_mut().enumerate() {
+            sum[0] += x[2 * index + k] * taps[0];
+            sum[1] += x[2 * index + k] * taps[1];
         }
     }
     sums
 }
 
 /// Where sample `k` of a signal mirrored at its ends, again and again, lies in it.
-fn mirrored(mut k: isize, length: isize) -> usize {
+fn mirrored_index(mut k: isize, length: isize) -> usize {
     while !(0..length).contains(&k) {
         k = if k < 0 { -1 - k } else { 2 * length - 1 - k };
     }
@@ -117,7 +121,7 @@ fn mirrored(mut k: isize, length: isize) -> usize {
 }
 
 /// Samples beyond either end that the filter sees.
-const BEYOND: usize = LOW_PASS.len() - 1;
+const EDGE_SAMPLES: usize = LOW_PASS.len() - 1;
 
 /// Both filters for the samples from the oldest: the high-pass filter is the low-pass one backwards, its even taps negated.
 const TAPS: [[f64; 2]; LOW_PASS.len()] = {
@@ -132,10 +136,10 @@ const TAPS: [[f64; 2]; LOW_PASS.len()] = {
     taps
 };
 
-impl<S: Simd> Band<S> {
+impl<S: Simd> WaveletBand<S> {
     pub(crate) fn new(simd: S) -> Self {
         let zero = Lanes::splat(simd, 0.0);
-        Band { energy: zero, variance: zero, length: zero, entropy: zero }
+        WaveletBand { energy: zero, variance: zero, length: zero, entropy: zero }
     }
 
     /// Squares the coefficients in place.
@@ -158,7 +162,7 @@ impl<S: Simd> Band<S> {
             entropy -= share * ln(share);
             last = *square;
         }
-        Band {
+        WaveletBand {
             energy: ln(energy + FLOOR),
             variance: ln(variance / count + FLOOR),
             length: ln(length + FLOOR),
@@ -188,7 +192,7 @@ mod tests {
         let wave = |hz: f64| (0..4000).map(move |k| (f64::from(k) * 0.00628 * hz).sin());
         let strongest = |hz: f64| {
             let energies: Vec<f64> = dispatch!(Level::new(), simd => {
-                let mut bands = vec![Band::new(simd); wavelet_bands(1000.0)];
+                let mut bands = vec![WaveletBand::new(simd); wavelet_bands(1000.0)];
                 let x: Vec<_> = wave(hz).map(|value| Lanes::splat(simd, value)).collect();
                 Wavelets::new(4000).decompose(&x, &mut bands);
                 bands.iter().map(|band| band.energy[0]).collect()

@@ -1,6 +1,6 @@
 use super::*;
-use crate::extract;
-use proact_types::Gesture;
+use crate::extract_features;
+use proact_types::Command;
 
 fn config() -> EmgConfig {
     EmgConfig { channels: 2, rate_hz: 200.0, ..EmgConfig::default() }
@@ -15,9 +15,9 @@ fn pipeline() -> EmgPipeline {
     let config = config();
     let mut windows = Vec::new();
     let mut labels = Vec::new();
-    for (gesture, amplitude) in [(Gesture::NoMotion, 1.0), (Gesture::HandClose, 20.0)] {
+    for (gesture, amplitude) in [(Command::NoMotion, 1.0), (Command::HandClose, 20.0)] {
         let samples: Vec<EmgSample> = (0..400).map(|k| sample(k, amplitude)).collect();
-        windows.extend(extract(&config, &samples).expect("good samples"));
+        windows.extend(extract_features(&config, &samples).expect("good samples"));
         labels.resize(windows.len(), gesture);
     }
     let classifier = Classifier::train(&config, &windows, &labels).expect("good data");
@@ -60,8 +60,8 @@ fn a_filter_takes_the_mains_out_of_training_and_stream_alike() {
     let right = |filters: Vec<crate::EmgFilter>| {
         let config = EmgConfig { filters, ..config() };
         let (mut windows, mut labels) = (Vec::new(), Vec::new());
-        for (gesture, amplitude) in [(Gesture::NoMotion, 1.0), (Gesture::HandClose, 20.0)] {
-            windows.extend(extract(&config, &recording(amplitude)).expect("good samples"));
+        for (gesture, amplitude) in [(Command::NoMotion, 1.0), (Command::HandClose, 20.0)] {
+            windows.extend(extract_features(&config, &recording(amplitude)).expect("good samples"));
             labels.resize(windows.len(), gesture);
         }
         let classifier = Classifier::train(&config, &windows, &labels).expect("good data");
@@ -83,7 +83,7 @@ fn a_filter_takes_the_mains_out_of_training_and_stream_alike() {
 fn a_drop_out_stops_the_arm_and_only_a_relaxed_hand_rearms_it() {
     let mut pipeline = pipeline();
     let before = run(&mut pipeline, 0, 400, 20.0, false);
-    assert!(before.last().is_some_and(|(_, out)| out.gesture == Gesture::HandClose));
+    assert!(before.last().is_some_and(|(_, out)| out.gesture == Command::HandClose));
 
     assert!(!pipeline.events().is_eventful());
     let mut silenced = pipeline.clone();
@@ -93,11 +93,11 @@ fn a_drop_out_stops_the_arm_and_only_a_relaxed_hand_rearms_it() {
     let silent = run(&mut pipeline, 400, 600, 20.0, true);
     assert_eq!(silent.len(), 1, "{silent:?}");
     let (at, out) = &silent[0];
-    assert_eq!((*at, out.stale, out.gesture), (395 + 201, true, Gesture::NoMotion.into()));
+    assert_eq!((*at, out.stale, out.gesture), (395 + 201, true, Command::NoMotion.into()));
 
     let held_through = run(&mut pipeline, 1000, 500, 20.0, false);
-    assert!(held_through.iter().all(|(_, out)| out.gesture == Gesture::NoMotion), "{held_through:?}");
-    assert_eq!(held_through.last().map(|(_, out)| out.window_class), Some(Gesture::HandClose.into()));
+    assert!(held_through.iter().all(|(_, out)| out.gesture == Command::NoMotion), "{held_through:?}");
+    assert_eq!(held_through.last().map(|(_, out)| out.window_class), Some(Command::HandClose.into()));
     assert_eq!(pipeline.counts().gaps, 1);
     assert!(!pipeline.events().is_eventful());
 
@@ -106,7 +106,7 @@ fn a_drop_out_stops_the_arm_and_only_a_relaxed_hand_rearms_it() {
     gapped.step(SimTime(1950), &[sample(390, 1.0)]);
     assert_eq!((gapped.events().counts.gaps, gapped.events().counts.rejected_windows), (1, 1));
     let rearmed = run(&mut pipeline, 1900, 400, 20.0, false);
-    assert_eq!(rearmed.last().map(|(_, out)| out.gesture), Some(Gesture::HandClose.into()));
+    assert_eq!(rearmed.last().map(|(_, out)| out.gesture), Some(Command::HandClose.into()));
 }
 
 #[test]
@@ -119,9 +119,9 @@ fn samples_that_overflow_the_sums_reject_the_window() {
 
 #[test]
 fn raw_codes_less_their_zero_level_give_the_decisions_of_centred_samples() {
-    let (mut centred, raw) = (pipeline(), pipeline());
+    let (mut centered, raw) = (pipeline(), pipeline());
     let levels = [128.0, -40.0];
-    let mut raw = raw.with_centring(&levels).expect("one a channel");
+    let mut raw = raw.with_dc_offset(&levels).expect("one a channel");
     for t in 0..1000 {
         let sample = sample(t, if t < 500 { 1.0 } else { 20.0 });
         // Whole numbers, so that the shift loses no digits.
@@ -129,12 +129,13 @@ fn raw_codes_less_their_zero_level_give_the_decisions_of_centred_samples() {
         let shifted = whole.iter().zip(levels).map(|(v, level)| v + level);
         let at = SimTime(5 * t);
         let ours = raw.step(at, &[EmgSample { counter: t, channels: shifted.collect() }]);
-        let theirs = centred.step(at, &[EmgSample { counter: t, channels: whole.iter().copied().collect() }]);
+        let theirs =
+            centered.step(at, &[EmgSample { counter: t, channels: whole.iter().copied().collect() }]);
         assert_eq!(ours, theirs);
     }
-    let wrong = pipeline().with_centring(&[1.0]).map(|_| ()).expect_err("two channels");
-    assert_eq!(wrong, EmgError::Centring { got: 1, expected: 2 });
-    assert!(pipeline().with_centring(&[f64::NAN, 0.0]).is_err());
+    let wrong = pipeline().with_dc_offset(&[1.0]).map(|_| ()).expect_err("two channels");
+    assert_eq!(wrong, EmgError::DcOffsetCount { got: 1, expected: 2 });
+    assert!(pipeline().with_dc_offset(&[f64::NAN, 0.0]).is_err());
 }
 
 #[test]

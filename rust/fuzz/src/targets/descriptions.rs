@@ -1,18 +1,18 @@
 //! Arms from files, and questions about one.
 
-use super::{Run, text};
+use super::{TargetFn, utf8_text};
 use proact_app::query::{self, QueryOptions};
 use proact_description::{MPL_RIGHT_ARM_URDF, check, import, parse};
 use std::{fs, path::Path};
 
 /// Longer lists would be answered, in minutes.
-const MOST_MILESTONES: u64 = 100;
+const MAX_MILESTONES: u64 = 100;
 
 /// A description is judged; one that can be used answers questions, the last with a search.
-pub(super) fn urdf(scratch: &Path) -> Run {
+pub(super) fn urdf(scratch: &Path) -> TargetFn {
     let path = scratch.join("arm.urdf");
     Box::new(move |bytes| {
-        let Some(urdf) = text(bytes) else { return };
+        let Some(urdf) = utf8_text(bytes) else { return };
         let Some(summary) = check(urdf, None).summary else { return };
         fs::write(&path, urdf).expect("the scratch folder takes files");
         let zeros = vec![0.0; summary.arm.len()];
@@ -29,27 +29,27 @@ pub(super) fn urdf(scratch: &Path) -> Run {
     })
 }
 
-pub(super) fn sdf(_: &Path) -> Run {
+pub(super) fn sdf(_: &Path) -> TargetFn {
     Box::new(|bytes| {
-        if let Some(Ok(imported)) = text(bytes).map(|text| import(text, None)) {
+        if let Some(Ok(imported)) = utf8_text(bytes).map(|text| import(text, None)) {
             assert!(imported.report.usable, "what is imported passes the check: {}", imported.report);
         }
     })
 }
 
-pub(super) fn srdf(_: &Path) -> Run {
+pub(super) fn srdf(_: &Path) -> TargetFn {
     Box::new(|bytes| {
-        if let Some(srdf) = text(bytes) {
+        if let Some(srdf) = utf8_text(bytes) {
             let _ = parse(MPL_RIGHT_ARM_URDF, srdf);
         }
     })
 }
 
-pub(super) fn query(_: &Path) -> Run {
+pub(super) fn query(_: &Path) -> TargetFn {
     Box::new(|bytes| {
         let asks_for_much = |line: &[u8]| {
             let question: Option<serde_json::Value> = serde_json::from_slice(line).ok();
-            question.is_some_and(|q| q["milestones"].as_u64().is_some_and(|count| count > MOST_MILESTONES))
+            question.is_some_and(|q| q["milestones"].as_u64().is_some_and(|count| count > MAX_MILESTONES))
         };
         let lines: Vec<&[u8]> =
             bytes.split(|b| *b == b'\n').filter(|line| !asks_for_much(line)).take(5).collect();

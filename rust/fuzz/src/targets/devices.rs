@@ -1,23 +1,25 @@
 //! What armbands, eye trackers and folders of recordings say.
 
-use super::{Run, text};
+use super::{TargetFn, utf8_text};
 use proact_devices::{
-    EmgPacket, EmgRecorder, LibEmgOutput, MYO_RATE_HZ, Recordings, SentGaze, SourceInfo, VmplCommand,
+    EmgPacket, EmgRecorder, LibEmgOutput, MYO_RATE_HZ, RawGazeSample, Recordings, SourceInfo, VmplCommand,
     VmplGhostSetup, VmplPercepts,
     gforce::{
-        EmgParser, GattLink, SocketLink,
-        protocol::{Command, EmgCapability, EmgSetting, Reply},
+        GForceParser, GattLink, SocketLink,
+        protocol::{EmgCapability, EmgSetting, GForceCommand, GForceReply},
     },
     motion_capture::{natnet, read_poses, vrpn, write_pose, write_pose_header},
     read_recorded, read_samples,
 };
-use proact_emg::{ClassifierKind, EmgConfig, EmgModel, EmgPipeline, ImuChannel, ImuConfig, ProcessConfig};
+use proact_emg::{
+    ClassifierKind, DecoderProcessConfig, EmgConfig, EmgModel, EmgPipeline, ImuChannel, ImuConfig,
+};
 use proact_localization::RawBodyPose;
-use proact_types::{EmgSample, Gesture, SimTime};
+use proact_types::{Command, EmgSample, SimTime};
 use std::{fs, io::Write, os::unix::net::UnixStream, path::Path, time::Duration};
 
 /// The input is a file of that name in a folder of good ones.
-fn beside_good_recordings(scratch: &Path, name: &'static str) -> Run {
+fn among_valid_recordings(scratch: &Path, name: &'static str) -> TargetFn {
     let folder = scratch.join("recordings");
     fs::create_dir_all(&folder).expect("the scratch folder takes folders");
     for class in 0..5 {
@@ -29,8 +31,8 @@ fn beside_good_recordings(scratch: &Path, name: &'static str) -> Run {
             fs::write(imu, "0.5,1\n0.25,1\n").expect("the scratch folder takes files");
         }
     }
-    let said = r#"{"imu": [{"name": "x", "unit": "g"}, {"name": "z", "unit": "g"}]}"#;
-    fs::write(folder.join("metadata.json"), said).expect("the scratch folder takes files");
+    let metadata = r#"{"imu": [{"name": "x", "unit": "g"}, {"name": "z", "unit": "g"}]}"#;
+    fs::write(folder.join("metadata.json"), metadata).expect("the scratch folder takes files");
     Box::new(move |bytes| {
         let path = folder.join(name);
         fs::write(&path, bytes).expect("the scratch folder takes files");
@@ -43,26 +45,26 @@ fn beside_good_recordings(scratch: &Path, name: &'static str) -> Run {
     })
 }
 
-pub(super) fn csv(scratch: &Path) -> Run {
-    beside_good_recordings(scratch, "R_0_C_0.csv")
+pub(super) fn csv(scratch: &Path) -> TargetFn {
+    among_valid_recordings(scratch, "R_0_C_0.csv")
 }
 
-pub(super) fn imu_csv(scratch: &Path) -> Run {
-    beside_good_recordings(scratch, "R_0_C_0_IMU.csv")
+pub(super) fn imu_csv(scratch: &Path) -> TargetFn {
+    among_valid_recordings(scratch, "R_0_C_0_IMU.csv")
 }
 
 pub(super) fn imu_seeds(_: &Path) -> Vec<Vec<u8>> {
     vec![b"0.5,1\n0.25,1\n".to_vec()]
 }
 
-pub(super) fn metadata(scratch: &Path) -> Run {
-    beside_good_recordings(scratch, "metadata.json")
+pub(super) fn metadata(scratch: &Path) -> TargetFn {
+    among_valid_recordings(scratch, "metadata.json")
 }
 
 /// A model that is taken classifies windows, too.
-pub(super) fn model(_: &Path) -> Run {
+pub(super) fn model(_: &Path) -> TargetFn {
     Box::new(|bytes| {
-        let Some(Ok(model)) = text(bytes).map(EmgModel::from_json) else { return };
+        let Some(Ok(model)) = utf8_text(bytes).map(EmgModel::from_json) else { return };
         let written = model.to_json();
         assert!(
             written.is_ok_and(|json| EmgModel::from_json(&json).is_ok()),
@@ -71,7 +73,7 @@ pub(super) fn model(_: &Path) -> Run {
         // Its settings or its classifier may be refused; one that is taken says something of every window.
         let channels = model.config.sample_channels();
         let Ok(mut pipeline) = EmgPipeline::new(&model.config, model.classifier.clone()) else { return };
-        for (tick, sample) in stream(channels, 3).into_iter().take(300).enumerate() {
+        for (tick, sample) in synthetic_stream(channels, 3).into_iter().take(300).enumerate() {
             let output = pipeline.step(SimTime(5 * tick as u64), &[sample]);
             let driven = output.iter().flat_map(|output| &output.drives);
             assert!(driven.into_iter().all(|drive| drive.abs() <= 1.0), "a drive beyond its range");
@@ -80,7 +82,7 @@ pub(super) fn model(_: &Path) -> Run {
 }
 
 /// Samples of one loudness, 1 to 5 from channel to channel, at the usual rate.
-fn stream(channels: usize, loudness: usize) -> Vec<EmgSample> {
+fn synthetic_stream(channels: usize, loudness: usize) -> Vec<EmgSample> {
     // Without a period, so that the features of the windows differ in all directions.
     let value = |counter: usize, channel: usize| {
         let mixed = ((counter * 64 + channel) as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
@@ -93,7 +95,7 @@ fn stream(channels: usize, loudness: usize) -> Vec<EmgSample> {
     (0..3000).map(sample).collect()
 }
 
-fn recorded(scratch: &Path, name: &str) -> Run {
+fn recorded_stream(scratch: &Path, name: &str) -> TargetFn {
     let path = scratch.join(name);
     Box::new(move |bytes| {
         fs::write(&path, bytes).expect("the scratch folder takes files");
@@ -101,23 +103,23 @@ fn recorded(scratch: &Path, name: &str) -> Run {
     })
 }
 
-pub(super) fn stream_csv(scratch: &Path) -> Run {
-    recorded(scratch, "stream.csv")
+pub(super) fn stream_csv(scratch: &Path) -> TargetFn {
+    recorded_stream(scratch, "stream.csv")
 }
 
-pub(super) fn stream_edf(scratch: &Path) -> Run {
-    recorded(scratch, "stream.edf")
+pub(super) fn stream_edf(scratch: &Path) -> TargetFn {
+    recorded_stream(scratch, "stream.edf")
 }
 
-pub(super) fn udp_gaze(_: &Path) -> Run {
+pub(super) fn udp_gaze(_: &Path) -> TargetFn {
     Box::new(|bytes| {
-        if let Ok(gaze) = SentGaze::parse(bytes) {
-            assert!(SentGaze::parse(&gaze.to_bytes()).is_ok(), "what was read can be sent on");
+        if let Ok(gaze) = RawGazeSample::parse(bytes) {
+            assert!(RawGazeSample::parse(&gaze.to_bytes()).is_ok(), "what was read can be sent on");
         }
     })
 }
 
-pub(super) fn udp_vmpl(_: &Path) -> Run {
+pub(super) fn udp_vmpl(_: &Path) -> TargetFn {
     Box::new(|bytes| {
         if let Ok(command) = VmplCommand::parse(bytes) {
             assert!(VmplCommand::parse(&command.to_packet()).is_ok(), "what was read can be sent on");
@@ -137,7 +139,7 @@ pub(super) fn vmpl_seeds(_: &Path) -> Vec<Vec<u8>> {
     vec![command.to_vec(), command[..28].to_vec(), setup, VmplPercepts::default().to_packet().to_vec()]
 }
 
-pub(super) fn udp_libemg(_: &Path) -> Run {
+pub(super) fn udp_libemg(_: &Path) -> TargetFn {
     Box::new(|bytes| {
         if let Ok(output) = LibEmgOutput::parse(bytes, 5) {
             assert!(LibEmgOutput::parse(output.to_message().as_bytes(), 5).is_ok());
@@ -146,11 +148,11 @@ pub(super) fn udp_libemg(_: &Path) -> Run {
 }
 
 /// Every notification is read as each thing that an armband says.
-pub(super) fn gforce(_: &Path) -> Run {
+pub(super) fn gforce(_: &Path) -> TargetFn {
     Box::new(|bytes| {
         let setting = EmgSetting { rate_hz: 500, channel_mask: 0xff, packet_bytes: 128, bits: 8 };
         for ids in [false, true] {
-            let mut parser = EmgParser::new(setting, ids).expect("a setting that works");
+            let mut parser = GForceParser::new(setting, ids).expect("a setting that works");
             let mut packet = EmgPacket::default();
             let mut rest = bytes;
             for number in 0.. {
@@ -158,7 +160,7 @@ pub(super) fn gforce(_: &Path) -> Run {
                 let (notification, behind) = more.split_at(usize::from(*length).min(more.len()));
                 rest = behind;
                 parser.push(notification, Duration::from_millis(32 * number), &mut packet);
-                let _ = (Command::from_bytes(notification), Reply::from_bytes(notification));
+                let _ = (GForceCommand::from_bytes(notification), GForceReply::from_bytes(notification));
                 let _ = EmgCapability::from_bytes(notification);
                 if let Ok(setting) = EmgSetting::from_bytes(notification) {
                     let _ = parser.restart(setting, ids);
@@ -168,7 +170,7 @@ pub(super) fn gforce(_: &Path) -> Run {
     })
 }
 
-pub(super) fn gforce_socket(_: &Path) -> Run {
+pub(super) fn gforce_socket(_: &Path) -> TargetFn {
     Box::new(|bytes| {
         let (ours, mut theirs) = UnixStream::pair().expect("a pair of sockets");
         let mut link = SocketLink::new(ours);
@@ -188,10 +190,10 @@ fn recorded_seed(scratch: &Path, name: &str) -> Vec<Vec<u8>> {
         rate_hz: 500.0,
         channels: 4,
         packet_samples: 8,
-        zero: 0.0,
+        zero_code: 0.0,
         rails: None,
         loss_is_counted: true,
-        volts: None,
+        volts_per_code: None,
         imu: Vec::new(),
     };
     let path = scratch.join(name);
@@ -218,16 +220,19 @@ pub(super) fn stream_edf_seeds(scratch: &Path) -> Vec<Vec<u8>> {
 
 /// Models trained on five loudnesses, one of each kind: classifiers, regressors, two sites, processes.
 pub(super) fn model_seeds(_: &Path) -> Vec<Vec<u8>> {
-    let takes: Vec<(Gesture, Vec<EmgSample>)> =
-        Gesture::ALL.into_iter().zip(0..).map(|(gesture, loudness)| (gesture, stream(8, loudness))).collect();
-    let slices: Vec<(Gesture, &[EmgSample])> =
+    let takes: Vec<(Command, Vec<EmgSample>)> = Command::ALL
+        .into_iter()
+        .zip(0..)
+        .map(|(gesture, loudness)| (gesture, synthetic_stream(8, loudness)))
+        .collect();
+    let slices: Vec<(Command, &[EmgSample])> =
         takes.iter().map(|(gesture, take)| (*gesture, take.as_slice())).collect();
     let trained = |classifier: ClassifierKind| {
         let process =
-            ProcessConfig::from_toml("command = [\"net\"]").ok().filter(|_| classifier.is_process());
+            DecoderProcessConfig::from_toml("command = [\"net\"]").ok().filter(|_| classifier.is_process());
         let config = EmgConfig { classifier, process, ..EmgConfig::default() };
-        let model =
-            EmgModel::train(&config.stand_in(), &[0.0; 8], &slices).expect("five gestures that differ");
+        let model = EmgModel::train(&config.without_process(), &[0.0; 8], &slices)
+            .expect("five gestures that differ");
         let model = match classifier.is_process() {
             true => model.decoded_by_process(&config, "[1, 2]").expect("the same gestures"),
             false => model,
@@ -236,7 +241,7 @@ pub(super) fn model_seeds(_: &Path) -> Vec<Vec<u8>> {
     };
     let mut models = ClassifierKind::ALL.map(trained).to_vec();
     // Six electrodes, and two channels of an inertial measurement unit.
-    let imu = ImuConfig::recorded(["x", "z"].map(|name| ImuChannel::new(name, "g")).into());
+    let imu = ImuConfig::record_only(["x", "z"].map(|name| ImuChannel::new(name, "g")).into());
     let imu = imu.with_features(&["all"]).expect("both are there");
     let config = EmgConfig { channels: 6, imu, ..EmgConfig::default() };
     let model = EmgModel::train(&config, &[0.0; 6], &slices).expect("five gestures that differ");
@@ -244,7 +249,7 @@ pub(super) fn model_seeds(_: &Path) -> Vec<Vec<u8>> {
     models
 }
 
-pub(super) fn udp_natnet(_: &Path) -> Run {
+pub(super) fn udp_natnet(_: &Path) -> TargetFn {
     Box::new(|bytes| {
         let _ = natnet::parse(bytes);
     })
@@ -261,7 +266,7 @@ pub(super) fn natnet_seeds(_: &Path) -> Vec<Vec<u8>> {
     vec![packet(7, 78), packet(5, 4), packet(1, 279)]
 }
 
-pub(super) fn vrpn(_: &Path) -> Run {
+pub(super) fn vrpn(_: &Path) -> TargetFn {
     Box::new(|bytes| {
         let mut parser = vrpn::VrpnParser::new();
         for piece in bytes.chunks(100) {
@@ -290,7 +295,7 @@ pub(super) fn vrpn_seeds(_: &Path) -> Vec<Vec<u8>> {
     vec![stream]
 }
 
-pub(super) fn poses(scratch: &Path) -> Run {
+pub(super) fn poses(scratch: &Path) -> TargetFn {
     let path = scratch.join("poses.csv");
     Box::new(move |bytes| {
         fs::write(&path, bytes).expect("the scratch folder takes files");

@@ -1,9 +1,9 @@
 //! Faults on purpose: each kind that the driver must find. They wait for a byte, so that not every input is one.
 
-use super::Run;
+use super::TargetFn;
 use std::path::Path;
 
-fn on_an_even_length(fault: fn()) -> Run {
+fn fail_on_even_length(fault: fn()) -> TargetFn {
     Box::new(move |bytes| {
         if bytes.len() % 2 == 0 {
             fault();
@@ -11,16 +11,16 @@ fn on_an_even_length(fault: fn()) -> Run {
     })
 }
 
-pub(super) fn panic(_: &Path) -> Run {
-    on_an_even_length(|| panic!("planted"))
+pub(super) fn panic(_: &Path) -> TargetFn {
+    fail_on_even_length(|| panic!("planted"))
 }
 
-pub(super) fn thread(_: &Path) -> Run {
-    on_an_even_length(|| drop(std::thread::spawn(|| panic!("planted in a thread")).join()))
+pub(super) fn thread(_: &Path) -> TargetFn {
+    fail_on_even_length(|| drop(std::thread::spawn(|| panic!("planted in a thread")).join()))
 }
 
-pub(super) fn stack(_: &Path) -> Run {
-    on_an_even_length(|| {
+pub(super) fn stack(_: &Path) -> TargetFn {
+    fail_on_even_length(|| {
         std::hint::black_box(deeper(&[0; 64]));
     })
 }
@@ -31,12 +31,12 @@ fn deeper(below: &[u64; 64]) -> u64 {
     if here[0] == u64::MAX { 0 } else { deeper(&here) + here[1] }
 }
 
-pub(super) fn hang(_: &Path) -> Run {
-    on_an_even_length(|| while std::hint::black_box(true) {})
+pub(super) fn hang(_: &Path) -> TargetFn {
+    fail_on_even_length(|| while std::hint::black_box(true) {})
 }
 
-pub(super) fn memory(_: &Path) -> Run {
-    on_an_even_length(|| {
+pub(super) fn memory(_: &Path) -> TargetFn {
+    fail_on_even_length(|| {
         let mut kept: Vec<Vec<u8>> = Vec::new();
         while std::hint::black_box(true) {
             // Zeros are not written: the bound is one of addresses, and two gigabytes of pages would take seconds.

@@ -1,11 +1,11 @@
 //! Servers on a port of their own. The bytes of an input go out as they are, behind a handshake where there is one; then
 //! the server must answer somebody else.
 
-use super::Run;
+use super::TargetFn;
 use proact_bridge::{PageContent, PageOptions, PageServer};
 use proact_description::mpl_right_arm;
 use proact_rosbridge::{LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus};
-use proact_tasks::{DEFAULT_TASK, TaskChoice};
+use proact_tasks::{DEFAULT_TASK, TaskSpec};
 use std::{
     io::{Read, Write},
     net::{Shutdown, SocketAddr, TcpStream},
@@ -15,10 +15,10 @@ use std::{
 };
 
 /// Only what fails waits so long.
-const PATIENCE: Duration = Duration::from_secs(3);
+const TIMEOUT: Duration = Duration::from_secs(3);
 
-fn page() -> PageServer {
-    let task = TaskChoice::named(DEFAULT_TASK, 1).and_then(|task| task.build(false)).expect("it ships");
+fn page_server() -> PageServer {
+    let task = TaskSpec::named(DEFAULT_TASK, 1).and_then(|task| task.build(false)).expect("it ships");
     let content = PageContent {
         title: "fuzz".to_owned(),
         setup: "still".to_owned(),
@@ -41,7 +41,7 @@ fn address_of(server: &PageServer) -> SocketAddr {
 }
 
 /// Bytes up to the empty line that ends a head.
-fn head(stream: &mut TcpStream) -> Vec<u8> {
+fn read_response_head(stream: &mut TcpStream) -> Vec<u8> {
     let (mut bytes, mut byte) = (Vec::new(), [0]);
     while !bytes.ends_with(b"\r\n\r\n") && stream.read(&mut byte).is_ok_and(|count| count == 1) {
         bytes.push(byte[0]);
@@ -51,13 +51,13 @@ fn head(stream: &mut TcpStream) -> Vec<u8> {
 
 fn connect(address: SocketAddr) -> TcpStream {
     let stream = TcpStream::connect(address).expect("the server listens");
-    stream.set_read_timeout(Some(PATIENCE)).expect("a socket");
+    stream.set_read_timeout(Some(TIMEOUT)).expect("a socket");
     stream.set_nodelay(true).expect("a socket");
     stream
 }
 
 /// A WebSocket, open.
-fn upgraded(address: SocketAddr, path: &str) -> TcpStream {
+fn upgrade_to_websocket(address: SocketAddr, path: &str) -> TcpStream {
     let mut stream = connect(address);
     let request = format!(
         "GET {path} HTTP/1.1\r\nHost: localhost:{}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
@@ -65,7 +65,7 @@ fn upgraded(address: SocketAddr, path: &str) -> TcpStream {
         address.port()
     );
     stream.write_all(request.as_bytes()).expect("the server listens");
-    let answer = head(&mut stream);
+    let answer = read_response_head(&mut stream);
     assert!(answer.starts_with(b"HTTP/1.1 101"), "the server answers {:?}", String::from_utf8_lossy(&answer));
     stream
 }
@@ -103,45 +103,45 @@ fn send_lines(mut stream: TcpStream, bytes: &[u8]) {
     // A close, and whatever the server had to say until its own.
     let _ = stream.write_all(&frame(0x88, &[]));
     let _ = stream.shutdown(Shutdown::Write);
-    let mut said = [0; 4096];
-    while stream.read(&mut said).is_ok_and(|count| count > 0) {}
+    let mut buffer = [0; 4096];
+    while stream.read(&mut buffer).is_ok_and(|count| count > 0) {}
 }
 
-pub(super) fn page_socket(_: &Path) -> Run {
-    let server = page();
+pub(super) fn page_socket(_: &Path) -> TargetFn {
+    let server = page_server();
     let address = address_of(&server);
     Box::new(move |bytes| {
         // The first byte chooses who connects.
         let [role, bytes @ ..] = bytes else { return };
         let path = if role % 2 == 0 { "/live" } else { "/live?role=experimenter" };
-        send_lines(upgraded(address, path), bytes);
+        send_lines(upgrade_to_websocket(address, path), bytes);
         drop(server.drain_inputs());
-        drop(upgraded(address, "/live"));
+        drop(upgrade_to_websocket(address, "/live"));
     })
 }
 
-pub(super) fn page_http(_: &Path) -> Run {
-    let server = page();
+pub(super) fn page_http(_: &Path) -> TargetFn {
+    let server = page_server();
     let address = address_of(&server);
     Box::new(move |bytes| {
         let mut stream = connect(address);
         let _ = stream.write_all(bytes);
         let _ = stream.shutdown(Shutdown::Write);
-        let mut said = [0; 4096];
-        while stream.read(&mut said).is_ok_and(|count| count > 0) {}
-        drop(upgraded(address, "/live"));
+        let mut buffer = [0; 4096];
+        while stream.read(&mut buffer).is_ok_and(|count| count > 0) {}
+        drop(upgrade_to_websocket(address, "/live"));
         // It lives as long as this does.
         let _ = &server;
     })
 }
 
-pub(super) fn rosbridge_socket(_: &Path) -> Run {
+pub(super) fn rosbridge_socket(_: &Path) -> TargetFn {
     let bus: Arc<dyn TopicBus> = LocalBus::new();
     let options = RosbridgeOptions { port: 0, ..RosbridgeOptions::default() };
     let server = RosbridgeServer::start(options, Arc::clone(&bus)).expect("a free port");
     Box::new(move |bytes| {
-        send_lines(upgraded(server.address(), "/"), bytes);
-        drop(upgraded(server.address(), "/"));
+        send_lines(upgrade_to_websocket(server.address(), "/"), bytes);
+        drop(upgrade_to_websocket(server.address(), "/"));
         let _ = &bus;
     })
 }

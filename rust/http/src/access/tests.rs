@@ -1,5 +1,5 @@
 use super::*;
-use Pages::{OfThisHost, Own};
+use AllowedOrigins::{SameHost, SameServer};
 
 const TOKEN: &str = "a-token-of-some-length";
 const PORT: u16 = 8090;
@@ -9,30 +9,30 @@ const STRANGER: &str = "192.168.1.21";
 const WATCHER: &str = "192.168.1.20";
 const ACTOR: &str = "192.168.1.22";
 
-fn access() -> Access {
-    let listed = |address: &str, right| Listed { address: address.parse().unwrap(), right };
-    Access {
-        listed: vec![listed(WATCHER, Right::Watch), listed(ACTOR, Right::Act)],
+fn access() -> AccessConfig {
+    let listed = |address: &str, right| AllowedAddress { address: address.parse().unwrap(), right };
+    AccessConfig {
+        allowed_addresses: vec![listed(WATCHER, AccessRight::View), listed(ACTOR, AccessRight::Control)],
         token: Some(TOKEN.to_owned()),
         host_names: vec!["testbed.example.org".to_owned(), "203.0.113.7".to_owned()],
     }
 }
 
-fn rule(pages: Pages) -> Rule {
-    Rule::new(access(), pages, PORT, Some("lab".to_owned()))
+fn rule(pages: AllowedOrigins) -> AccessPolicy {
+    AccessPolicy::new(access(), pages, PORT, Some("lab".to_owned()))
 }
 
-fn without_token(pages: Pages) -> Rule {
-    Rule { access: Access { token: None, ..access() }, ..rule(pages) }
+fn without_token(pages: AllowedOrigins) -> AccessPolicy {
+    AccessPolicy { access: AccessConfig { token: None, ..access() }, ..rule(pages) }
 }
 
 /// Somebody whose connection came in where one from that peer does.
-fn visitor<'a>(peer: &str, host: &'a str) -> Visitor<'a> {
+fn visitor<'a>(peer: &str, host: &'a str) -> RequestCredentials<'a> {
     let peer: IpAddr = peer.parse().unwrap();
     let at = if peer.to_canonical().is_loopback() { peer } else { AT.parse().unwrap() };
-    Visitor {
+    RequestCredentials {
         peer,
-        at,
+        local_address: at,
         host: Some(host),
         origin: None,
         query: None,
@@ -42,12 +42,12 @@ fn visitor<'a>(peer: &str, host: &'a str) -> Visitor<'a> {
     }
 }
 
-fn page<'a>(peer: &str, origin: &'a str, host: &'a str, query: &'a str) -> Visitor<'a> {
-    Visitor { origin: Some(origin), query: Some(query), websocket: true, ..visitor(peer, host) }
+fn page<'a>(peer: &str, origin: &'a str, host: &'a str, query: &'a str) -> RequestCredentials<'a> {
+    RequestCredentials { origin: Some(origin), query: Some(query), websocket: true, ..visitor(peer, host) }
 }
 
-fn right(rule: &Rule, visitor: &Visitor<'_>) -> Option<Right> {
-    rule.admit(visitor).ok().map(|admission| admission.right)
+fn right(rule: &AccessPolicy, visitor: &RequestCredentials<'_>) -> Option<AccessRight> {
+    rule.authorize(visitor).ok().map(|admission| admission.right)
 }
 
 #[test]
@@ -58,7 +58,7 @@ fn who_acts_needs_the_token_or_a_listing_that_says_so_on_this_machine_too() {
         (format!("a=b; proact_token_{PORT}={TOKEN}"), format!("proact_token_{PORT}={TOKEN}x"));
     let other_port = format!("proact_token_9999={TOKEN}");
     let bearer = format!("Bearer {TOKEN}");
-    let (act, watch) = (Some(Right::Act), Some(Right::Watch));
+    let (act, watch) = (Some(AccessRight::Control), Some(AccessRight::View));
     for (peer, host, query, cookies, authorization, with_token, without) in [
         ("127.0.0.1", "localhost:8090", "", "", "", None, act),
         ("::1", "[::1]:8090", "", "", "", None, act),
@@ -82,23 +82,27 @@ fn who_acts_needs_the_token_or_a_listing_that_says_so_on_this_machine_too() {
         (STRANGER, "lab:8090", "", "", &bearer, act, None),
         (STRANGER, "lab:8090", "", "", TOKEN, None, None),
     ] {
-        let visitor = Visitor {
+        let visitor = RequestCredentials {
             query: Some(query),
             cookies,
             authorization: Some(authorization),
             ..visitor(peer, host)
         };
-        for (rule, expected) in [(rule(Own), with_token), (without_token(Own), without)] {
+        for (rule, expected) in [(rule(SameServer), with_token), (without_token(SameServer), without)] {
             assert_eq!(right(&rule, &visitor), expected, "{visitor:?}");
         }
         // Who may only watch has no business at rosbridge.
-        for (rule, expected) in [(rule(OfThisHost), with_token), (without_token(OfThisHost), without)] {
-            assert_eq!(right(&rule, &visitor), expected.filter(|&right| right == Right::Act), "{visitor:?}");
+        for (rule, expected) in [(rule(SameHost), with_token), (without_token(SameHost), without)] {
+            assert_eq!(
+                right(&rule, &visitor),
+                expected.filter(|&right| right == AccessRight::Control),
+                "{visitor:?}"
+            );
         }
     }
-    let refused = rule(Own).admit(&visitor(STRANGER, "lab:8090"));
+    let refused = rule(SameServer).authorize(&visitor(STRANGER, "lab:8090"));
     let named = |text: &str| text.contains("--page-allow 192.168.1.21") && text.contains("token");
-    assert!(matches!(&refused, Err(Refusal::Unknown(text)) if named(text)), "{refused:?}");
+    assert!(matches!(&refused, Err(AccessRefusal::Unauthorized(text)) if named(text)), "{refused:?}");
 }
 
 #[test]
@@ -128,24 +132,25 @@ fn a_foreign_host_name_is_refused_whoever_asks_unless_the_token_is_in_the_reques
             // On this machine, its address in the lab belongs to connections that came in there.
             let ours = ours && !(local && host.starts_with("192.168"));
             for origin in [None, Some(format!("http://{host}"))] {
-                let asks = Visitor { origin: origin.as_deref(), cookies, ..visitor(peer, host) };
-                let result = rule(Own).admit(&asks);
-                assert_eq!(result.is_ok(), ours, "{asks:?} {result:?}");
+                let credentials =
+                    RequestCredentials { origin: origin.as_deref(), cookies, ..visitor(peer, host) };
+                let result = rule(SameServer).authorize(&credentials);
+                assert_eq!(result.is_ok(), ours, "{credentials:?} {result:?}");
                 if let Err(refusal) = result {
                     let named = |text: &str| text.contains("host") && text.contains("--host-name");
-                    assert!(matches!(&refusal, Refusal::Foreign(text) if named(text)), "{refusal:?}");
+                    assert!(matches!(&refusal, AccessRefusal::Forbidden(text) if named(text)), "{refusal:?}");
                 }
                 if let (Some(origin), false) = (&origin, host.is_empty()) {
                     // The rebound page's WebSocket, at both servers.
-                    for pages in [Own, OfThisHost] {
-                        let socket = Visitor { cookies, ..page(peer, origin, host, "") };
-                        let may = ours && (pages == Own || peer != WATCHER);
-                        assert_eq!(rule(pages).admit(&socket).is_ok(), may, "{pages:?} {socket:?}");
+                    for pages in [SameServer, SameHost] {
+                        let socket = RequestCredentials { cookies, ..page(peer, origin, host, "") };
+                        let may = ours && (pages == SameServer || peer != WATCHER);
+                        assert_eq!(rule(pages).authorize(&socket).is_ok(), may, "{pages:?} {socket:?}");
                     }
                     for (query, authorization) in [(token.as_str(), ""), ("", bearer.as_str())] {
                         let authorization = Some(authorization);
-                        let shown = Visitor { authorization, ..page(peer, origin, host, query) };
-                        assert_eq!(right(&rule(Own), &shown), Some(Right::Act), "{shown:?}");
+                        let shown = RequestCredentials { authorization, ..page(peer, origin, host, query) };
+                        assert_eq!(right(&rule(SameServer), &shown), Some(AccessRight::Control), "{shown:?}");
                     }
                 }
             }
@@ -153,9 +158,12 @@ fn a_foreign_host_name_is_refused_whoever_asks_unless_the_token_is_in_the_reques
     }
     // Without a token this machine's browsers are no safer.
     for origin in [None, Some("http://evil.example:8090")] {
-        let rebound = Visitor { origin, ..visitor("127.0.0.1", "evil.example:8090") };
-        for pages in [Own, OfThisHost] {
-            assert!(matches!(without_token(pages).admit(&rebound), Err(Refusal::Foreign(_))), "{pages:?}");
+        let rebound = RequestCredentials { origin, ..visitor("127.0.0.1", "evil.example:8090") };
+        for pages in [SameServer, SameHost] {
+            assert!(
+                matches!(without_token(pages).authorize(&rebound), Err(AccessRefusal::Forbidden(_))),
+                "{pages:?}"
+            );
         }
     }
 }
@@ -164,9 +172,9 @@ fn a_foreign_host_name_is_refused_whoever_asks_unless_the_token_is_in_the_reques
 fn only_under_a_name_of_ours_can_a_browser_be_given_the_token_to_keep() {
     let query = format!("token={TOKEN}");
     for (host, ours) in [("lab:8090", true), ("somewhere.example:8090", false)] {
-        let asks = Visitor { query: Some(&query), ..visitor(STRANGER, host) };
-        let admission = rule(Own).admit(&asks).unwrap();
-        assert_eq!((admission.token_in_address, admission.host_is_ours), (true, ours), "{host}");
+        let credentials = RequestCredentials { query: Some(&query), ..visitor(STRANGER, host) };
+        let admission = rule(SameServer).authorize(&credentials).unwrap();
+        assert_eq!((admission.token_in_address, admission.is_own_host), (true, ours), "{host}");
     }
 }
 
@@ -194,8 +202,8 @@ fn a_page_of_another_site_is_refused() {
         (ACTOR, "http://evil.example", "lab:8090", none, false, false),
         (STRANGER, "http://lab:8090", "lab:8090", none, false, false),
     ] {
-        for (pages, admitted) in [(Own, own), (OfThisHost, of_this_host)] {
-            let result = without_token(pages).admit(&page(peer, origin, host, query));
+        for (pages, admitted) in [(SameServer, own), (SameHost, of_this_host)] {
+            let result = without_token(pages).authorize(&page(peer, origin, host, query));
             assert_eq!(result.is_ok(), admitted, "{pages:?} {peer} {origin} {host} {query}: {result:?}");
         }
     }
@@ -205,8 +213,8 @@ fn a_page_of_another_site_is_refused() {
         (STRANGER, "http://lab:8090", "lab:8090", true),
         (STRANGER, "http://evil.example", "lab:8090", false),
     ] {
-        for (pages, admitted) in [(Own, own), (OfThisHost, true)] {
-            let result = rule(pages).admit(&page(peer, origin, host, &token));
+        for (pages, admitted) in [(SameServer, own), (SameHost, true)] {
+            let result = rule(pages).authorize(&page(peer, origin, host, &token));
             assert_eq!(result.is_ok(), admitted, "{pages:?} {peer} {origin} {host}: {result:?}");
         }
     }
@@ -215,9 +223,10 @@ fn a_page_of_another_site_is_refused() {
 #[test]
 fn a_token_that_the_browser_keeps_does_not_vouch_for_the_page_that_runs_in_it() {
     let cookies = format!("proact_token_{PORT}={TOKEN}");
-    for pages in [Own, OfThisHost] {
-        let foreign = Visitor { cookies: &cookies, ..page(STRANGER, "http://evil.example", "lab:8090", "") };
-        assert!(matches!(rule(pages).admit(&foreign), Err(Refusal::Foreign(_))), "{pages:?}");
+    for pages in [SameServer, SameHost] {
+        let foreign =
+            RequestCredentials { cookies: &cookies, ..page(STRANGER, "http://evil.example", "lab:8090", "") };
+        assert!(matches!(rule(pages).authorize(&foreign), Err(AccessRefusal::Forbidden(_))), "{pages:?}");
     }
 }
 
@@ -234,24 +243,24 @@ fn a_program_without_an_origin_reaches_rosbridge_from_this_machine_and_listed_on
         (STRANGER, "lab:9090", "", false, false),
         (STRANGER, "lab:9090", &token, true, false),
     ] {
-        for (pages, admitted) in [(Own, own), (OfThisHost, of_this_host)] {
-            let program = Visitor { query: Some(query), websocket: true, ..visitor(peer, host) };
-            let result = rule(pages).admit(&program);
+        for (pages, admitted) in [(SameServer, own), (SameHost, of_this_host)] {
+            let program = RequestCredentials { query: Some(query), websocket: true, ..visitor(peer, host) };
+            let result = rule(pages).authorize(&program);
             assert_eq!(result.is_ok(), admitted, "{pages:?} {peer} {host} {query}: {result:?}");
         }
     }
-    let program = Visitor { websocket: true, ..visitor("127.0.0.1", "localhost:9090") };
-    assert_eq!(right(&without_token(OfThisHost), &program), Some(Right::Act));
+    let program = RequestCredentials { websocket: true, ..visitor("127.0.0.1", "localhost:9090") };
+    assert_eq!(right(&without_token(SameHost), &program), Some(AccessRight::Control));
 }
 
 #[test]
 fn a_token_and_a_host_name_are_checked_for_length_and_letters() {
     for bad in ["short", "with space and length", "ümlautümlaut"] {
-        let access = Access { token: Some(bad.to_owned()), ..Access::default() };
+        let access = AccessConfig { token: Some(bad.to_owned()), ..AccessConfig::default() };
         assert!(access.check().unwrap_err().to_string().contains("expected 8 to 200"), "{bad}");
     }
     for bad in ["", "http://lab", "lab:8090", "a b", "lab;"] {
-        let access = Access { host_names: vec![bad.to_owned()], ..Access::default() };
+        let access = AccessConfig { host_names: vec![bad.to_owned()], ..AccessConfig::default() };
         assert!(access.check().unwrap_err().to_string().contains("host name"), "{bad}");
     }
     assert!(access().check().is_ok());

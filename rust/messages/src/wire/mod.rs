@@ -17,7 +17,7 @@ pub enum WireError {
     },
     /// The message ends before the bytes do.
     #[error("{path}: {bytes} bytes are left over at the end")]
-    LeftOver {
+    TrailingBytes {
         /// The type.
         path: String,
         /// How many.
@@ -25,13 +25,13 @@ pub enum WireError {
     },
     /// A text that is not UTF-8.
     #[error("{path} is not UTF-8")]
-    NotText {
+    InvalidUtf8 {
         /// The field.
         path: String,
     },
     /// More messages in the message than could be meant.
     #[error("{path} holds more messages without a byte of their own than are taken")]
-    TooMany {
+    TooManyValues {
         /// The field.
         path: String,
     },
@@ -49,11 +49,11 @@ pub enum WireError {
 
 impl WireError {
     /// The same, seen from what contains the field. Paths grow on the way out: most messages need none.
-    fn within(mut self, outer: &str) -> Self {
+    fn in_field(mut self, outer: &str) -> Self {
         let (WireError::TooShort { path, .. }
-        | WireError::LeftOver { path, .. }
-        | WireError::NotText { path }
-        | WireError::TooMany { path }
+        | WireError::TrailingBytes { path, .. }
+        | WireError::InvalidUtf8 { path }
+        | WireError::TooManyValues { path }
         | WireError::Mismatch { path, .. }) = &mut self;
         let dot = if path.is_empty() || path.starts_with('[') { "" } else { "." };
         *path = format!("{outer}{dot}{path}");
@@ -63,7 +63,7 @@ impl WireError {
 
 #[cfg(test)]
 mod tests {
-    use crate::{MessageType, Time, Value, WireError, known_type, known_types};
+    use crate::{MessageType, MessageValue, Time, WireError, builtin_type, builtin_types};
     use serde_json::json;
 
     #[test]
@@ -73,14 +73,14 @@ mod tests {
             "C[3] c\n====\nMSG: a/C\nstd_msgs/Empty e\n====\nMSG: std_msgs/Empty\n",
         );
         let kind = kind.unwrap();
-        let value = kind.empty(Time::default());
+        let value = kind.default_value(Time::default());
         assert_eq!(kind.from_bytes(&kind.to_bytes(&value).unwrap()), Ok(value));
         let any = MessageType::from_text(
             "a/B",
             "C[] c\n====\nMSG: a/C\nstd_msgs/Empty[1000] e\n====\nMSG: std_msgs/Empty\n",
         );
         let refused = any.unwrap().from_bytes(&4_000_000_000_u32.to_le_bytes());
-        assert!(matches!(refused, Err(WireError::TooMany { .. })), "{refused:?}");
+        assert!(matches!(refused, Err(WireError::TooManyValues { .. })), "{refused:?}");
     }
 
     #[test]
@@ -93,7 +93,7 @@ mod tests {
             "header": {"frame_id": "ab"}, "points": [{"x": 1.5}], "ends": [1, 2], "level": -3, "raw": [1, 2, 3],
             "one": [9], "small": [-2, 258], "lasts": {"secs": -1, "nsecs": -2},
         });
-        let value = kind.read(json, Time { secs: 7, nsecs: 9 }).unwrap();
+        let value = kind.parse_json(json, Time { secs: 7, nsecs: 9 }).unwrap();
         let bytes = kind.to_bytes(&value).unwrap();
         let expected: [&[u8]; 12] = [
             &[0, 0, 0, 0, 7, 0, 0, 0, 9, 0, 0, 0, 2, 0, 0, 0, b'a', b'b'],
@@ -115,8 +115,8 @@ mod tests {
 
     #[test]
     fn every_known_type_survives_the_way_there_and_back() {
-        for kind in known_types() {
-            let value = kind.empty(Time { secs: 7, nsecs: 9 });
+        for kind in builtin_types() {
+            let value = kind.default_value(Time { secs: 7, nsecs: 9 });
             let mut bytes = kind.to_bytes(&value).unwrap();
             assert_eq!(kind.from_bytes(&bytes).unwrap(), value, "{}", kind.name);
             if !bytes.is_empty() {
@@ -125,7 +125,7 @@ mod tests {
             }
             bytes.push(0);
             let long = kind.from_bytes(&bytes);
-            assert!(matches!(long, Err(WireError::LeftOver { bytes: 1, .. })), "{}", kind.name);
+            assert!(matches!(long, Err(WireError::TrailingBytes { bytes: 1, .. })), "{}", kind.name);
         }
     }
 
@@ -137,33 +137,47 @@ mod tests {
         let error = kind.from_bytes(&[0, 0, 0, 0, 1, 0, 0, 0, 0xff]).unwrap_err();
         assert_eq!(error.to_string(), "a/B.text is not UTF-8");
         // A count of four billion must fail, not ask for memory.
-        assert!(known_type("tf2_msgs/TFMessage").unwrap().from_bytes(&[255; 8]).is_err());
+        assert!(builtin_type("tf2_msgs/TFMessage").unwrap().from_bytes(&[255; 8]).is_err());
     }
 
     #[test]
     fn a_value_of_another_type_is_refused_with_its_place() {
         let kind = MessageType::from_text("a/B", "Point[] points\n====\nMSG: a/Point\nfloat64 x\nint8[2] n")
             .unwrap();
-        let point = |name: &str, x: Value, n: Value| Value::Message(vec![(name.into(), x), ("n".into(), n)]);
-        let whole = |point: Value| Value::Message(vec![("points".into(), Value::List(vec![point]))]);
-        let two = || Value::List(vec![Value::Int(1), Value::Int(2)]);
-        assert!(kind.to_bytes(&whole(point("x", Value::Float(1.0), two()))).is_ok());
+        let point = |name: &str, x: MessageValue, n: MessageValue| {
+            MessageValue::Message(vec![(name.into(), x), ("n".into(), n)])
+        };
+        let whole = |point: MessageValue| {
+            MessageValue::Message(vec![("points".into(), MessageValue::List(vec![point]))])
+        };
+        let two = || MessageValue::List(vec![MessageValue::Int(1), MessageValue::Int(2)]);
+        assert!(kind.to_bytes(&whole(point("x", MessageValue::Float(1.0), two()))).is_ok());
         for (value, message) in [
-            (whole(point("x", Value::Bool(true), two())), "a/B.points[0].x is true, expected float64"),
+            (whole(point("x", MessageValue::Bool(true), two())), "a/B.points[0].x is true, expected float64"),
             (
-                whole(point("y", Value::Float(1.0), two())),
+                whole(point("y", MessageValue::Float(1.0), two())),
                 "a/B.points[0].y is the field \"y\", expected \"x\"",
             ),
             (
-                whole(point("x", Value::Float(1.0), Value::List(vec![]))),
+                whole(point("x", MessageValue::Float(1.0), MessageValue::List(vec![]))),
                 "a/B.points[0].n is an array of 0, expected int8[2]",
             ),
             (
-                whole(point("x", Value::Float(1.0), Value::List(vec![Value::Int(128), Value::Int(0)]))),
+                whole(point(
+                    "x",
+                    MessageValue::Float(1.0),
+                    MessageValue::List(vec![MessageValue::Int(128), MessageValue::Int(0)]),
+                )),
                 "a/B.points[0].n[0] is 128, expected int8",
             ),
-            (Value::Message(vec![]), "a/B is a message of 0 fields, expected the field \"points\" too"),
-            (Value::Opaque(json!({"points": []})), "a/B is a message whose type is not known, expected a/B"),
+            (
+                MessageValue::Message(vec![]),
+                "a/B is a message of 0 fields, expected the field \"points\" too",
+            ),
+            (
+                MessageValue::Opaque(json!({"points": []})),
+                "a/B is a message whose type is not known, expected a/B",
+            ),
         ] {
             assert_eq!(kind.to_bytes(&value).unwrap_err().to_string(), message);
         }

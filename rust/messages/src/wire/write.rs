@@ -1,7 +1,7 @@
-//! A serialiser of serde's that a definition guides: it writes a [`Value`](crate::Value) or a struct alike.
+//! A serialiser of serde's that a definition guides: it writes a [`MessageValue`](crate::Value) or a struct alike.
 
 use super::WireError;
-use crate::definition::{Count, Kind, MessageField, MessageType};
+use crate::definition::{ArrayKind, FieldType, MessageField, MessageType};
 use serde::ser::{
     Error, Impossible, Serialize, SerializeMap, SerializeSeq, SerializeStruct, SerializeTuple, Serializer,
 };
@@ -26,14 +26,14 @@ impl MessageType {
     /// # Errors
     /// As [`MessageType::to_bytes`]; what was appended until then stays.
     pub fn write(self: &Arc<Self>, message: &impl Serialize, to: &mut Vec<u8>) -> Result<(), WireError> {
-        let kind = Kind::Message(Arc::clone(self));
-        let slot = Slot { kind: &kind, count: Count::One, to };
+        let kind = FieldType::Message(Arc::clone(self));
+        let slot = ValueSerializer { kind: &kind, count: ArrayKind::Single, out: to };
         message.serialize(slot).map_err(|error| match error {
             // What serde says of a value that no bytes can hold.
             WireError::Mismatch { path, got, expected } if path.is_empty() && expected.is_empty() => {
                 WireError::Mismatch { path: self.name.clone(), got, expected: self.name.clone() }
             }
-            other => other.within(&self.name),
+            other => other.in_field(&self.name),
         })
     }
 }
@@ -45,28 +45,28 @@ impl Error for WireError {
 }
 
 /// What `time` and `duration` consist of.
-static TIME: LazyLock<Vec<MessageField>> = LazyLock::new(|| parts_of("uint32"));
-static DURATION: LazyLock<Vec<MessageField>> = LazyLock::new(|| parts_of("int32"));
+static TIME: LazyLock<Vec<MessageField>> = LazyLock::new(|| time_fields("uint32"));
+static DURATION: LazyLock<Vec<MessageField>> = LazyLock::new(|| time_fields("int32"));
 
-fn parts_of(whole: &str) -> Vec<MessageField> {
-    let kind = Kind::Int { bits: 32, signed: whole == "int32" };
+fn time_fields(whole: &str) -> Vec<MessageField> {
+    let kind = FieldType::Int { bits: 32, signed: whole == "int32" };
     let part = |name: &str| MessageField {
         name: name.into(),
         kind: kind.clone(),
-        count: Count::One,
-        written: whole.into(),
+        count: ArrayKind::Single,
+        type_text: whole.into(),
     };
     vec![part("secs"), part("nsecs")]
 }
 
 /// Where a value goes.
-struct Slot<'a> {
-    kind: &'a Kind,
-    count: Count,
-    to: &'a mut Vec<u8>,
+struct ValueSerializer<'a> {
+    kind: &'a FieldType,
+    count: ArrayKind,
+    out: &'a mut Vec<u8>,
 }
 
-impl<'a> Slot<'a> {
+impl<'a> ValueSerializer<'a> {
     fn refuse<T>(&self, got: impl Display) -> Result<T, WireError> {
         let mut got = got.to_string();
         if got.chars().count() > 60 {
@@ -76,51 +76,53 @@ impl<'a> Slot<'a> {
         Err(WireError::Mismatch { path: String::new(), got, expected })
     }
 
-    fn whole(self, number: impl Into<i128>) -> Result<(), WireError> {
+    fn serialize_integer(self, number: impl Into<i128>) -> Result<(), WireError> {
         let number: i128 = number.into();
         match (self.kind, self.count) {
-            (Kind::Int { bits, signed }, Count::One) if Kind::range(*bits, *signed).contains(&number) => {
-                self.to.extend_from_slice(&number.to_le_bytes()[..usize::from(bits / 8)]);
+            (FieldType::Int { bits, signed }, ArrayKind::Single)
+                if FieldType::range(*bits, *signed).contains(&number) =>
+            {
+                self.out.extend_from_slice(&number.to_le_bytes()[..usize::from(bits / 8)]);
                 Ok(())
             }
             _ => self.refuse(number),
         }
     }
 
-    fn length(&mut self, length: usize) -> Result<(), WireError> {
+    fn write_length(&mut self, length: usize) -> Result<(), WireError> {
         match (self.count, u32::try_from(length)) {
-            (Count::Any, Ok(length)) => self.to.extend_from_slice(&length.to_le_bytes()),
-            (Count::Exactly(expected), _) if expected == length => {}
+            (ArrayKind::Variable, Ok(length)) => self.out.extend_from_slice(&length.to_le_bytes()),
+            (ArrayKind::Fixed(expected), _) if expected == length => {}
             _ => return self.refuse(format!("an array of {length}")),
         }
         Ok(())
     }
 
-    fn elements(mut self, length: usize) -> Result<Elements<'a>, WireError> {
-        self.length(length)?;
-        Ok(Elements { kind: self.kind, number: 0, to: self.to })
+    fn array_serializer(mut self, length: usize) -> Result<ArraySerializer<'a>, WireError> {
+        self.write_length(length)?;
+        Ok(ArraySerializer { kind: self.kind, index: 0, out: self.out })
     }
 
-    fn parts(self) -> Result<Parts<'a>, WireError> {
+    fn message_serializer(self) -> Result<MessageSerializer<'a>, WireError> {
         let fields = match (self.kind, self.count) {
-            (Kind::Message(inner), Count::One) => &inner.fields,
-            (Kind::Time, Count::One) => &*TIME,
-            (Kind::Duration, Count::One) => &*DURATION,
+            (FieldType::Message(inner), ArrayKind::Single) => &inner.fields,
+            (FieldType::Time, ArrayKind::Single) => &*TIME,
+            (FieldType::Duration, ArrayKind::Single) => &*DURATION,
             _ => return self.refuse("a message"),
         };
-        Ok(Parts { fields, next: 0, to: self.to })
+        Ok(MessageSerializer { fields, next: 0, out: self.out })
     }
 }
 
-impl<'a> Serializer for Slot<'a> {
+impl<'a> Serializer for ValueSerializer<'a> {
     type Ok = ();
     type Error = WireError;
-    type SerializeSeq = Elements<'a>;
-    type SerializeTuple = Elements<'a>;
+    type SerializeSeq = ArraySerializer<'a>;
+    type SerializeTuple = ArraySerializer<'a>;
     type SerializeTupleStruct = Impossible<(), WireError>;
     type SerializeTupleVariant = Impossible<(), WireError>;
-    type SerializeMap = Parts<'a>;
-    type SerializeStruct = Parts<'a>;
+    type SerializeMap = MessageSerializer<'a>;
+    type SerializeStruct = MessageSerializer<'a>;
     type SerializeStructVariant = Impossible<(), WireError>;
 
     fn is_human_readable(&self) -> bool {
@@ -129,8 +131,8 @@ impl<'a> Serializer for Slot<'a> {
 
     fn serialize_bool(self, value: bool) -> Result<(), WireError> {
         match (self.kind, self.count) {
-            (Kind::Bool, Count::One) => {
-                self.to.push(u8::from(value));
+            (FieldType::Bool, ArrayKind::Single) => {
+                self.out.push(u8::from(value));
                 Ok(())
             }
             _ => self.refuse(value),
@@ -138,35 +140,35 @@ impl<'a> Serializer for Slot<'a> {
     }
 
     fn serialize_i8(self, value: i8) -> Result<(), WireError> {
-        self.whole(value)
+        self.serialize_integer(value)
     }
 
     fn serialize_i16(self, value: i16) -> Result<(), WireError> {
-        self.whole(value)
+        self.serialize_integer(value)
     }
 
     fn serialize_i32(self, value: i32) -> Result<(), WireError> {
-        self.whole(value)
+        self.serialize_integer(value)
     }
 
     fn serialize_i64(self, value: i64) -> Result<(), WireError> {
-        self.whole(value)
+        self.serialize_integer(value)
     }
 
     fn serialize_u8(self, value: u8) -> Result<(), WireError> {
-        self.whole(value)
+        self.serialize_integer(value)
     }
 
     fn serialize_u16(self, value: u16) -> Result<(), WireError> {
-        self.whole(value)
+        self.serialize_integer(value)
     }
 
     fn serialize_u32(self, value: u32) -> Result<(), WireError> {
-        self.whole(value)
+        self.serialize_integer(value)
     }
 
     fn serialize_u64(self, value: u64) -> Result<(), WireError> {
-        self.whole(value)
+        self.serialize_integer(value)
     }
 
     fn serialize_f32(self, value: f32) -> Result<(), WireError> {
@@ -175,9 +177,11 @@ impl<'a> Serializer for Slot<'a> {
 
     fn serialize_f64(self, value: f64) -> Result<(), WireError> {
         match (self.kind, self.count) {
-            (Kind::Float64, Count::One) => self.to.extend_from_slice(&value.to_le_bytes()),
+            (FieldType::Float64, ArrayKind::Single) => self.out.extend_from_slice(&value.to_le_bytes()),
             // ROS rounds to the nearest too.
-            (Kind::Float32, Count::One) => self.to.extend_from_slice(&(value as f32).to_le_bytes()),
+            (FieldType::Float32, ArrayKind::Single) => {
+                self.out.extend_from_slice(&(value as f32).to_le_bytes())
+            }
             _ => return self.refuse(value),
         }
         Ok(())
@@ -188,22 +192,22 @@ impl<'a> Serializer for Slot<'a> {
     }
 
     fn serialize_str(mut self, value: &str) -> Result<(), WireError> {
-        if !matches!((self.kind, self.count), (Kind::Text, Count::One)) {
+        if !matches!((self.kind, self.count), (FieldType::Text, ArrayKind::Single)) {
             return self.refuse(format!("{value:?}"));
         }
         // A text is an array of its bytes.
-        self.count = Count::Any;
-        self.length(value.len())?;
-        self.to.extend_from_slice(value.as_bytes());
+        self.count = ArrayKind::Variable;
+        self.write_length(value.len())?;
+        self.out.extend_from_slice(value.as_bytes());
         Ok(())
     }
 
     fn serialize_bytes(mut self, value: &[u8]) -> Result<(), WireError> {
-        if !matches!(self.kind, Kind::Int { bits: 8, signed: false }) {
+        if !matches!(self.kind, FieldType::Int { bits: 8, signed: false }) {
             return self.refuse(format!("{} bytes", value.len()));
         }
-        self.length(value.len())?;
-        self.to.extend_from_slice(value);
+        self.write_length(value.len())?;
+        self.out.extend_from_slice(value);
         Ok(())
     }
 
@@ -245,15 +249,15 @@ impl<'a> Serializer for Slot<'a> {
         self.refuse(name)
     }
 
-    fn serialize_seq(self, length: Option<usize>) -> Result<Elements<'a>, WireError> {
+    fn serialize_seq(self, length: Option<usize>) -> Result<ArraySerializer<'a>, WireError> {
         match length {
-            Some(length) => self.elements(length),
+            Some(length) => self.array_serializer(length),
             None => self.refuse("an array whose length is not known before"),
         }
     }
 
-    fn serialize_tuple(self, length: usize) -> Result<Elements<'a>, WireError> {
-        self.elements(length)
+    fn serialize_tuple(self, length: usize) -> Result<ArraySerializer<'a>, WireError> {
+        self.array_serializer(length)
     }
 
     fn serialize_tuple_struct(
@@ -274,12 +278,12 @@ impl<'a> Serializer for Slot<'a> {
         self.refuse(name)
     }
 
-    fn serialize_map(self, _: Option<usize>) -> Result<Parts<'a>, WireError> {
-        self.parts()
+    fn serialize_map(self, _: Option<usize>) -> Result<MessageSerializer<'a>, WireError> {
+        self.message_serializer()
     }
 
-    fn serialize_struct(self, _: &'static str, _: usize) -> Result<Parts<'a>, WireError> {
-        self.parts()
+    fn serialize_struct(self, _: &'static str, _: usize) -> Result<MessageSerializer<'a>, WireError> {
+        self.message_serializer()
     }
 
     fn serialize_struct_variant(
@@ -294,20 +298,20 @@ impl<'a> Serializer for Slot<'a> {
 }
 
 /// The entries of an array.
-struct Elements<'a> {
-    kind: &'a Kind,
-    number: usize,
-    to: &'a mut Vec<u8>,
+struct ArraySerializer<'a> {
+    kind: &'a FieldType,
+    index: usize,
+    out: &'a mut Vec<u8>,
 }
 
-impl SerializeSeq for Elements<'_> {
+impl SerializeSeq for ArraySerializer<'_> {
     type Ok = ();
     type Error = WireError;
 
     fn serialize_element<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), WireError> {
-        let slot = Slot { kind: self.kind, count: Count::One, to: &mut *self.to };
-        value.serialize(slot).map_err(|error| error.within(&format!("[{}]", self.number)))?;
-        self.number += 1;
+        let slot = ValueSerializer { kind: self.kind, count: ArrayKind::Single, out: &mut *self.out };
+        value.serialize(slot).map_err(|error| error.in_field(&format!("[{}]", self.index)))?;
+        self.index += 1;
         Ok(())
     }
 
@@ -316,7 +320,7 @@ impl SerializeSeq for Elements<'_> {
     }
 }
 
-impl SerializeTuple for Elements<'_> {
+impl SerializeTuple for ArraySerializer<'_> {
     type Ok = ();
     type Error = WireError;
 
@@ -330,15 +334,15 @@ impl SerializeTuple for Elements<'_> {
 }
 
 /// The fields of a message, a time or a duration.
-struct Parts<'a> {
+struct MessageSerializer<'a> {
     fields: &'a [MessageField],
     next: usize,
-    to: &'a mut Vec<u8>,
+    out: &'a mut Vec<u8>,
 }
 
-impl<'a> Parts<'a> {
+impl<'a> MessageSerializer<'a> {
     /// The next field, if that is its name.
-    fn named(&self, name: &str) -> Result<&'a MessageField, WireError> {
+    fn expect_field(&self, name: &str) -> Result<&'a MessageField, WireError> {
         let expected = match self.fields.get(self.next) {
             Some(field) if &*field.name == name => return Ok(field),
             Some(field) => format!("{:?}", field.name),
@@ -347,10 +351,14 @@ impl<'a> Parts<'a> {
         Err(WireError::Mismatch { path: name.to_owned(), got: format!("the field {name:?}"), expected })
     }
 
-    fn put<T: Serialize + ?Sized>(&mut self, field: &'a MessageField, value: &T) -> Result<(), WireError> {
+    fn write_field<T: Serialize + ?Sized>(
+        &mut self,
+        field: &'a MessageField,
+        value: &T,
+    ) -> Result<(), WireError> {
         self.next += 1;
-        let slot = Slot { kind: &field.kind, count: field.count, to: &mut *self.to };
-        value.serialize(slot).map_err(|error| error.within(&field.name))
+        let slot = ValueSerializer { kind: &field.kind, count: field.count, out: &mut *self.out };
+        value.serialize(slot).map_err(|error| error.in_field(&field.name))
     }
 
     fn finish(self) -> Result<(), WireError> {
@@ -364,7 +372,7 @@ impl<'a> Parts<'a> {
     }
 }
 
-impl SerializeStruct for Parts<'_> {
+impl SerializeStruct for MessageSerializer<'_> {
     type Ok = ();
     type Error = WireError;
 
@@ -373,8 +381,8 @@ impl SerializeStruct for Parts<'_> {
         name: &'static str,
         value: &T,
     ) -> Result<(), WireError> {
-        let field = self.named(name)?;
-        self.put(field, value)
+        let field = self.expect_field(name)?;
+        self.write_field(field, value)
     }
 
     fn end(self) -> Result<(), WireError> {
@@ -382,17 +390,21 @@ impl SerializeStruct for Parts<'_> {
     }
 }
 
-impl SerializeMap for Parts<'_> {
+impl SerializeMap for MessageSerializer<'_> {
     type Ok = ();
     type Error = WireError;
 
     fn serialize_key<T: Serialize + ?Sized>(&mut self, name: &T) -> Result<(), WireError> {
         // serde gives no text but what is written: it is written behind the message, looked at, and taken away.
-        let start = self.to.len();
-        name.serialize(Slot { kind: &Kind::Text, count: Count::One, to: &mut *self.to })?;
-        let name = String::from_utf8_lossy(&self.to[start + 4..]);
-        let found = self.named(&name).map(|_| ());
-        self.to.truncate(start);
+        let start = self.out.len();
+        name.serialize(ValueSerializer {
+            kind: &FieldType::Text,
+            count: ArrayKind::Single,
+            out: &mut *self.out,
+        })?;
+        let name = String::from_utf8_lossy(&self.out[start + 4..]);
+        let found = self.expect_field(&name).map(|_| ());
+        self.out.truncate(start);
         found
     }
 
@@ -400,7 +412,7 @@ impl SerializeMap for Parts<'_> {
         let Some(field) = self.fields.get(self.next) else {
             return Err(WireError::custom("a value without a key"));
         };
-        self.put(field, value)
+        self.write_field(field, value)
     }
 
     fn end(self) -> Result<(), WireError> {

@@ -1,15 +1,15 @@
 //! What stands where the hand would go.
 
-use crate::reach::Stance;
+use crate::reach::ArmPosture;
 use proact_types::{DisplayFrame, ObjectId, Point, Pose, Scene, Shape};
 
 /// This much air is kept about what the fingers pass, about the block that they are to take, and over the table,
 /// metres.
-const AIR: f64 = 0.015;
-const AIR_AROUND: f64 = 0.02;
-const AIR_TABLE: f64 = 0.004;
+const FINGER_CLEARANCE_M: f64 = 0.015;
+const TARGET_CLEARANCE_M: f64 = 0.02;
+const TABLE_CLEARANCE_M: f64 = 0.004;
 /// ... and about the skin of forearm and wrist.
-const AIR_FOREARM: f64 = 0.002;
+const FOREARM_CLEARANCE_M: f64 = 0.002;
 
 /// What the fingers, and the block in them, must not touch.
 pub(super) struct Obstacles<'a> {
@@ -19,7 +19,7 @@ pub(super) struct Obstacles<'a> {
     /// In the tip's frame.
     points: Vec<Point>,
     /// Heights of shelves, on which things stand as on the table.
-    shelves: Vec<f64>,
+    shelf_heights_m: Vec<f64>,
 }
 
 impl<'a> Obstacles<'a> {
@@ -29,7 +29,7 @@ impl<'a> Obstacles<'a> {
         block: ObjectId,
         mut points: Vec<Point>,
     ) -> Self {
-        if let Some(held) = seen.hand.holds {
+        if let Some(held) = seen.hand.held_object {
             let tip_from_block = seen.world_from_tip.inv_mul(&seen.objects[held.index()]);
             let shape = scene.objects[held.index()].shape;
             let (wide, high) = (shape.half_width(), shape.half_height());
@@ -40,48 +40,59 @@ impl<'a> Obstacles<'a> {
             }
         }
         let shelves = scene.shelves().into_iter().map(|(_, height)| height).collect();
-        Self { scene, seen, block, points, shelves }
+        Self { scene, seen, block, points, shelf_heights_m: shelves }
     }
 
     /// How far hand or forearm are in something, metres.
-    pub(super) fn depth(&self, world_from_base: &Pose, stance: &Stance) -> f64 {
+    pub(super) fn penetration_depth_m(&self, world_from_base: &Pose, stance: &ArmPosture) -> f64 {
         let world_from_tip = world_from_base * stance.tip;
-        let hand = |most: f64, point: &Point| {
-            let around = |other| if other == self.block { AIR_AROUND } else { AIR };
-            most.max(self.depth_of(&(world_from_tip * point), AIR_TABLE, AIR, around))
+        let hand = |max_depth: f64, point: &Point| {
+            let around = |other| if other == self.block { TARGET_CLEARANCE_M } else { FINGER_CLEARANCE_M };
+            max_depth.max(self.point_depth_m(
+                &(world_from_tip * point),
+                TABLE_CLEARANCE_M,
+                FINGER_CLEARANCE_M,
+                around,
+            ))
         };
-        let forearm = |most: f64, (point, radius): &(Point, f64)| {
-            let air = radius + AIR_FOREARM;
-            most.max(self.depth_of(&(world_from_base * point), air, air, |_| air))
+        let forearm = |max_depth: f64, (point, radius): &(Point, f64)| {
+            let air = radius + FOREARM_CLEARANCE_M;
+            max_depth.max(self.point_depth_m(&(world_from_base * point), air, air, |_| air))
         };
-        let most = self.points.iter().fold(0.0, hand);
-        stance.forearm.iter().fold(most, forearm)
+        let max_depth = self.points.iter().fold(0.0, hand);
+        stance.forearm_spheres.iter().fold(max_depth, forearm)
     }
 
     /// How far `point` is in something, if so much air is to be kept over the table, about what is fixed, and about
     /// a block.
-    fn depth_of(&self, point: &Point, air_table: f64, air: f64, air_block: impl Fn(ObjectId) -> f64) -> f64 {
+    fn point_depth_m(
+        &self,
+        point: &Point,
+        air_table: f64,
+        air: f64,
+        air_block: impl Fn(ObjectId) -> f64,
+    ) -> f64 {
         let table = self.scene.table_height;
-        let mut most = table + air_table - point.z;
+        let mut max_depth = table + air_table - point.z;
         for object in &self.scene.fixed {
             let Shape::Box { size } = object.shape else { continue };
             let at = object.pose.translation.vector;
             let top = at.z + size[2] / 2.0;
             let aside = |k: usize| size[k] / 2.0 + air - (point[k] - at[k]).abs();
             if top > table + 1e-3 {
-                let is_shelf = self.shelves.iter().any(|height| (height - top).abs() < 1e-6);
+                let is_shelf = self.shelf_heights_m.iter().any(|height| (height - top).abs() < 1e-6);
                 let air = if is_shelf { air_table } else { air };
-                most = most.max((top + air - point.z).min(aside(0)).min(aside(1)));
+                max_depth = max_depth.max((top + air - point.z).min(aside(0)).min(aside(1)));
             }
         }
-        for other in self.scene.ids().filter(|&other| Some(other) != self.seen.hand.holds) {
+        for other in self.scene.ids().filter(|&other| Some(other) != self.seen.hand.held_object) {
             let at = self.seen.objects[other.index()].translation.vector;
             let air = air_block(other);
-            let apart = (point.coords - at).xy().norm();
+            let distance = (point.coords - at).xy().norm();
             let shape = self.scene.objects[other.index()].shape;
-            let aside = shape.half_width() + air - apart;
-            most = most.max(aside.min(at.z + shape.half_height() + air - point.z));
+            let aside = shape.half_width() + air - distance;
+            max_depth = max_depth.max(aside.min(at.z + shape.half_height() + air - point.z));
         }
-        most
+        max_depth
     }
 }

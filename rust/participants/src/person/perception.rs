@@ -8,7 +8,7 @@ use rand_distr::{Distribution, StandardNormal};
 pub(crate) struct Perception {
     rng: ChaCha8Rng,
     /// Half width and half height of the field of view, rad; none where it is everything.
-    half_view: Option<[f64; 2]>,
+    half_field_of_view_rad: Option<[f64; 2]>,
     depth_error_m: f64,
     /// `world_from_object` as each was last seen.
     remembered: Vec<Pose>,
@@ -23,7 +23,7 @@ impl Perception {
             .then(|| [width, height].map(|degrees| degrees.to_radians() / 2.0));
         Self {
             rng: stream(seed, "perception"),
-            half_view,
+            half_field_of_view_rad: half_view,
             depth_error_m: traits.depth_error_m,
             remembered: Vec::new(),
             depth: Vec::new(),
@@ -32,8 +32,8 @@ impl Perception {
 
     /// Replaces what `frame` shows of objects by what is taken in of it, with the head turned to what is looked at along
     /// `gaze`, `world`.
-    pub(crate) fn take_in(&mut self, frame: &mut DisplayFrame, gaze: &Vector) {
-        if self.half_view.is_none() && self.depth_error_m <= 0.0 {
+    pub(crate) fn update(&mut self, frame: &mut DisplayFrame, gaze: &Vector) {
+        if self.half_field_of_view_rad.is_none() && self.depth_error_m <= 0.0 {
             return;
         }
         // At the beginning of a trial everything is looked at once.
@@ -44,7 +44,7 @@ impl Perception {
         }
         let eye = Point::from(frame.world_from_head.translation.vector);
         for (k, pose) in frame.objects.iter_mut().enumerate() {
-            let held = frame.hand.holds.is_some_and(|object| object.index() == k);
+            let held = frame.hand.held_object.is_some_and(|object| object.index() == k);
             let to_object = pose.translation.vector - eye.coords;
             if held || self.is_in_view(&to_object, gaze) {
                 self.remembered[k] = *pose;
@@ -61,7 +61,7 @@ impl Perception {
     }
 
     /// An object is looked at anew: its depth is judged once more, better than the time before by what was just felt.
-    pub(crate) fn judge_again(&mut self, object: usize) {
+    pub(crate) fn resample_depth(&mut self, object: usize) {
         let error = self.draw() / 2.0;
         if let Some(depth) = self.depth.get_mut(object) {
             *depth = error;
@@ -69,7 +69,7 @@ impl Perception {
     }
 
     fn is_in_view(&self, to_object: &Vector, gaze: &Vector) -> bool {
-        let Some([half_width, half_height]) = self.half_view else { return true };
+        let Some([half_width, half_height]) = self.half_field_of_view_rad else { return true };
         let heading = |v: &Vector| v.y.atan2(v.x);
         let pitch = |v: &Vector| v.z.atan2(v.xy().norm());
         let turn = heading(to_object) - heading(gaze);
@@ -94,7 +94,7 @@ mod tests {
 
     fn frame(x: f64) -> DisplayFrame {
         let objects = vec![Pose::translation(x, 0.0, 0.0), Pose::translation(0.0, 2.0, 0.0)];
-        DisplayFrame { objects, ..crate::doubles::frame() }
+        DisplayFrame { objects, ..crate::doubles::empty_frame() }
     }
 
     #[test]
@@ -102,12 +102,12 @@ mod tests {
         let traits = PersonTraits { field_of_view_deg: [43.0, 29.0], ..PersonTraits::default() };
         let mut perception = Perception::new(&traits, 1);
         let mut first = frame(1.0);
-        perception.take_in(&mut first, &Vector::x());
+        perception.update(&mut first, &Vector::x());
         assert_eq!(first.objects, frame(1.0).objects, "the scene is looked over at first");
         let (mut seen, mut unseen) = (frame(1.5), frame(2.0));
-        perception.take_in(&mut seen, &Vector::x());
+        perception.update(&mut seen, &Vector::x());
         assert_eq!(seen.objects[0].translation.x, 1.5);
-        perception.take_in(&mut unseen, &Vector::y());
+        perception.update(&mut unseen, &Vector::y());
         assert_eq!(unseen.objects[0].translation.x, 1.5);
     }
 
@@ -117,11 +117,11 @@ mod tests {
         let error = |seed: u64, again: bool| {
             let mut perception = Perception::new(&traits, seed);
             let mut seen = frame(1.0);
-            perception.take_in(&mut seen, &Vector::x());
+            perception.update(&mut seen, &Vector::x());
             if again {
                 seen = frame(1.0);
-                perception.judge_again(0);
-                perception.take_in(&mut seen, &Vector::x());
+                perception.resample_depth(0);
+                perception.update(&mut seen, &Vector::x());
             }
             let at = seen.objects[0].translation.vector;
             assert_eq!((at.y, at.z), (0.0, 0.0));

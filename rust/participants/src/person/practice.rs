@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// What a person has done before a trial.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct Practice {
+pub struct PracticeHistory {
     /// Trials with the same method, in all sessions.
     pub trials_with_method: u32,
     /// Minutes since this day's session began.
@@ -26,40 +26,40 @@ pub struct Learning {
     /// Thinking takes `(1 + trials)^-exponent` of the time of the first trial.
     pub practice_exponent: f64,
     /// Share of what is not known yet that a trial leaves unknown.
-    pub unknown_left: f64,
+    pub unlearned_share_per_trial: f64,
     /// Confusions grow by this share in an hour of work, by fatigue.
     pub fatigue_per_hour: f64,
     /// ... and by this share in an hour since the classifier was trained, by drift.
     pub drift_per_hour: f64,
     /// Share of the confusions that another day leaves: the gestures become clearer.
-    pub confusions_left_per_day: f64,
+    pub confusion_retention_per_day: f64,
     /// Share of the use of the trunk that [`Instruction::LimitBody`] leaves.
-    pub body_left_when_limited: f64,
+    pub trunk_share_when_limited: f64,
 }
 
 impl Learning {
     /// Who `person` is after `practice`.
-    pub fn practised(&self, person: &PersonTraits, practice: &Practice) -> PersonTraits {
+    pub fn after_practice(&self, person: &PersonTraits, practice: &PracticeHistory) -> PersonTraits {
         let trials = f64::from(practice.trials_with_method);
         let by_practice = (1.0 + trials).powf(-self.practice_exponent);
-        let unknown = self.unknown_left.powf(trials);
+        let unknown = self.unlearned_share_per_trial.powf(trials);
         let hours = practice.minutes.max(0.0) / 60.0;
         let since_training = practice.minutes_since_training.max(0.0) / 60.0;
         let worse = (1.0 + self.fatigue_per_hour * hours) * (1.0 + self.drift_per_hour * since_training);
-        let days = self.confusions_left_per_day.powi(practice.days_before.min(30) as i32);
+        let days = self.confusion_retention_per_day.powi(practice.days_before.min(30) as i32);
         let body = match practice.instruction {
             Instruction::Free => 1.0,
-            Instruction::LimitBody => self.body_left_when_limited,
+            Instruction::LimitBody => self.trunk_share_when_limited,
         };
         PersonTraits {
-            thinking_ms: (person.thinking_ms as f64 * by_practice) as u64,
+            decision_time_ms: (person.decision_time_ms as f64 * by_practice) as u64,
             confusions_per_min: (person.confusions_per_min * worse * days).min(600.0),
-            known_directions: 1.0 - (1.0 - person.known_directions) * unknown,
-            speed_error: person.speed_error * unknown,
+            learned_directions: 1.0 - (1.0 - person.learned_directions) * unknown,
+            speed_estimate_log_sd: person.speed_estimate_log_sd * unknown,
             anticipation: 1.0 - (1.0 - person.anticipation) * by_practice,
-            lets_go_early: person.lets_go_early * unknown,
-            forgets_lock: person.forgets_lock * unknown,
-            body_share: person.body_share * body,
+            early_release_probability: person.early_release_probability * unknown,
+            lock_omission_probability: person.lock_omission_probability * unknown,
+            trunk_share: person.trunk_share * body,
             ..*person
         }
     }

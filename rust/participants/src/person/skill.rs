@@ -5,44 +5,46 @@ use rand_distr::{Distribution, StandardNormal};
 use std::collections::BTreeMap;
 
 /// After a movement the guess of the speed goes this share of the way to what was seen. Assumed.
-const LEARNT: f64 = 0.6;
+const LEARNING_RATE: f64 = 0.6;
 /// A guess is not off by more than this factor.
-const FURTHEST: f64 = 5.0;
+const MAX_SPEED_FACTOR: f64 = 5.0;
 
 /// What the person knows of how WE and WF move each joint and axis, learnt by moving them.
-pub(crate) struct Skill {
+pub(crate) struct MotorSkill {
     rng: ChaCha8Rng,
     traits: PersonTraits,
-    modes: BTreeMap<u8, Known>,
+    modes: BTreeMap<u8, ModeKnowledge>,
 }
 
 /// What is known of one joint or axis.
 #[derive(Clone, Copy, Debug)]
-struct Known {
+struct ModeKnowledge {
     direction: bool,
     /// Guess of its speed over the true one of an unhurried user.
-    factor: f64,
+    speed_factor: f64,
 }
 
-impl Skill {
+impl MotorSkill {
     pub(crate) fn new(traits: &PersonTraits, seed: u64) -> Self {
         Self { rng: stream(seed, "skill"), traits: *traits, modes: BTreeMap::new() }
     }
 
-    fn known(&mut self, mode: u8) -> &mut Known {
+    fn knowledge_of(&mut self, mode: u8) -> &mut ModeKnowledge {
         let Self { rng, traits, modes } = self;
         modes.entry(mode).or_insert_with(|| {
-            let direction = traits.known_directions >= 1.0 || rng.random::<f64>() < traits.known_directions;
-            let unit: f64 = if traits.speed_error > 0.0 { StandardNormal.sample(rng) } else { 0.0 };
-            let factor = (traits.speed_error * unit).exp().clamp(1.0 / FURTHEST, FURTHEST);
-            Known { direction, factor }
+            let direction =
+                traits.learned_directions >= 1.0 || rng.random::<f64>() < traits.learned_directions;
+            let unit: f64 = if traits.speed_estimate_log_sd > 0.0 { StandardNormal.sample(rng) } else { 0.0 };
+            let factor =
+                (traits.speed_estimate_log_sd * unit).exp().clamp(1.0 / MAX_SPEED_FACTOR, MAX_SPEED_FACTOR);
+            ModeKnowledge { direction, speed_factor: factor }
         })
     }
 
     /// Whether a movement of `mode` is begun in the direction that is meant: a guess while it is not known.
-    pub(crate) fn begins_rightly(&mut self, mode: u8) -> bool {
-        let known = self.known(mode).direction;
-        match (known, self.traits.wrong_direction) {
+    pub(crate) fn starts_in_intended_direction(&mut self, mode: u8) -> bool {
+        let known = self.knowledge_of(mode).direction;
+        match (known, self.traits.wrong_direction_probability) {
             (true, wrong) if wrong <= 0.0 => true,
             (true, wrong) => self.rng.random::<f64>() >= wrong,
             (false, _) => self.rng.random(),
@@ -51,53 +53,54 @@ impl Skill {
 
     /// How fast `mode` is thought to move, if practice has it at `speed`.
     pub(crate) fn speed(&mut self, mode: u8, speed: f64) -> f64 {
-        speed * self.known(mode).factor
+        speed * self.knowledge_of(mode).speed_factor
     }
 
     /// A movement of `mode` was seen that brought `share` of what was expected of it; negative if it went the other way.
-    pub(crate) fn learn(&mut self, mode: u8, share: f64) {
-        let known = self.known(mode);
+    pub(crate) fn update_from_movement(&mut self, mode: u8, share: f64) {
+        let known = self.knowledge_of(mode);
         known.direction = true;
         let seen = share.abs();
         // Something that was met says nothing of the speed.
-        if self.traits.speed_error > 0.0 && seen > 0.3 {
-            let known = self.known(mode);
-            known.factor = (known.factor * seen.powf(LEARNT)).clamp(1.0 / FURTHEST, FURTHEST);
+        if self.traits.speed_estimate_log_sd > 0.0 && seen > 0.3 {
+            let known = self.knowledge_of(mode);
+            known.speed_factor = (known.speed_factor * seen.powf(LEARNING_RATE))
+                .clamp(1.0 / MAX_SPEED_FACTOR, MAX_SPEED_FACTOR);
         }
     }
 
     /// An imagined movement of `amount`, as it is imagined.
-    pub(crate) fn imagined(&mut self, amount: f64) -> f64 {
-        if self.traits.imagination_error <= 0.0 {
+    pub(crate) fn predicted_amount(&mut self, amount: f64) -> f64 {
+        if self.traits.forward_model_relative_error <= 0.0 {
             return amount;
         }
         let unit: f64 = StandardNormal.sample(&mut self.rng);
-        amount * (1.0 + self.traits.imagination_error * unit.clamp(-2.0, 2.0))
+        amount * (1.0 + self.traits.forward_model_relative_error * unit.clamp(-2.0, 2.0))
     }
 
     /// Whether the trunk is used where it could do what is to be done.
-    pub(crate) fn uses_body(&mut self) -> bool {
-        self.chance(self.traits.body_share)
+    pub(crate) fn uses_trunk(&mut self) -> bool {
+        self.draw_bernoulli(self.traits.trunk_share)
     }
 
     /// Whether something wrong is noticed at a look.
-    pub(crate) fn notices(&mut self) -> bool {
-        self.chance(self.traits.notices)
+    pub(crate) fn detects_error(&mut self) -> bool {
+        self.draw_bernoulli(self.traits.error_detection_probability)
     }
 
     /// Whether a lock is forgotten.
-    pub(crate) fn forgets_lock(&mut self) -> bool {
-        self.chance(self.traits.forgets_lock)
+    pub(crate) fn omits_lock(&mut self) -> bool {
+        self.draw_bernoulli(self.traits.lock_omission_probability)
     }
 
     /// Whether WE is let go before the arm has arrived.
-    pub(crate) fn lets_go_early(&mut self) -> bool {
-        self.chance(self.traits.lets_go_early)
+    pub(crate) fn releases_early(&mut self) -> bool {
+        self.draw_bernoulli(self.traits.early_release_probability)
     }
 
     /// Draws nothing where there is nothing to draw.
-    fn chance(&mut self, chance: f64) -> bool {
-        chance >= 1.0 || (chance > 0.0 && self.rng.random::<f64>() < chance)
+    fn draw_bernoulli(&mut self, probability: f64) -> bool {
+        probability >= 1.0 || (probability > 0.0 && self.rng.random::<f64>() < probability)
     }
 }
 
@@ -107,13 +110,13 @@ mod tests {
 
     #[test]
     fn directions_are_guessed_until_a_movement_was_seen() {
-        let traits = PersonTraits { known_directions: 0.0, ..PersonTraits::default() };
+        let traits = PersonTraits { learned_directions: 0.0, ..PersonTraits::default() };
         let right = |seed: u64, seen: bool| {
-            let mut skill = Skill::new(&traits, seed);
+            let mut skill = MotorSkill::new(&traits, seed);
             if seen {
-                skill.learn(3, -1.0);
+                skill.update_from_movement(3, -1.0);
             }
-            skill.begins_rightly(3)
+            skill.starts_in_intended_direction(3)
         };
         let guessed = (0..400).filter(|seed| right(*seed, false)).count();
         assert!((160..240).contains(&guessed), "{guessed} of 400");
@@ -122,23 +125,27 @@ mod tests {
 
     #[test]
     fn a_guess_of_a_speed_comes_near_what_is_seen_within_a_few_movements() {
-        let traits = PersonTraits { speed_error: 0.6, ..PersonTraits::default() };
-        let mut skill = Skill::new(&traits, 9);
-        let off = |skill: &mut Skill| (skill.speed(1, 0.4) / 0.4).ln().abs();
+        let traits = PersonTraits { speed_estimate_log_sd: 0.6, ..PersonTraits::default() };
+        let mut skill = MotorSkill::new(&traits, 9);
+        let off = |skill: &mut MotorSkill| (skill.speed(1, 0.4) / 0.4).ln().abs();
         let before = off(&mut skill);
         for _ in 0..4 {
             // Who takes a joint for slower than it is sees it go further.
             let share = 0.4 / skill.speed(1, 0.4);
-            skill.learn(1, share);
+            skill.update_from_movement(1, share);
         }
         assert!(before > 0.1 && off(&mut skill) < before / 10.0, "{before}");
     }
 
     #[test]
     fn nobody_in_particular_knows_everything() {
-        let mut skill = Skill::new(&PersonTraits::default(), 1);
-        assert!((0..20).all(|mode| skill.begins_rightly(mode) && skill.speed(mode, 0.4) == 0.4));
-        assert_eq!(skill.imagined(0.3), 0.3);
-        assert!(!skill.uses_body() && skill.notices() && !skill.forgets_lock() && !skill.lets_go_early());
+        let mut skill = MotorSkill::new(&PersonTraits::default(), 1);
+        assert!(
+            (0..20).all(|mode| skill.starts_in_intended_direction(mode) && skill.speed(mode, 0.4) == 0.4)
+        );
+        assert_eq!(skill.predicted_amount(0.3), 0.3);
+        assert!(
+            !skill.uses_trunk() && skill.detects_error() && !skill.omits_lock() && !skill.releases_early()
+        );
     }
 }

@@ -10,18 +10,18 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields, default)]
 pub struct PersonTraits {
     /// Median time to decide what to do next: which joint or axis, or the next step of a selection, ms. Assumed.
-    pub thinking_ms: u64,
+    pub decision_time_ms: u64,
     /// Spread of that time from one decision to the next: standard deviation of its logarithm. Assumed.
-    pub thinking_spread: f64,
+    pub decision_time_log_sd: f64,
     /// How often in a minute of muscle work the classifier begins to take a gesture for another one. Assumed. Errors come
     /// in bursts: independent ones are filtered out by three equal decisions.
     pub confusions_per_min: f64,
     /// Mean length of such a burst, ms. Assumed.
-    pub confusion_ms: u64,
+    pub confusion_burst_ms: u64,
     /// Share of the decisions in a burst that go to the neighbouring gesture. Assumed.
-    pub confused_share: f64,
+    pub confused_decision_share: f64,
     /// The rate grows by this share for each 25 degrees that the trunk leans. Assumed.
-    pub posture_confusion: f64,
+    pub confusion_gain_per_25_deg: f64,
     /// From the wish to look elsewhere to the eye being there, ms (saccade latency, about 200).
     pub saccade_ms: u64,
     /// Share of the time with the eyes on the hand while something moves. Assumed.
@@ -31,58 +31,58 @@ pub struct PersonTraits {
     /// Standard deviation of the error in depth with which an object is seen, metres along the line of sight. Assumed.
     pub depth_error_m: f64,
     /// Chance that the direction in which a gesture moves a joint or an axis is known before it was seen to move. Assumed.
-    pub known_directions: f64,
+    pub learned_directions: f64,
     /// Chance of the wrong direction once it is known. Assumed.
-    pub wrong_direction: f64,
+    pub wrong_direction_probability: f64,
     /// Spread of the guess how fast a joint or an axis moves: standard deviation of its logarithm. Assumed.
-    pub speed_error: f64,
+    pub speed_estimate_log_sd: f64,
     /// Share of the person's own delay for which the end of a movement is anticipated, 0 to 1. Assumed.
     pub anticipation: f64,
     /// A long movement is ended by what is seen of it, and not after the time that it was thought to take. Assumed.
-    pub ends_by_sight: bool,
+    pub visual_stop: bool,
     /// Standard deviation of an imagined movement, as a share of it. Assumed.
-    pub imagination_error: f64,
+    pub forward_model_relative_error: f64,
     /// Chance that the trunk makes a correction that it is able to make, instead of the arm. Assumed.
-    pub body_share: f64,
+    pub trunk_share: f64,
     /// Chance to notice, at one look, that something other than what is meant is highlighted, or that a marker is off.
     /// Assumed.
-    pub notices: f64,
+    pub error_detection_probability: f64,
     /// Chance to forget to lock a selection before WE. Assumed.
-    pub forgets_lock: f64,
+    pub lock_omission_probability: f64,
     /// Chance to let go of WE before the arm has arrived, taking it for arrived. Assumed.
-    pub lets_go_early: f64,
+    pub early_release_probability: f64,
 }
 
 impl Default for PersonTraits {
     fn default() -> Self {
         Self {
-            thinking_ms: 0,
-            thinking_spread: 0.0,
+            decision_time_ms: 0,
+            decision_time_log_sd: 0.0,
             confusions_per_min: 0.0,
-            confusion_ms: 700,
-            confused_share: 0.8,
-            posture_confusion: 0.0,
+            confusion_burst_ms: 700,
+            confused_decision_share: 0.8,
+            confusion_gain_per_25_deg: 0.0,
             saccade_ms: 0,
             hand_glance_share: 0.0,
             field_of_view_deg: [360.0, 180.0],
             depth_error_m: 0.0,
-            known_directions: 1.0,
-            wrong_direction: 0.0,
-            speed_error: 0.0,
+            learned_directions: 1.0,
+            wrong_direction_probability: 0.0,
+            speed_estimate_log_sd: 0.0,
             anticipation: 1.0,
-            ends_by_sight: false,
-            imagination_error: 0.0,
-            body_share: 0.0,
-            notices: 1.0,
-            forgets_lock: 0.0,
-            lets_go_early: 0.0,
+            visual_stop: false,
+            forward_model_relative_error: 0.0,
+            trunk_share: 0.0,
+            error_detection_probability: 1.0,
+            lock_omission_probability: 0.0,
+            early_release_probability: 0.0,
         }
     }
 }
 
 impl PersonTraits {
     /// True for the default: nobody in particular.
-    pub fn is_nobody(&self) -> bool {
+    pub fn is_default(&self) -> bool {
         *self == Self::default()
     }
 
@@ -93,8 +93,8 @@ impl PersonTraits {
     pub fn check(&self) -> Result<(), OutOfRange> {
         let refused = |key, got: String, expected| Err(OutOfRange { key, got, expected });
         let times = [
-            ("participant.person.thinking_ms", self.thinking_ms),
-            ("participant.person.confusion_ms", self.confusion_ms),
+            ("participant.person.decision_time_ms", self.decision_time_ms),
+            ("participant.person.confusion_burst_ms", self.confusion_burst_ms),
             ("participant.person.saccade_ms", self.saccade_ms),
         ];
         for (key, got) in times {
@@ -103,15 +103,15 @@ impl PersonTraits {
             }
         }
         let shares = [
-            ("participant.person.confused_share", self.confused_share),
+            ("participant.person.confused_decision_share", self.confused_decision_share),
             ("participant.person.hand_glance_share", self.hand_glance_share),
-            ("participant.person.known_directions", self.known_directions),
-            ("participant.person.wrong_direction", self.wrong_direction),
+            ("participant.person.learned_directions", self.learned_directions),
+            ("participant.person.wrong_direction_probability", self.wrong_direction_probability),
             ("participant.person.anticipation", self.anticipation),
-            ("participant.person.body_share", self.body_share),
-            ("participant.person.notices", self.notices),
-            ("participant.person.forgets_lock", self.forgets_lock),
-            ("participant.person.lets_go_early", self.lets_go_early),
+            ("participant.person.trunk_share", self.trunk_share),
+            ("participant.person.error_detection_probability", self.error_detection_probability),
+            ("participant.person.lock_omission_probability", self.lock_omission_probability),
+            ("participant.person.early_release_probability", self.early_release_probability),
         ];
         for (key, got) in shares {
             if !(0.0..=1.0).contains(&got) {
@@ -119,12 +119,22 @@ impl PersonTraits {
             }
         }
         let spreads = [
-            ("participant.person.thinking_spread", self.thinking_spread, 0.0..=3.0, "0 to 3"),
+            ("participant.person.decision_time_log_sd", self.decision_time_log_sd, 0.0..=3.0, "0 to 3"),
             ("participant.person.confusions_per_min", self.confusions_per_min, 0.0..=600.0, "0 to 600"),
-            ("participant.person.posture_confusion", self.posture_confusion, 0.0..=20.0, "0 to 20"),
+            (
+                "participant.person.confusion_gain_per_25_deg",
+                self.confusion_gain_per_25_deg,
+                0.0..=20.0,
+                "0 to 20",
+            ),
             ("participant.person.depth_error_m", self.depth_error_m, 0.0..=0.2, "0 to 0.2"),
-            ("participant.person.speed_error", self.speed_error, 0.0..=3.0, "0 to 3"),
-            ("participant.person.imagination_error", self.imagination_error, 0.0..=2.0, "0 to 2"),
+            ("participant.person.speed_estimate_log_sd", self.speed_estimate_log_sd, 0.0..=3.0, "0 to 3"),
+            (
+                "participant.person.forward_model_relative_error",
+                self.forward_model_relative_error,
+                0.0..=2.0,
+                "0 to 2",
+            ),
         ];
         for (key, got, allowed, expected) in spreads {
             if !allowed.contains(&got) {

@@ -4,8 +4,8 @@
 use nalgebra::UnitQuaternion;
 use proact_arm::ArmModel;
 use proact_kinematics::Kinematics;
-use proact_planning::{ArmPlanner, Person, PlannerOptions, person_obstacles};
-use proact_tasks::{Arrangement, TaskChoice};
+use proact_planning::{ArmPlanner, PersonGeometry, PlannerOptions, person_obstacles};
+use proact_tasks::{Arrangement, TaskSpec};
 use proact_types::{
     AttachedObject, JointVector, ObjectId, Obstacle, PlanGoal, PlanRequest, Point, Pose, Scene, Shape,
     TrunkPosture, Vector, joints,
@@ -14,24 +14,24 @@ use std::sync::{Arc, OnceLock};
 
 /// Places on the start side of the box, with a block each: far or near, lateral or medial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Region {
+pub enum BlockRegion {
     FL,
     FM,
     NL,
     NM,
 }
 
-impl Region {
+impl BlockRegion {
     /// In the order of the blocks that stand there.
-    pub const ALL: [Region; 4] = [Region::FL, Region::FM, Region::NL, Region::NM];
+    pub const ALL: [BlockRegion; 4] = [BlockRegion::FL, BlockRegion::FM, BlockRegion::NL, BlockRegion::NM];
 }
 
-/// The box and its blocks, block `k` in `Region::ALL[k]`.
+/// The box and its blocks, block `k` in `BlockRegion::ALL[k]`.
 pub fn scene() -> &'static Scene {
     static SCENE: OnceLock<Scene> = OnceLock::new();
     SCENE.get_or_init(|| {
         let arrangement = Some(Arrangement::numbered(1).expect("1 to 24"));
-        let choice = TaskChoice { arrangement, ..TaskChoice::named("modified_bbt", 1).expect("it ships") };
+        let choice = TaskSpec { arrangement, ..TaskSpec::named("modified_bbt", 1).expect("it ships") };
         choice.build(false).expect("a sound task").scene().clone()
     })
 }
@@ -70,7 +70,7 @@ pub fn seated(posture: TrunkPosture) -> Pose {
 }
 
 /// Adds the person whose shoulder `base` is to a request's obstacles.
-pub fn with_person(mut request: PlanRequest, person: &Person) -> PlanRequest {
+pub fn with_person(mut request: PlanRequest, person: &PersonGeometry) -> PlanRequest {
     request.obstacles.extend(person_obstacles(&request.world_from_base, person));
     request
 }
@@ -94,17 +94,17 @@ pub fn obstacles() -> Vec<Obstacle> {
 }
 
 /// The name of the block in `region`.
-pub fn block_name(region: Region) -> String {
+pub fn block_name(region: BlockRegion) -> String {
     scene().objects[region as usize].name.clone()
 }
 
 /// Where the block in `region` stands at the start: its centre.
-pub fn block_centre(region: Region) -> Point {
+pub fn block_centre(region: BlockRegion) -> Point {
     scene().objects[region as usize].pose.translation.vector.into()
 }
 
 /// The mirrored place on the table top.
-pub fn target(region: Region) -> Point {
+pub fn target(region: BlockRegion) -> Point {
     let start = block_centre(region);
     Point::new(start.x, -start.y, scene().table_height)
 }
@@ -114,16 +114,16 @@ pub fn pose_of(model: &ArmModel, group: &str, name: &str) -> JointVector {
 }
 
 /// A pick of the block in `region` from the arm's start pose.
-pub fn pick(model: &ArmModel, world_from_base: Pose, region: Region, seed: u64) -> PlanRequest {
+pub fn pick(model: &ArmModel, world_from_base: Pose, region: BlockRegion, seed: u64) -> PlanRequest {
     PlanRequest {
         id: 1,
         world_from_base,
         start: pose_of(model, "arm", "start"),
         hand: pose_of(model, "hand", "open"),
         goal: PlanGoal::Pick { object: ObjectId::new(region as usize), centre: block_centre(region) },
-        picked: Some(block_name(region)),
+        picked_object: Some(block_name(region)),
         obstacles: obstacles(),
-        held: Vec::new(),
+        held_joints: Vec::new(),
         attached: None,
         seed,
     }
@@ -133,8 +133,8 @@ pub fn pick(model: &ArmModel, world_from_base: Pose, region: Region, seed: u64) 
 pub fn place(
     model: &ArmModel,
     world_from_base: Pose,
-    region: Region,
-    place: Point,
+    region: BlockRegion,
+    place_point: Point,
     q: &[f64],
     seed: u64,
 ) -> PlanRequest {
@@ -148,9 +148,9 @@ pub fn place(
         world_from_base,
         start: joints(q),
         hand: pose_of(model, "hand", "closed"),
-        goal: PlanGoal::Place { point: place },
-        picked: None,
-        held: Vec::new(),
+        goal: PlanGoal::Place { point: place_point },
+        picked_object: None,
+        held_joints: Vec::new(),
         obstacles: obstacles().into_iter().filter(|o| o.name != block).collect(),
         attached: Some(AttachedObject {
             name: block,

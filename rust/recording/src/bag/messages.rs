@@ -6,7 +6,7 @@ use proact_types::{Point as WorldPoint, Pose as WorldPose, Vector};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 /// A struct that stands for a message type of ROS 1.
-pub trait Message: Serialize + DeserializeOwned {
+pub trait RosMessage: Serialize + DeserializeOwned {
     /// Full name, such as `std_msgs/String`.
     const TYPE: &'static str;
 }
@@ -22,14 +22,14 @@ macro_rules! message {
             $(pub $field: $type),*
         }
 
-        impl Message for $name {
+        impl RosMessage for $name {
             const TYPE: &'static str = $ros;
         }
     };
 }
 
 message! {
-    /// `std_msgs/Header`.
+    /// `std_msgs/BagRecordHeader`.
     Header = "std_msgs/Header" { seq: u32, stamp: Time, frame_id: String }
 }
 message! {
@@ -65,7 +65,7 @@ message! {
     Quaternion = "geometry_msgs/Quaternion" { x: f64, y: f64, z: f64, w: f64 }
 }
 message! {
-    /// `geometry_msgs/Pose`.
+    /// `geometry_msgs/PoseJson`.
     Pose = "geometry_msgs/Pose" { position: Point, orientation: Quaternion }
 }
 message! {
@@ -188,10 +188,10 @@ impl From<&WorldPose> for Transform {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proact_messages::known_type;
+    use proact_messages::builtin_type;
 
-    fn check<M: Message + Default + PartialEq + std::fmt::Debug>(filled: M) {
-        let kind = known_type(M::TYPE).unwrap();
+    fn check<M: RosMessage + Default + PartialEq + std::fmt::Debug>(filled: M) {
+        let kind = builtin_type(M::TYPE).unwrap();
         for message in [filled, M::default()] {
             let bytes = kind.to_bytes(&message).unwrap();
             assert_eq!(kind.from_bytes(&bytes).unwrap().into_struct::<M>().unwrap(), message, "{}", M::TYPE);

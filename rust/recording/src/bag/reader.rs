@@ -1,12 +1,12 @@
 use super::{
-    messages::Message,
+    messages::RosMessage,
     records::{
-        Header, MOST_BYTES, NoRecord, OP_BAG_HEADER, OP_CHUNK, OP_CHUNK_INFO, OP_CONNECTION, OP_INDEX,
-        OP_MESSAGE, Record, VERSION_LINE,
+        BagRecord, BagRecordError, BagRecordHeader, MAX_RECORD_BYTES, OP_BAG_HEADER, OP_CHUNK, OP_CHUNK_INFO,
+        OP_CONNECTION, OP_INDEX, OP_MESSAGE, VERSION_LINE,
     },
 };
 use crate::{RecordingError, files};
-use proact_messages::{MessageType, known_type};
+use proact_messages::{MessageType, builtin_type};
 use std::{
     collections::{HashMap, hash_map::Entry},
     fmt,
@@ -26,13 +26,13 @@ pub struct BagMessage<'a> {
     /// When it was recorded, nanoseconds on the recorder's clock.
     pub time_ns: u64,
     /// The type's definition in the bag, or why it cannot be read: many a bag has topics that nobody asks for.
-    kind: &'a Result<Arc<MessageType>, String>,
+    message_type: &'a Result<Arc<MessageType>, String>,
     bytes: &'a [u8],
 }
 
 impl BagMessage<'_> {
     /// Whether the message has `text` among its bytes: much less work than to decode it.
-    pub fn holds(&self, text: &str) -> bool {
+    pub fn contains_text(&self, text: &str) -> bool {
         self.bytes.windows(text.len()).any(|bytes| bytes == text.as_bytes())
     }
 
@@ -40,11 +40,11 @@ impl BagMessage<'_> {
     ///
     /// # Errors
     /// [`RecordingError::Encode`] if its bytes are not one message of the type, or it lacks fields.
-    pub fn decode<M: Message>(&self) -> Result<Option<M>, RecordingError> {
+    pub fn decode<M: RosMessage>(&self) -> Result<Option<M>, RecordingError> {
         if self.type_name != M::TYPE {
             return Ok(None);
         }
-        let kind = self.kind.as_ref().map_err(RecordingError::encode(M::TYPE))?;
+        let kind = self.message_type.as_ref().map_err(RecordingError::encode(M::TYPE))?;
         let value = kind.from_bytes(self.bytes).map_err(RecordingError::encode(M::TYPE))?;
         value.into_struct().map(Some).map_err(RecordingError::encode(M::TYPE))
     }
@@ -55,11 +55,11 @@ impl BagMessage<'_> {
 #[must_use = "a bag that is cut off lacks messages"]
 pub enum BagEnd {
     /// As its recorder finished it.
-    Whole,
+    Complete,
     /// Its recorder was killed, or the file was cut: all whole chunks before were read.
-    CutOff {
+    Truncated {
         /// Byte behind the last whole chunk.
-        at: u64,
+        byte_offset: u64,
         /// Messages before.
         messages: u64,
     },
@@ -68,8 +68,8 @@ pub enum BagEnd {
 impl fmt::Display for BagEnd {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            BagEnd::Whole => f.write_str("the bag is whole"),
-            BagEnd::CutOff { at, messages } => write!(
+            BagEnd::Complete => f.write_str("the bag is whole"),
+            BagEnd::Truncated { byte_offset: at, messages } => write!(
                 f,
                 "the bag is cut off at byte {at}, so its recorder was killed or the file was cut; the {messages} messages \
                  before were read. For ROS's own tools mend it with `rosbag reindex`"
@@ -79,25 +79,26 @@ impl fmt::Display for BagEnd {
 }
 
 /// What is known of a topic in a bag.
-struct Topic {
+struct BagTopic {
     name: String,
     type_name: String,
-    kind: Result<Arc<MessageType>, String>,
+    message_type: Result<Arc<MessageType>, String>,
 }
 
-impl Topic {
+impl BagTopic {
     /// A connection by its record: the topic's name in the header, the rest in the data.
-    fn new(record: &Record) -> Result<Self, String> {
-        let told = Header::parse(&record.data)?;
-        let type_name = told.text("type")?.to_owned();
-        let kind = kind_of(&type_name, told.text("md5sum")?, told.text("message_definition")?);
-        Ok(Topic { name: record.header.text("topic")?.to_owned(), type_name, kind })
+    fn new(record: &BagRecord) -> Result<Self, String> {
+        let header = BagRecordHeader::parse(&record.data)?;
+        let type_name = header.text("type")?.to_owned();
+        let kind =
+            resolve_message_type(&type_name, header.text("md5sum")?, header.text("message_definition")?);
+        Ok(BagTopic { name: record.header.text("topic")?.to_owned(), type_name, message_type: kind })
     }
 }
 
 /// The type by the definition in the bag, whose checksum tells whether it is one that is known anyway.
-fn kind_of(type_name: &str, sum: &str, definition: &str) -> Result<Arc<MessageType>, String> {
-    if let Some(known) = known_type(type_name).filter(|known| known.md5() == sum) {
+fn resolve_message_type(type_name: &str, sum: &str, definition: &str) -> Result<Arc<MessageType>, String> {
+    if let Some(known) = builtin_type(type_name).filter(|known| known.md5() == sum) {
         return Ok(known);
     }
     let found = MessageType::from_text(type_name, definition).map_err(|error| error.to_string())?;
@@ -122,32 +123,67 @@ pub fn read_bag<E: From<RecordingError>>(
     path: &Path,
     take: impl FnMut(&BagMessage<'_>) -> Result<(), E>,
 ) -> Result<BagEnd, E> {
-    Reader::open(path)?.read(take)
+    BagReader::open(path)?.read(take)
+}
+
+/// As [`read_bag`], in the order of the messages' times. A recorder writes in that order; who copies topic after topic, or sorts otherwise,
+/// does not. Of a bag in another order the messages of topics that are `wanted` are in memory at once.
+///
+/// # Errors
+/// As [`read_bag`].
+pub fn read_bag_by_time<E: From<RecordingError>>(
+    path: &Path,
+    wanted: impl Fn(&str) -> bool,
+    mut take: impl FnMut(&BagMessage<'_>) -> Result<(), E>,
+) -> Result<BagEnd, E> {
+    let (mut last, mut in_order) = (0, true);
+    let end = read_bag::<E>(path, |message| {
+        in_order &= message.time_ns >= last;
+        last = message.time_ns;
+        Ok(())
+    })?;
+    if in_order {
+        return read_bag(path, take);
+    }
+    let mut kept = Vec::new();
+    let _ = read_bag::<E>(path, |message| {
+        if wanted(message.topic) {
+            let BagMessage { topic, type_name, time_ns, message_type: kind, bytes } = *message;
+            kept.push((time_ns, topic.to_owned(), type_name.to_owned(), kind.clone(), bytes.to_owned()));
+        }
+        Ok(())
+    })?;
+    // Messages of one time stay in the order of the file.
+    kept.sort_by_key(|(time_ns, ..)| *time_ns);
+    for (time_ns, topic, type_name, kind, bytes) in &kept {
+        take(&BagMessage { topic, type_name, time_ns: *time_ns, message_type: kind, bytes })?;
+    }
+    Ok(end)
 }
 
 /// A bag that is being read.
-struct Reader<'a> {
+struct BagReader<'a> {
     path: &'a Path,
     file: BufReader<File>,
     length: u64,
-    left: u64,
+    remaining_bytes: u64,
     /// Where the index is, and how many connections and chunks it tells of; none if the bag was not finished.
     index: Option<(u64, u32)>,
-    topics: HashMap<u32, Topic>,
+    topics: HashMap<u32, BagTopic>,
     messages: u64,
 }
 
-impl<'a> Reader<'a> {
+impl<'a> BagReader<'a> {
     fn open(path: &'a Path) -> Result<Self, RecordingError> {
         let io = |source| RecordingError::Io { action: "open", path: path.to_owned(), source };
         let file = files::open(path).map_err(io)?;
         let length = file.metadata().map_err(io)?.len();
         let topics = HashMap::new();
-        let mut reader = Reader {
+        let mut reader = BagReader {
             path,
             file: BufReader::new(file),
             length,
-            left: length,
+            remaining_bytes: length,
             index: None,
             topics,
             messages: 0,
@@ -156,13 +192,13 @@ impl<'a> Reader<'a> {
         if length < line.len() as u64 || reader.file.read_exact(&mut line).is_err() || line != VERSION_LINE {
             return Err(reader.damaged(0, "it does not begin as a bag does"));
         }
-        reader.left -= line.len() as u64;
+        reader.remaining_bytes -= line.len() as u64;
         Ok(reader)
     }
 
     /// The byte that is read next.
     fn position(&self) -> u64 {
-        self.length - self.left
+        self.length - self.remaining_bytes
     }
 
     fn damaged(&self, offset: u64, reason: &str) -> RecordingError {
@@ -174,61 +210,73 @@ impl<'a> Reader<'a> {
         mut take: impl FnMut(&BagMessage<'_>) -> Result<(), E>,
     ) -> Result<BagEnd, E> {
         let mut whole = self.position();
-        let (mut chunks, mut told) = (0, 0);
+        let (mut chunks, mut chunk_info_count) = (0, 0);
         loop {
             let start = self.position();
-            let record = match Record::read(&mut self.file, &mut self.left) {
+            let record = match BagRecord::read(&mut self.file, &mut self.remaining_bytes) {
                 Ok(Some(record)) => record,
-                Ok(None) | Err(NoRecord::Cut) => break,
-                Err(NoRecord::Malformed(reason)) => match self.index {
+                Ok(None) | Err(BagRecordError::Truncated) => break,
+                Err(BagRecordError::Malformed(reason)) => match self.index {
                     Some(_) => return Err(self.damaged(start, &reason).into()),
                     // What a killed recorder had begun to write.
                     None => break,
                 },
-                Err(NoRecord::Io(error)) => return Err(RecordingError::io("read", self.path)(error).into()),
+                Err(BagRecordError::Io(error)) => {
+                    return Err(RecordingError::io("read", self.path)(error).into());
+                }
             };
             match self.record(&record, &mut take) {
-                Ok(Kind::Head) => whole = self.position(),
-                Ok(Kind::Chunk) => {
+                Ok(BagRecordKind::BagHeader) => whole = self.position(),
+                Ok(BagRecordKind::Chunk) => {
                     chunks += 1;
                     whole = self.position();
                 }
-                Ok(Kind::ChunkInfo) => told += 1,
-                Ok(Kind::Other) => {}
+                Ok(BagRecordKind::ChunkInfo) => chunk_info_count += 1,
+                Ok(BagRecordKind::Other) => {}
                 // A recorder writes the size of its chunk when it closes it; until then its messages seem to lie bare.
-                Err(Refused::Malformed(_)) if self.index.is_none() && start > VERSION_LINE.len() as u64 => {
+                Err(RecordFailure::Malformed(_))
+                    if self.index.is_none() && start > VERSION_LINE.len() as u64 =>
+                {
                     break;
                 }
-                Err(Refused::Malformed(reason)) => return Err(self.damaged(start, &reason).into()),
-                Err(Refused::Taker(error)) => return Err(error),
+                Err(RecordFailure::Malformed(reason)) => return Err(self.damaged(start, &reason).into()),
+                Err(RecordFailure::Callback(error)) => return Err(error),
             }
         }
         let finished = self.index.is_some_and(|(at, expected)| {
-            at <= self.length && (chunks, told) == (expected, expected) && self.left == 0
+            at <= self.length
+                && (chunks, chunk_info_count) == (expected, expected)
+                && self.remaining_bytes == 0
         });
-        Ok(if finished { BagEnd::Whole } else { BagEnd::CutOff { at: whole, messages: self.messages } })
+        Ok(if finished {
+            BagEnd::Complete
+        } else {
+            BagEnd::Truncated { byte_offset: whole, messages: self.messages }
+        })
     }
 
     fn record<E>(
         &mut self,
-        record: &Record,
+        record: &BagRecord,
         take: &mut impl FnMut(&BagMessage<'_>) -> Result<(), E>,
-    ) -> Result<Kind, Refused<E>> {
+    ) -> Result<BagRecordKind, RecordFailure<E>> {
         let op = record.header.op()?;
         match op {
             OP_BAG_HEADER => {
                 let (at, chunks) = (record.header.u64("index_pos")?, record.header.u32("chunk_count")?);
                 self.index = (at > 0).then_some((at, chunks));
-                Ok(Kind::Head)
+                Ok(BagRecordKind::BagHeader)
             }
             OP_CHUNK => {
-                self.chunk(&decompress(record)?, take)?;
-                Ok(Kind::Chunk)
+                self.chunk(&decompress_chunk(record)?, take)?;
+                Ok(BagRecordKind::Chunk)
             }
-            OP_INDEX => Ok(Kind::Other),
-            OP_CHUNK_INFO => Ok(Kind::ChunkInfo),
-            OP_CONNECTION if self.index.is_some() => Ok(Kind::Other),
-            _ => Err(Refused::Malformed(format!("there is a record of kind {op}, which has no place there"))),
+            OP_INDEX => Ok(BagRecordKind::Other),
+            OP_CHUNK_INFO => Ok(BagRecordKind::ChunkInfo),
+            OP_CONNECTION if self.index.is_some() => Ok(BagRecordKind::Other),
+            _ => Err(RecordFailure::Malformed(format!(
+                "there is a record of kind {op}, which has no place there"
+            ))),
         }
     }
 
@@ -236,17 +284,17 @@ impl<'a> Reader<'a> {
         &mut self,
         mut bytes: &[u8],
         take: &mut impl FnMut(&BagMessage<'_>) -> Result<(), E>,
-    ) -> Result<(), Refused<E>> {
+    ) -> Result<(), RecordFailure<E>> {
         let mut left = bytes.len() as u64;
         let mut records = Vec::new();
         // The whole chunk first: of one that is damaged no message is handed on.
         loop {
-            match Record::read(&mut bytes, &mut left) {
+            match BagRecord::read(&mut bytes, &mut left) {
                 Ok(Some(record)) => records.push(record),
                 Ok(None) => break,
-                Err(NoRecord::Malformed(reason)) => return Err(Refused::Malformed(reason)),
-                Err(NoRecord::Cut | NoRecord::Io(_)) => {
-                    return Err(Refused::Malformed("a chunk ends within a record".to_owned()));
+                Err(BagRecordError::Malformed(reason)) => return Err(RecordFailure::Malformed(reason)),
+                Err(BagRecordError::Truncated | BagRecordError::Io(_)) => {
+                    return Err(RecordFailure::Malformed("a chunk ends within a record".to_owned()));
                 }
             }
         }
@@ -255,18 +303,18 @@ impl<'a> Reader<'a> {
             match record.header.op()? {
                 OP_CONNECTION => {
                     if let Entry::Vacant(entry) = self.topics.entry(id) {
-                        entry.insert(Topic::new(&record)?);
+                        entry.insert(BagTopic::new(&record)?);
                     }
                 }
                 OP_MESSAGE => {
-                    let Topic { name: topic, type_name, kind } =
+                    let BagTopic { name: topic, type_name, message_type: kind } =
                         self.topics.get(&id).ok_or_else(|| format!("no connection has the number {id}"))?;
                     let time_ns = record.header.time_ns("time")?;
                     self.messages += 1;
-                    take(&BagMessage { topic, type_name, time_ns, kind, bytes: &record.data })
-                        .map_err(Refused::Taker)?;
+                    take(&BagMessage { topic, type_name, time_ns, message_type: kind, bytes: &record.data })
+                        .map_err(RecordFailure::Callback)?;
                 }
-                op => return Err(Refused::Malformed(format!("a chunk holds a record of kind {op}"))),
+                op => return Err(RecordFailure::Malformed(format!("a chunk holds a record of kind {op}"))),
             }
         }
         Ok(())
@@ -274,30 +322,30 @@ impl<'a> Reader<'a> {
 }
 
 /// What a record was.
-enum Kind {
-    Head,
+enum BagRecordKind {
+    BagHeader,
     Chunk,
     ChunkInfo,
     Other,
 }
 
 /// Why a record was not taken.
-enum Refused<E> {
+enum RecordFailure<E> {
     Malformed(String),
-    Taker(E),
+    Callback(E),
 }
 
-impl<E> From<String> for Refused<E> {
+impl<E> From<String> for RecordFailure<E> {
     fn from(reason: String) -> Self {
-        Refused::Malformed(reason)
+        RecordFailure::Malformed(reason)
     }
 }
 
 /// The content of a chunk.
-fn decompress(record: &Record) -> Result<Vec<u8>, String> {
+fn decompress_chunk(record: &BagRecord) -> Result<Vec<u8>, String> {
     let size = u64::from(record.header.u32("size")?);
-    if size > u64::from(MOST_BYTES) {
-        return Err(format!("a chunk has {size} bytes, expected at most {MOST_BYTES}"));
+    if size > u64::from(MAX_RECORD_BYTES) {
+        return Err(format!("a chunk has {size} bytes, expected at most {MAX_RECORD_BYTES}"));
     }
     let kind = record.header.text("compression")?;
     let data = record.data.as_slice();
@@ -322,17 +370,18 @@ mod tests {
     use crate::bag::messages::Bool;
 
     fn decode((sum, definition): (&str, &str), bytes: &[u8]) -> Result<Option<Bool>, RecordingError> {
-        let kind = kind_of("std_msgs/Bool", sum, definition);
-        BagMessage { topic: "/a", type_name: "std_msgs/Bool", time_ns: 0, kind: &kind, bytes }.decode()
+        let kind = resolve_message_type("std_msgs/Bool", sum, definition);
+        BagMessage { topic: "/a", type_name: "std_msgs/Bool", time_ns: 0, message_type: &kind, bytes }
+            .decode()
     }
 
     #[test]
     fn a_message_is_read_by_the_definition_in_its_bag() {
-        let usual = known_type("std_msgs/Bool").unwrap();
-        let told = (usual.md5(), "");
-        assert_eq!(decode(told, &[1]).unwrap(), Some(Bool { data: true }));
-        assert!(decode(told, &[1, 0]).unwrap_err().to_string().contains("left over"));
-        assert!(decode(told, &[]).unwrap_err().to_string().contains("missing"));
+        let usual = builtin_type("std_msgs/Bool").unwrap();
+        let definition = (usual.md5(), "");
+        assert_eq!(decode(definition, &[1]).unwrap(), Some(Bool { data: true }));
+        assert!(decode(definition, &[1, 0]).unwrap_err().to_string().contains("left over"));
+        assert!(decode(definition, &[]).unwrap_err().to_string().contains("missing"));
 
         let text = "uint8 sure # a lab's own\nbool data\n";
         let labs = MessageType::from_text("std_msgs/Bool", text).unwrap();
@@ -344,13 +393,14 @@ mod tests {
 
     #[test]
     fn a_definition_that_is_damaged_is_an_error_only_where_somebody_asks() {
-        let usual = known_type("std_msgs/Bool").unwrap();
+        let usual = builtin_type("std_msgs/Bool").unwrap();
         for (sum, definition, part) in [
             (usual.md5().replace('8', "9"), "bool data", "checksum"),
             ("0".repeat(32), "Nothing data", "std_msgs/Nothing"),
         ] {
-            let kind = kind_of("std_msgs/Bool", &sum, definition);
-            let message = BagMessage { topic: "/a", type_name: "a/B", time_ns: 0, kind: &kind, bytes: &[] };
+            let kind = resolve_message_type("std_msgs/Bool", &sum, definition);
+            let message =
+                BagMessage { topic: "/a", type_name: "a/B", time_ns: 0, message_type: &kind, bytes: &[] };
             assert_eq!(message.decode::<Bool>().unwrap(), None, "of another type");
             let error = decode((&sum, definition), &[1]).unwrap_err().to_string();
             assert!(error.contains(part), "{error}");

@@ -16,7 +16,7 @@ pub(super) const OP_CONNECTION: u8 = 0x07;
 
 /// Longest header or data of a record, bytes. Recorders close a chunk at 768 KiB unless told otherwise; a message that is
 /// longer makes one of its own.
-pub(super) const MOST_BYTES: u32 = 256 << 20;
+pub(super) const MAX_RECORD_BYTES: u32 = 256 << 20;
 
 /// A record to be written.
 pub(super) fn put_record(out: &mut Vec<u8>, fields: &[(&str, Vec<u8>)], data: &[u8]) {
@@ -24,9 +24,9 @@ pub(super) fn put_record(out: &mut Vec<u8>, fields: &[(&str, Vec<u8>)], data: &[
     for (name, value) in fields {
         put_field(&mut header, name, value);
     }
-    out.extend(count(header.len()).to_le_bytes());
+    out.extend(to_u32(header.len()).to_le_bytes());
     out.extend_from_slice(&header);
-    out.extend(count(data.len()).to_le_bytes());
+    out.extend(to_u32(data.len()).to_le_bytes());
     out.extend_from_slice(data);
 }
 
@@ -37,84 +37,87 @@ pub(super) fn put_message_header(out: &mut Vec<u8>, connection: u32, time: Time)
     out.extend_from_slice(&[0; 4]);
     put_field(out, "op", &[OP_MESSAGE]);
     put_field(out, "conn", &connection.to_le_bytes());
-    put_field(out, "time", &bytes_of(time));
-    let length = count(out.len() - start - 4);
+    put_field(out, "time", &encode_time(time));
+    let length = to_u32(out.len() - start - 4);
     out[start..start + 4].copy_from_slice(&length.to_le_bytes());
     out.extend_from_slice(&[0; 4]);
 }
 
 /// A field of a header.
 pub(super) fn put_field(out: &mut Vec<u8>, name: &str, value: &[u8]) {
-    out.extend(count(name.len() + 1 + value.len()).to_le_bytes());
+    out.extend(to_u32(name.len() + 1 + value.len()).to_le_bytes());
     out.extend_from_slice(name.as_bytes());
     out.push(b'=');
     out.extend_from_slice(value);
 }
 
-pub(super) fn number(value: u32) -> Vec<u8> {
+pub(super) fn encode_u32(value: u32) -> Vec<u8> {
     value.to_le_bytes().to_vec()
 }
 
-pub(super) fn bytes_of(time: Time) -> [u8; 8] {
+pub(super) fn encode_time(time: Time) -> [u8; 8] {
     ((u64::from(time.nsecs) << 32) | u64::from(time.secs)).to_le_bytes()
 }
 
-pub(super) fn count(value: usize) -> u32 {
+pub(super) fn to_u32(value: usize) -> u32 {
     u32::try_from(value).expect("chunks are closed below 1 MB and messages are far below 4 GB")
 }
 
 /// A record that was read.
 #[derive(Debug)]
-pub(super) struct Record {
+pub(super) struct BagRecord {
     /// Its header.
-    pub header: Header,
+    pub header: BagRecordHeader,
     /// Its data.
     pub data: Vec<u8>,
 }
 
 /// Why there is no record.
 #[derive(Debug)]
-pub(super) enum NoRecord {
+pub(super) enum BagRecordError {
     /// The input ends within it.
-    Cut,
+    Truncated,
     /// What is there is none.
     Malformed(String),
     /// The system refuses.
     Io(io::Error),
 }
 
-impl Record {
+impl BagRecord {
     /// Reads a record from the `left` bytes that remain of an input, which it reduces by its own; none at the end. No more
     /// memory is asked for than remains of the input.
-    pub(super) fn read(input: &mut impl Read, left: &mut u64) -> Result<Option<Record>, NoRecord> {
+    pub(super) fn read(input: &mut impl Read, left: &mut u64) -> Result<Option<BagRecord>, BagRecordError> {
         if *left == 0 {
             return Ok(None);
         }
-        let header = block(input, left)?;
-        let data = block(input, left)?;
-        Ok(Some(Record { header: Header::parse(&header).map_err(NoRecord::Malformed)?, data }))
+        let header = read_block(input, left)?;
+        let data = read_block(input, left)?;
+        Ok(Some(BagRecord {
+            header: BagRecordHeader::parse(&header).map_err(BagRecordError::Malformed)?,
+            data,
+        }))
     }
 }
 
 /// A length and as many bytes.
-fn block(input: &mut impl Read, left: &mut u64) -> Result<Vec<u8>, NoRecord> {
+fn read_block(input: &mut impl Read, left: &mut u64) -> Result<Vec<u8>, BagRecordError> {
     let mut take = |length: usize| {
         if *left < length as u64 {
-            return Err(NoRecord::Cut);
+            return Err(BagRecordError::Truncated);
         }
         let mut bytes = vec![0; length];
         input.read_exact(&mut bytes).map_err(|error| match error.kind() {
-            io::ErrorKind::UnexpectedEof => NoRecord::Cut,
-            _ => NoRecord::Io(error),
+            io::ErrorKind::UnexpectedEof => BagRecordError::Truncated,
+            _ => BagRecordError::Io(error),
         })?;
         *left -= length as u64;
         Ok(bytes)
     };
     let length = take(4)?;
     let length = u32::from_le_bytes([length[0], length[1], length[2], length[3]]);
-    if length > MOST_BYTES {
-        return Err(NoRecord::Malformed(format!(
-            "a record has {length} bytes, expected at most {MOST_BYTES}"
+    if length > MAX_RECORD_BYTES {
+        return Err(BagRecordError::Malformed(format!(
+            "a record has {length} bytes, expected at most {MAX_RECORD_BYTES}"
         )));
     }
     take(length as usize)
@@ -122,9 +125,9 @@ fn block(input: &mut impl Read, left: &mut u64) -> Result<Vec<u8>, NoRecord> {
 
 /// The fields of a record's header, or of a connection's data.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct Header(Vec<(String, Vec<u8>)>);
+pub(super) struct BagRecordHeader(Vec<(String, Vec<u8>)>);
 
-impl Header {
+impl BagRecordHeader {
     pub(super) fn parse(mut bytes: &[u8]) -> Result<Self, String> {
         let mut fields = Vec::new();
         while !bytes.is_empty() {

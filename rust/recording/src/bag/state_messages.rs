@@ -7,7 +7,7 @@ use proact_messages::original::ARM_MODEL;
 #[derive(Clone, Debug, Default)]
 pub(super) struct StateMessages {
     pub(super) joints: ros::JointState,
-    pub(super) stops: ros::JointState,
+    pub(super) limit_efforts: ros::JointState,
     pub(super) links: ros::TfMessage,
     pub(super) models: ros::ModelStates,
 }
@@ -24,6 +24,6 @@ impl StateMessages {
             name: std::iter::once(ARM_MODEL.to_owned()).chain(objects).collect(),
             ..Default::default()
         };
-        Self { stops: joints.clone(), joints, links: ros::TfMessage { transforms: links }, models }
+        Self { limit_efforts: joints.clone(), joints, links: ros::TfMessage { transforms: links }, models }
     }
 }

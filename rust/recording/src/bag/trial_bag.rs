@@ -32,7 +32,7 @@
 
 use super::{
     BagWriter,
-    messages::{self as ros, Message},
+    messages::{self as ros, RosMessage},
     state_messages::StateMessages,
 };
 use crate::RecordingError;
@@ -40,7 +40,7 @@ use proact_arm::{ArmModel, Joint, JointKind};
 use proact_messages::original::{ARM_MODEL, topic};
 use proact_messages::{Duration, Time, original};
 use proact_types::{
-    BodyState, DisplayFrame, Event, EventKind, FeedbackCue, GazeSample, Gesture, HandState, ObjectId,
+    BodyState, Command, DisplayFrame, Event, EventKind, FeedbackCue, GazeSample, HandState, ObjectId,
     PlanReply, PlantState, Pose, Scene, SimTime,
 };
 use std::{
@@ -55,9 +55,9 @@ use std::{
 /// starts well above.
 pub const BAG_EPOCH_SECS: u32 = 1000;
 
-const WORLD: &str = "world";
+const WORLD_FRAME: &str = "world";
 /// `rosgraph_msgs/Log.INFO`.
-const INFO: i8 = 2;
+const LOG_LEVEL_INFO: i8 = 2;
 
 /// Writes a trial's bag while it runs. Until [`TrialBag::finish`] it is called as in the end, with `.active`.
 #[derive(Debug)]
@@ -65,9 +65,9 @@ pub struct TrialBag {
     bag: BagWriter,
     base_link: String,
     /// Moving joints as the state orders them.
-    moving: Vec<Joint>,
+    moving_joints: Vec<Joint>,
     /// Positions in `moving`, by the joints' names.
-    alphabetical: Vec<usize>,
+    alphabetical_joints: Vec<usize>,
     /// Names of the arm joints, base to tip.
     arm_joints: Vec<String>,
     /// Names of the objects' models, and topics of their poses, in the order of the scene.
@@ -79,8 +79,8 @@ pub struct TrialBag {
 
 impl TrialBag {
     /// Compresses what is written from now on: a sixth of the size.
-    pub fn compress(&mut self) {
-        self.bag.compress();
+    pub fn enable_compression(&mut self) {
+        self.bag.enable_compression();
     }
 
     /// Starts the bag `path` with the start mark and the fixed links of `arm`, before the objects of `scene`.
@@ -101,8 +101,8 @@ impl TrialBag {
         let mut bag = TrialBag {
             bag: BagWriter::create(path)?,
             base_link: arm.links.first().map(|l| l.name.clone()).unwrap_or_default(),
-            moving,
-            alphabetical,
+            moving_joints: moving,
+            alphabetical_joints: alphabetical,
             arm_joints: arm.arm.iter().map(|index| arm.joints[*index].name.clone()).collect(),
             objects: scene
                 .objects
@@ -137,15 +137,15 @@ impl TrialBag {
         for pose in [&frame.world_from_base, &frame.world_from_head].into_iter().chain(&frame.objects) {
             check_finite("a pose of a frame", time, pose_values(pose))?;
         }
-        if let Some(place) = &frame.target.place {
-            check_finite("the place marker of a frame", time, place.iter().copied())?;
+        if let Some(place_point) = &frame.target.place {
+            check_finite("the place marker of a frame", time, place_point.iter().copied())?;
         }
 
         self.write("/clock", time, &ros::Clock { clock: bag_time(time) })?;
         let objects = self.objects.iter().zip(&frame.objects);
         let transforms = std::iter::once((self.base_link.as_str(), &frame.world_from_base))
             .chain(objects.map(|((name, _), pose)| (name.as_str(), pose)))
-            .map(|(child, pose)| transform(time, WORLD, child, pose))
+            .map(|(child, pose)| transform(time, WORLD_FRAME, child, pose))
             .collect();
         self.write("/tf", time, &ros::TfMessage { transforms })?;
         self.write_pose(topic::BASE_POSE, time, &frame.world_from_base)?;
@@ -171,41 +171,45 @@ impl TrialBag {
             ("joint positions of a state", &state.position),
             ("joint velocities of a state", &state.velocity),
             ("joint efforts of a state", &state.effort),
-            ("stop efforts of a state", &state.stop_effort),
+            ("stop efforts of a state", &state.limit_effort),
         ] {
-            check_length(what, values.len(), self.moving.len())?;
+            check_length(what, values.len(), self.moving_joints.len())?;
             check_finite(what, time, values.iter().copied())?;
         }
         check_length("objects of a state", state.objects.len(), self.objects.len())?;
         check_finite("the base pose of a state", time, pose_values(&state.world_from_base))?;
         for body in &state.objects {
-            let twist = body.linear.iter().chain(&body.angular).copied();
+            let twist = body.linear_velocity.iter().chain(&body.angular_velocity).copied();
             check_finite("an object of a state", time, pose_values(&body.pose).chain(twist))?;
         }
 
         let mut messages = std::mem::take(&mut self.state);
-        let StateMessages { joints, stops, links, models } = &mut messages;
+        let StateMessages { joints, limit_efforts: stops, links, models } = &mut messages;
         let stamp = bag_time(time);
         let refill = |to: &mut Vec<f64>, value: &dyn Fn(usize) -> f64| {
             to.clear();
-            to.extend(self.alphabetical.iter().map(|k| value(*k)));
+            to.extend(self.alphabetical_joints.iter().map(|k| value(*k)));
         };
         (joints.header.stamp, stops.header.stamp) = (stamp, stamp);
-        refill(&mut joints.position, &|k| wrap(state.position[k]));
+        refill(&mut joints.position, &|k| wrap_angle(state.position[k]));
         refill(&mut joints.velocity, &|k| state.velocity[k]);
         refill(&mut joints.effort, &|k| state.effort[k]);
-        refill(&mut stops.effort, &|k| state.stop_effort[k]);
-        for ((link, joint), angle) in links.transforms.iter_mut().zip(&self.moving).zip(&state.position) {
+        refill(&mut stops.effort, &|k| state.limit_effort[k]);
+        for ((link, joint), angle) in
+            links.transforms.iter_mut().zip(&self.moving_joints).zip(&state.position)
+        {
             link.header.stamp = stamp;
-            link.transform = (&joint.across(*angle)).into();
+            link.transform = (&joint.transform_at(*angle)).into();
         }
         models.pose.clear();
         models.pose.push((&state.world_from_base).into());
         models.pose.extend(state.objects.iter().map(|body| ros::Pose::from(&body.pose)));
         models.twist.clear();
         models.twist.push(ros::Twist::default());
-        let twist =
-            |body: &BodyState| ros::Twist { linear: body.linear.into(), angular: body.angular.into() };
+        let twist = |body: &BodyState| ros::Twist {
+            linear: body.linear_velocity.into(),
+            angular: body.angular_velocity.into(),
+        };
         models.twist.extend(state.objects.iter().map(twist));
         let written = self
             .write(topic::WRAPPED_JOINT_STATES, time, joints)
@@ -232,7 +236,8 @@ impl TrialBag {
             ([topic::GAZE_DIRECTION, topic::GAZE_DIRECTION_ROS], direction),
         ] {
             for topic in topics {
-                let message = ros::Vector3Stamped { header: header(time, WORLD), vector: vector.into() };
+                let message =
+                    ros::Vector3Stamped { header: header(time, WORLD_FRAME), vector: vector.into() };
                 self.write(topic, time, &message)?;
             }
         }
@@ -243,8 +248,8 @@ impl TrialBag {
     ///
     /// # Errors
     /// [`RecordingError::Io`].
-    pub fn write_emg(&mut self, time: SimTime, gesture: Gesture) -> Result<(), RecordingError> {
-        self.write(topic::EMG, time, &ros::Text { data: gesture.ros_name().to_owned() })
+    pub fn write_emg(&mut self, time: SimTime, command: Command) -> Result<(), RecordingError> {
+        self.write(topic::EMG, time, &ros::Text { data: command.ros_name().to_owned() })
     }
 
     /// Records a plan that took effect; one without a trajectory leaves nothing but its event.
@@ -266,7 +271,7 @@ impl TrialBag {
             points.push(ros::JointTrajectoryPoint {
                 positions: point.q.to_vec(),
                 velocities: point.qd.to_vec(),
-                time_from_start: duration(point.time_secs),
+                time_from_start: ros_duration(point.time_secs),
                 ..Default::default()
             });
         }
@@ -302,14 +307,14 @@ impl TrialBag {
     /// [`RecordingError::Io`].
     pub fn write_cue(&mut self, cue: &FeedbackCue) -> Result<(), RecordingError> {
         let json = serde_json::to_string(cue).map_err(RecordingError::encode("a cue"))?;
-        self.write("/proact/cues", cue.time, &ros::View { header: header(cue.time, WORLD), json })
+        self.write("/proact/cues", cue.time, &ros::View { header: header(cue.time, WORLD_FRAME), json })
     }
 
     /// Records a message on a topic of the caller's choice. A topic carries one type.
     ///
     /// # Errors
     /// [`RecordingError::WrongType`]; [`RecordingError::Io`].
-    pub fn write<M: Message>(
+    pub fn write<M: RosMessage>(
         &mut self,
         topic: &str,
         time: SimTime,
@@ -344,7 +349,7 @@ impl TrialBag {
     }
 
     fn write_pose(&mut self, topic: &str, time: SimTime, pose: &Pose) -> Result<(), RecordingError> {
-        self.write(topic, time, &ros::PoseStamped { header: header(time, WORLD), pose: pose.into() })
+        self.write(topic, time, &ros::PoseStamped { header: header(time, WORLD_FRAME), pose: pose.into() })
     }
 
     /// The name of an object's model; empty for one that the scene does not have.
@@ -353,7 +358,7 @@ impl TrialBag {
     }
 
     fn write_selection(&mut self, frame: &DisplayFrame) -> Result<(), RecordingError> {
-        if let Some(object) = frame.target.object.filter(|_| frame.hand.holds.is_none()) {
+        if let Some(object) = frame.target.object.filter(|_| frame.hand.held_object.is_none()) {
             self.write(topic::CURRENT_BLOCK, frame.time, &ros::Text { data: self.ros_name(object) })?;
         }
         // The first of equals, so that the choice does not depend on how a maximum is searched.
@@ -365,8 +370,8 @@ impl TrialBag {
             self.write(topic::BLOCK_ID, frame.time, &ros::Text { data: name })?;
         }
         match frame.target.place {
-            Some(place) => {
-                let pose = Pose::translation(place.x, place.y, place.z);
+            Some(place_point) => {
+                let pose = Pose::translation(place_point.x, place_point.y, place_point.z);
                 self.write_pose(topic::PLACE_LOCATION, frame.time, &pose)
             }
             None => Ok(()),
@@ -397,7 +402,7 @@ impl TrialBag {
     fn write_log(&mut self, time: SimTime, name: &str, msg: String) -> Result<(), RecordingError> {
         let message = ros::Log {
             header: header(time, ""),
-            level: INFO,
+            level: LOG_LEVEL_INFO,
             name: name.to_owned(),
             msg,
             function: "N/A".to_owned(),
@@ -415,7 +420,7 @@ fn bag_time(time: SimTime) -> Time {
 }
 
 /// Seconds as ROS's duration, to the nearest nanosecond.
-fn duration(secs: f64) -> Duration {
+fn ros_duration(secs: f64) -> Duration {
     let nanos = (secs * 1e9).round() as i64;
     Duration { secs: (nanos / 1_000_000_000) as i32, nsecs: (nanos % 1_000_000_000) as i32 }
 }
@@ -433,7 +438,7 @@ fn transform(time: SimTime, parent: &str, child: &str, parent_from_child: &Pose)
 }
 
 /// The equal angle in (-pi, pi]; one that is there already is returned to the bit.
-fn wrap(angle: f64) -> f64 {
+fn wrap_angle(angle: f64) -> f64 {
     angle - TAU * ((angle - PI) / TAU).ceil()
 }
 
@@ -463,11 +468,11 @@ mod tests {
     #[test]
     fn angles_wrap_into_the_half_open_circle() {
         for angle in [0.0, -0.0, 1.3, PI, -3.1] {
-            assert_eq!(wrap(angle), angle);
+            assert_eq!(wrap_angle(angle), angle);
         }
-        assert_eq!(wrap(-PI), PI);
+        assert_eq!(wrap_angle(-PI), PI);
         for turns in [-3.0, -1.0, 1.0, 2.0] {
-            assert!((wrap(0.7 + turns * TAU) - 0.7).abs() < 1e-14);
+            assert!((wrap_angle(0.7 + turns * TAU) - 0.7).abs() < 1e-14);
         }
     }
 
@@ -479,7 +484,7 @@ mod tests {
 
     #[test]
     fn durations_are_nearest_nanoseconds() {
-        assert_eq!(duration(0.1 + 0.2), Duration { secs: 0, nsecs: 300_000_000 });
-        assert_eq!(duration(2.999_999_999_9), Duration { secs: 3, nsecs: 0 });
+        assert_eq!(ros_duration(0.1 + 0.2), Duration { secs: 0, nsecs: 300_000_000 });
+        assert_eq!(ros_duration(2.999_999_999_9), Duration { secs: 3, nsecs: 0 });
     }
 }

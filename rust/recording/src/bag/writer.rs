@@ -1,13 +1,13 @@
 use super::{
-    messages::Message,
+    messages::RosMessage,
     records::{
-        OP_BAG_HEADER, OP_CHUNK, OP_CHUNK_INFO, OP_CONNECTION, OP_INDEX, VERSION_LINE, bytes_of, count,
-        number, put_field, put_message_header, put_record,
+        OP_BAG_HEADER, OP_CHUNK, OP_CHUNK_INFO, OP_CONNECTION, OP_INDEX, VERSION_LINE, encode_time,
+        encode_u32, put_field, put_message_header, put_record, to_u32,
     },
 };
 use crate::RecordingError;
 use lz4_flex::frame::{BlockMode, BlockSize, FrameEncoder, FrameInfo};
-use proact_messages::{MessageType, Time, known_type};
+use proact_messages::{MessageType, Time, builtin_type};
 use std::{
     collections::BTreeMap,
     fs::{self, File},
@@ -24,10 +24,10 @@ const CHUNK_BYTES: usize = 768 * 1024;
 
 /// One topic of the bag.
 #[derive(Debug)]
-struct Connection {
+struct BagConnection {
     /// The record, which is repeated in the index section.
     record: Vec<u8>,
-    kind: Arc<MessageType>,
+    message_type: Arc<MessageType>,
     /// Time and offset of each message in the open chunk.
     index: Vec<(Time, u32)>,
 }
@@ -42,7 +42,7 @@ struct ChunkInfo {
     counts: Vec<(u32, u32)>,
 }
 
-/// Writes a ROS 1 bag, format 2.0, chunks not compressed unless [`BagWriter::compress`] says so.
+/// Writes a ROS 1 bag, format 2.0, chunks not compressed unless [`BagWriter::enable_compression`] says so.
 ///
 /// Until [`BagWriter::finish`] the file has `.active` after its name, as with `rosbag record`. If the process
 /// ends before, [`read_bag`](super::read_bag) reads what came before the last [`BagWriter::flush`], and `rosbag reindex`
@@ -54,8 +54,8 @@ pub struct BagWriter {
     active: PathBuf,
     position: u64,
     chunk: Vec<u8>,
-    compresses: bool,
-    connections: Vec<Connection>,
+    compression_enabled: bool,
+    connections: Vec<BagConnection>,
     by_topic: BTreeMap<String, usize>,
     chunks: Vec<ChunkInfo>,
 }
@@ -80,19 +80,19 @@ impl BagWriter {
             active,
             position: 0,
             chunk: Vec::new(),
-            compresses: false,
+            compression_enabled: false,
             connections: Vec::new(),
             by_topic: BTreeMap::new(),
             chunks: Vec::new(),
         };
-        bag.put(VERSION_LINE)?;
-        bag.put(&bag_header(0, 0, 0))?;
+        bag.write_bytes(VERSION_LINE)?;
+        bag.write_bytes(&bag_header(0, 0, 0))?;
         Ok(bag)
     }
 
     /// Compresses the chunks that are closed from now on by LZ4, as `rosbag compress --lz4` does.
-    pub fn compress(&mut self) {
-        self.compresses = true;
+    pub fn enable_compression(&mut self) {
+        self.compression_enabled = true;
     }
 
     /// Appends a message. A topic is declared by its first message; `latched` is then noted with it.
@@ -102,7 +102,7 @@ impl BagWriter {
     /// # Errors
     /// [`RecordingError::WrongType`] if the topic carries another type; [`RecordingError::Encode`] if the struct is not
     /// what its definition says; [`RecordingError::Io`].
-    pub fn write<M: Message>(
+    pub fn write<M: RosMessage>(
         &mut self,
         topic: &str,
         time: Time,
@@ -112,29 +112,29 @@ impl BagWriter {
         let id = match self.by_topic.get(topic) {
             Some(id) => *id,
             None => {
-                let kind = known_type(M::TYPE).ok_or("it is not in the codec's table");
+                let kind = builtin_type(M::TYPE).ok_or("it is not in the codec's table");
                 self.connect(topic, kind.map_err(RecordingError::encode(M::TYPE))?, latched)
             }
         };
         let connection = &mut self.connections[id];
-        if connection.kind.name != M::TYPE {
+        if connection.message_type.name != M::TYPE {
             return Err(RecordingError::WrongType {
                 topic: topic.to_owned(),
                 got: M::TYPE,
-                expected: connection.kind.name.clone(),
+                expected: connection.message_type.name.clone(),
             });
         }
         // Straight into the chunk, where the message's length comes to stand before it.
         let offset = self.chunk.len();
-        put_message_header(&mut self.chunk, count(id), time);
+        put_message_header(&mut self.chunk, to_u32(id), time);
         let start = self.chunk.len();
-        if let Err(error) = connection.kind.write(message, &mut self.chunk) {
+        if let Err(error) = connection.message_type.write(message, &mut self.chunk) {
             self.chunk.truncate(offset);
             return Err(RecordingError::encode(M::TYPE)(error));
         }
-        let length = count(self.chunk.len() - start);
+        let length = to_u32(self.chunk.len() - start);
         self.chunk[start - 4..start].copy_from_slice(&length.to_le_bytes());
-        connection.index.push((time, count(offset)));
+        connection.index.push((time, to_u32(offset)));
         if self.chunk.len() >= CHUNK_BYTES {
             self.close_chunk()?;
         }
@@ -171,8 +171,8 @@ impl BagWriter {
         for chunk in &self.chunks {
             chunk.put_record(&mut index);
         }
-        self.put(&index)?;
-        let header = bag_header(index_position, count(self.connections.len()), count(self.chunks.len()));
+        self.write_bytes(&index)?;
+        let header = bag_header(index_position, to_u32(self.connections.len()), to_u32(self.chunks.len()));
         self.file
             .seek(SeekFrom::Start(VERSION_LINE.len() as u64))
             .and_then(|_| self.file.write_all(&header))
@@ -189,15 +189,18 @@ impl BagWriter {
         put_field(&mut header, "topic", topic.as_bytes());
         put_field(&mut header, "type", kind.name.as_bytes());
         put_field(&mut header, "md5sum", kind.md5().as_bytes());
-        put_field(&mut header, "message_definition", kind.text().as_bytes());
+        put_field(&mut header, "message_definition", kind.full_text().as_bytes());
         put_field(&mut header, "callerid", b"/proact");
         put_field(&mut header, "latching", if latched { b"1" } else { b"0" });
-        let fields =
-            [("op", vec![OP_CONNECTION]), ("conn", number(count(id))), ("topic", topic.as_bytes().to_vec())];
+        let fields = [
+            ("op", vec![OP_CONNECTION]),
+            ("conn", encode_u32(to_u32(id))),
+            ("topic", topic.as_bytes().to_vec()),
+        ];
         let mut record = Vec::new();
         put_record(&mut record, &fields, &header);
         self.chunk.extend_from_slice(&record);
-        self.connections.push(Connection { record, kind, index: Vec::new() });
+        self.connections.push(BagConnection { record, message_type: kind, index: Vec::new() });
         self.by_topic.insert(topic.to_owned(), id);
         id
     }
@@ -221,37 +224,37 @@ impl BagWriter {
             connection.index.sort_by_key(|(time, _)| *time);
             let mut entries = Vec::with_capacity(12 * connection.index.len());
             for (time, offset) in &connection.index {
-                entries.extend_from_slice(&bytes_of(*time));
+                entries.extend_from_slice(&encode_time(*time));
                 entries.extend_from_slice(&offset.to_le_bytes());
             }
-            let (id, messages) = (count(id), count(connection.index.len()));
+            let (id, messages) = (to_u32(id), to_u32(connection.index.len()));
             let fields = [
                 ("op", vec![OP_INDEX]),
-                ("ver", number(1)),
-                ("conn", number(id)),
-                ("count", number(messages)),
+                ("ver", encode_u32(1)),
+                ("conn", encode_u32(id)),
+                ("count", encode_u32(messages)),
             ];
             put_record(&mut index, &fields, &entries);
             info.counts.push((id, messages));
             connection.index.clear();
         }
-        let packed = if self.compresses { Some(self.packed()?) } else { None };
+        let packed = if self.compression_enabled { Some(self.compress_chunk()?) } else { None };
         let (compression, data) = packed.as_ref().map_or((&b"none"[..], &self.chunk), |data| (b"lz4", data));
         let mut chunk = Vec::with_capacity(data.len() + 64 + index.len());
         let fields = [
             ("op", vec![OP_CHUNK]),
             ("compression", compression.to_vec()),
-            ("size", number(count(self.chunk.len()))),
+            ("size", encode_u32(to_u32(self.chunk.len()))),
         ];
         put_record(&mut chunk, &fields, data);
         self.chunk.clear();
         self.chunks.push(info);
         chunk.extend_from_slice(&index);
-        self.put(&chunk)
+        self.write_bytes(&chunk)
     }
 
     /// The open chunk as an LZ4 frame. ROS reads frames of independent blocks alone.
-    fn packed(&self) -> Result<Vec<u8>, RecordingError> {
+    fn compress_chunk(&self) -> Result<Vec<u8>, RecordingError> {
         let frame = FrameInfo::new()
             .block_size(BlockSize::Max1MB)
             .block_mode(BlockMode::Independent)
@@ -262,7 +265,7 @@ impl BagWriter {
         encoder.finish().map_err(|error| failed(error.into()))
     }
 
-    fn put(&mut self, bytes: &[u8]) -> Result<(), RecordingError> {
+    fn write_bytes(&mut self, bytes: &[u8]) -> Result<(), RecordingError> {
         self.file.write_all(bytes).map_err(RecordingError::io("write to", &self.active))?;
         self.position += bytes.len() as u64;
         Ok(())
@@ -278,11 +281,11 @@ impl ChunkInfo {
         }
         let fields = [
             ("op", vec![OP_CHUNK_INFO]),
-            ("ver", number(1)),
+            ("ver", encode_u32(1)),
             ("chunk_pos", self.position.to_le_bytes().to_vec()),
-            ("start_time", bytes_of(self.start).to_vec()),
-            ("end_time", bytes_of(self.end).to_vec()),
-            ("count", number(count(self.counts.len()))),
+            ("start_time", encode_time(self.start).to_vec()),
+            ("end_time", encode_time(self.end).to_vec()),
+            ("count", encode_u32(to_u32(self.counts.len()))),
         ];
         put_record(out, &fields, &counts);
     }
@@ -293,8 +296,8 @@ fn bag_header(index_position: u64, connections: u32, chunks: u32) -> Vec<u8> {
     let fields = [
         ("op", vec![OP_BAG_HEADER]),
         ("index_pos", index_position.to_le_bytes().to_vec()),
-        ("conn_count", number(connections)),
-        ("chunk_count", number(chunks)),
+        ("conn_count", encode_u32(connections)),
+        ("chunk_count", encode_u32(chunks)),
     ];
     let mut bare = Vec::new();
     put_record(&mut bare, &fields, &[]);

@@ -1,8 +1,8 @@
 //! A trial to be written and read back.
 
-use proact_recording::{StudyPlace, TrialHeader, TrialWriter};
+use proact_recording::{StudyTrialId, TrialHeader, TrialWriter};
 use proact_types::{
-    EmgSample, Event, EventKind, GazeSample, Gesture, ObjectId, PlanReply, PlanStatus, Point, Pose, SimTime,
+    Command, EmgSample, Event, EventKind, GazeSample, ObjectId, PlanReply, PlanStatus, Point, Pose, SimTime,
     TickInput, Trajectory, TrajectoryPoint, Vector, joints,
 };
 use serde::{Deserialize, Serialize};
@@ -20,7 +20,7 @@ pub fn header() -> TrialHeader {
         seed: u64::MAX,
         versions: [("proact".to_owned(), "0.1.0".to_owned())].into(),
         commit: "0123456789ab".to_owned(),
-        place: Some(StudyPlace {
+        study_trial: Some(StudyTrialId {
             participant: 1,
             session: "first".to_owned(),
             condition: "gaze \"D\"".to_owned(),
@@ -46,7 +46,7 @@ pub fn input(tick: u64) -> TickInput {
                 Some(GazeSample { origin: Point::new(x, 0.1, 1.5), direction: Vector::x(), valid: true });
         }
         _ => {
-            input.gesture = Some(Gesture::ALL[tick as usize % 5]);
+            input.command = Some(Command::ALL[tick as usize % 5]);
             input.shoulder = Some(Pose::new(Vector::new(-x, 0.12, 1.5), Vector::new(0.1, x, 0.3)));
             let q = joints(&[x; 7]);
             input.plan = Some(PlanReply {
@@ -56,7 +56,7 @@ pub fn input(tick: u64) -> TickInput {
                     points: vec![TrajectoryPoint { time_secs: 0.0, q: q.clone(), qd: q }],
                 },
                 reason: "the goal is out of reach".to_owned(),
-                clearance: None,
+                clearance_m: None,
             });
         }
     }

@@ -3,7 +3,7 @@
 use super::EPOCH_SECS;
 use crate::{
     messages::{geometry_msgs, std_msgs, trajectory_msgs},
-    trajectory::{Knot, RawPoint},
+    trajectory::{JointSetpoint, RawPoint},
 };
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 use proact_types::{Point, Pose, SimTime, Vector};
@@ -69,27 +69,27 @@ pub(super) fn transform(at: SimTime, frame: &crate::frames::Frame) -> geometry_m
     geometry_msgs::TransformStamped {
         header: header(at, &frame.parent),
         child_frame_id: frame.child.clone(),
-        transform: bare_transform(&frame.pose),
+        transform: unstamped_transform(&frame.pose),
     }
 }
 
-pub(super) fn bare_transform(pose: &Pose) -> geometry_msgs::Transform {
+pub(super) fn unstamped_transform(pose: &Pose) -> geometry_msgs::Transform {
     geometry_msgs::Transform { translation: vector(&pose.translation.vector), rotation: quaternion(pose) }
 }
 
 /// A pose that came in.
 pub(super) fn read_pose(message: &geometry_msgs::Pose) -> Result<Pose, String> {
     let p = &message.position;
-    rigid("pose", [p.x, p.y, p.z], &message.orientation)
+    checked_pose("pose", [p.x, p.y, p.z], &message.orientation)
 }
 
 /// A transform that came in.
 pub(super) fn read_transform(message: &geometry_msgs::Transform) -> Result<Pose, String> {
     let t = &message.translation;
-    rigid("transform", [t.x, t.y, t.z], &message.rotation)
+    checked_pose("transform", [t.x, t.y, t.z], &message.rotation)
 }
 
-fn rigid(what: &str, [x, y, z]: [f64; 3], q: &geometry_msgs::Quaternion) -> Result<Pose, String> {
+fn checked_pose(what: &str, [x, y, z]: [f64; 3], q: &geometry_msgs::Quaternion) -> Result<Pose, String> {
     if let Some(bad) = [x, y, z, q.x, q.y, q.z, q.w].iter().find(|v| !v.is_finite()) {
         return Err(format!("a {what} holds {bad}, expected finite numbers"));
     }
@@ -109,10 +109,10 @@ pub(super) fn read_point(message: &trajectory_msgs::JointTrajectoryPoint) -> Raw
     }
 }
 
-pub(super) fn trajectory_point(knots: &[Knot]) -> trajectory_msgs::JointTrajectoryPoint {
+pub(super) fn trajectory_point(setpoints: &[JointSetpoint]) -> trajectory_msgs::JointTrajectoryPoint {
     trajectory_msgs::JointTrajectoryPoint {
-        positions: knots.iter().map(|k| k.position).collect(),
-        velocities: knots.iter().map(|k| k.velocity.unwrap_or(0.0)).collect(),
+        positions: setpoints.iter().map(|k| k.position).collect(),
+        velocities: setpoints.iter().map(|k| k.velocity.unwrap_or(0.0)).collect(),
         ..Default::default()
     }
 }

@@ -4,20 +4,20 @@
 use super::{
     NodeError, RosGraph,
     graph::Jobs,
-    stage::{self, Common, Stage, Tagged},
+    stage::{self, StageContext, StageNode, TickMessage},
     wire,
 };
 use crate::messages::{
     proact_msgs::{Decision, EmgSamples, Person},
     std_msgs::{Header, String as Text},
 };
+use crate::publishing::Publisher;
 use proact_messages::original::relative;
 use proact_testbed::{
-    Field,
+    DigestField,
     stages::{EmgStage, EmgStageInput, EmgStageOutput},
 };
 use proact_types::{EmgSample, EventKind, MAX_EMG_CHANNELS, SimTime, TickInput};
-use rosrust::Publisher;
 use std::{
     sync::{
         Arc,
@@ -28,18 +28,18 @@ use std::{
 };
 
 /// In real time a stage without news says how things are once in so many ticks.
-const TELL_TICKS: u64 = 50;
+const REPUBLISH_TICKS: u64 = 50;
 
 const EMG_SAMPLES: &str = "proact/emg_samples";
 /// How long the armband is waited for before the node looks whether it has ended.
-const PATIENCE: Duration = Duration::from_millis(20);
+const ARMBAND_POLL_TIMEOUT: Duration = Duration::from_millis(20);
 
 struct EmgNode {
-    common: Common,
+    context: StageContext,
     stage: EmgStage,
     /// In lock-step.
-    person: Tagged<TickInput>,
-    said: Option<EmgStageOutput>,
+    person: TickMessage<TickInput>,
+    last_output: Option<EmgStageOutput>,
     emg: Publisher<Text>,
     decision: Publisher<Decision>,
 }
@@ -54,39 +54,42 @@ pub type WaitForSamples = Box<dyn FnMut(Duration) -> Vec<EmgSample> + Send>;
 pub fn run_emg(stage: EmgStage, armband: Option<WaitForSamples>) -> Result<(), NodeError> {
     let graph = RosGraph::join("proact_emg")?;
     let mut node = EmgNode {
-        common: Common::new(&graph)?,
+        context: StageContext::new(&graph)?,
         stage,
-        person: Tagged::default(),
-        said: None,
-        emg: graph.publish(relative::EMG, 10, false)?,
-        decision: graph.publish("proact/decision", 100, false)?,
+        person: TickMessage::default(),
+        last_output: None,
+        emg: graph.advertise(relative::EMG, 10, false)?,
+        decision: graph.advertise("proact/decision", 100, false)?,
     };
     let jobs: Jobs<EmgNode> = Jobs::default();
-    let _listening = if node.common.lockstep {
-        graph.listen("proact/person", 100, &jobs, |node: &mut EmgNode, message: Person| {
-            match wire::read_person(&message) {
-                Ok((input, _)) => {
-                    if !node.person.take(SimTime(message.tick), input) {
-                        let done = node.repeat();
-                        node.common.note("publish", done);
+    let _listening =
+        if node.context.lockstep {
+            graph.subscribe("proact/person", 100, &jobs, |node: &mut EmgNode, message: Person| {
+                match wire::read_person(&message) {
+                    Ok((input, _)) => {
+                        if !node.person.update(SimTime(message.tick), input) {
+                            let done = node.republish_last();
+                            node.context.report_error("publish", done);
+                        }
                     }
+                    Err(reason) => node.context.node_diagnostics.record_refusal("person", &reason),
                 }
-                Err(reason) => node.common.faults.refuse("person", &reason),
-            }
-        })?
-    } else {
-        graph.listen(EMG_SAMPLES, 20, &jobs, |node: &mut EmgNode, message: EmgSamples| {
-            match samples(&message) {
-                Ok(samples) => {
-                    let now = node.common.now();
-                    let done =
-                        node.take(now, EmgStageInput { samples: &samples, ..EmgStageInput::default() });
-                    node.common.note("publish", done);
+            })?
+        } else {
+            graph.subscribe(EMG_SAMPLES, 20, &jobs, |node: &mut EmgNode, message: EmgSamples| {
+                match parse_samples(&message) {
+                    Ok(samples) => {
+                        let now = node.context.now();
+                        let done = node.process_samples(
+                            now,
+                            EmgStageInput { samples: &samples, ..EmgStageInput::default() },
+                        );
+                        node.context.report_error("publish", done);
+                    }
+                    Err(reason) => node.context.node_diagnostics.record_refusal("emg_samples", &reason),
                 }
-                Err(reason) => node.common.faults.refuse("emg_samples", &reason),
-            }
-        })?
-    };
+            })?
+        };
     let ended = Arc::new(AtomicBool::new(false));
     let publishing = match armband {
         Some(wait) => Some(publish_samples(&graph, wait, ended.clone())?),
@@ -107,25 +110,25 @@ fn publish_samples(
     mut wait: WaitForSamples,
     ended: Arc<AtomicBool>,
 ) -> Result<JoinHandle<()>, NodeError> {
-    let publisher: Publisher<EmgSamples> = graph.publish(EMG_SAMPLES, 20, false)?;
-    let faults = graph.faults().clone();
+    let publisher: Publisher<EmgSamples> = graph.advertise(EMG_SAMPLES, 20, false)?;
+    let faults = graph.node_diagnostics().clone();
     Ok(std::thread::spawn(move || {
         while !ended.load(Ordering::Relaxed) {
-            let samples = wait(PATIENCE);
+            let samples = wait(ARMBAND_POLL_TIMEOUT);
             // A message counts on from its first sample: a loss begins another.
             let follows = |a: &EmgSample, b: &EmgSample| {
                 b.counter == a.counter + 1 && a.channels.len() == b.channels.len()
             };
             for run in samples.chunk_by(follows) {
-                if let Err(error) = publisher.send(message(run)) {
-                    faults.refuse("publish", &error.to_string());
+                if let Err(error) = publisher.send(samples_message(run)) {
+                    faults.record_refusal("publish", &error.to_string());
                 }
             }
         }
     }))
 }
 
-fn message(samples: &[EmgSample]) -> EmgSamples {
+fn samples_message(samples: &[EmgSample]) -> EmgSamples {
     EmgSamples {
         header: Header { seq: 0, stamp: rosrust::now(), frame_id: String::new() },
         counter: samples.first().map_or(0, |first| first.counter),
@@ -135,68 +138,73 @@ fn message(samples: &[EmgSample]) -> EmgSamples {
 }
 
 impl EmgNode {
-    fn take(&mut self, now: SimTime, input: EmgStageInput<'_>) -> rosrust::error::Result<()> {
+    fn process_samples(&mut self, now: SimTime, input: EmgStageInput<'_>) -> rosrust::error::Result<()> {
         let output = self.stage.step(now, input);
         for event in &output.events {
             if let EventKind::EmgGap { gaps, unusable_samples, .. } = event
                 && gaps + unusable_samples > 0
             {
                 let reason = format!("{gaps} gaps, {unusable_samples} unusable samples");
-                self.common.faults.refuse("emg_samples", &reason);
+                self.context.node_diagnostics.record_refusal("emg_samples", &reason);
             }
         }
-        let before = self.said.replace(output.clone());
-        let was_dead = before.as_ref().is_some_and(|said| said.fault.is_some());
+        let before = self.last_output.replace(output.clone());
+        let was_dead = before.as_ref().is_some_and(|previous| previous.fault.is_some());
         if let Some((_, fault)) = output.fault.as_ref().filter(|_| !was_dead) {
-            self.common.faults.refuse("emg_stale", &format!("{fault}: no motion"));
+            self.context.node_diagnostics.record_refusal("emg_stale", &format!("{fault}: no motion"));
         }
-        let changed =
-            before.is_none_or(|said| (said.fault, said.armed) != (output.fault.clone(), output.armed));
-        let due = changed || output.decision.is_some() || now.0.is_multiple_of(TELL_TICKS);
+        let changed = before
+            .is_none_or(|previous| (previous.fault, previous.armed) != (output.fault.clone(), output.armed));
+        let due = changed || output.decision.is_some() || now.0.is_multiple_of(REPUBLISH_TICKS);
         // Before the text, which listeners that know the typed message pass over.
-        if due || self.common.lockstep {
-            self.decision.send(wire::decision(now, self.common.stamp(), &output))?;
+        if due || self.context.lockstep {
+            self.decision.send(wire::decision(now, self.context.stamp(), &output))?;
         }
         let stale = output.decision.as_ref().is_some_and(|decision| decision.stale);
-        match output.message.or(stale.then_some(output.gesture)) {
-            Some(gesture) => self.emg.send(Text { data: gesture.ros_name().to_owned() }),
+        match output.published_command.or(stale.then_some(output.command)) {
+            Some(command) => self.emg.send(Text { data: command.ros_name().to_owned() }),
             None => Ok(()),
         }
     }
 }
 
-impl Stage for EmgNode {
-    fn common(&mut self) -> &mut Common {
-        &mut self.common
+impl StageNode for EmgNode {
+    fn context(&mut self) -> &mut StageContext {
+        &mut self.context
     }
 
     /// Time alone makes a stream stale.
     fn tick(&mut self, now: SimTime) -> rosrust::error::Result<()> {
-        let Some(input) = self.person.get().cloned() else { return self.take(now, EmgStageInput::default()) };
-        let heard = EmgStageInput { samples: &input.emg, gesture: input.gesture, ..EmgStageInput::default() };
-        let done = self.take(now, heard);
-        if let (Some(spans), Some(said)) = (&mut self.common.spans, &self.said) {
+        let Some(input) = self.person.get().cloned() else {
+            return self.process_samples(now, EmgStageInput::default());
+        };
+        let stage_input =
+            EmgStageInput { samples: &input.emg, direct_command: input.command, ..EmgStageInput::default() };
+        let done = self.process_samples(now, stage_input);
+        if let (Some(spans), Some(last_output)) = (&mut self.context.span_digests, &self.last_output) {
             spans.digest.input(&TickInput { emg: input.emg, ..TickInput::default() });
-            spans.digest.gesture(said);
-            spans.end_tick(now, &[Field::InputEmg, Field::Emg], false);
+            spans.digest.emg(last_output);
+            spans.end_tick(now, &[DigestField::InputEmg, DigestField::Emg], false);
         }
         done
     }
 
     fn is_ready(&self, next: SimTime) -> bool {
-        self.person.is(next)
+        self.person.is_at(next)
     }
 
-    fn repeat(&mut self) -> rosrust::error::Result<()> {
-        match &self.said {
-            Some(said) => self.decision.send(wire::decision(self.common.now(), self.common.stamp(), said)),
+    fn republish_last(&mut self) -> rosrust::error::Result<()> {
+        match &self.last_output {
+            Some(last_output) => {
+                self.decision.send(wire::decision(self.context.now(), self.context.stamp(), last_output))
+            }
             None => Ok(()),
         }
     }
 }
 
 /// The samples of a message. Values that are not finite pass: the pipeline counts them.
-fn samples(message: &EmgSamples) -> Result<Vec<EmgSample>, String> {
+fn parse_samples(message: &EmgSamples) -> Result<Vec<EmgSample>, String> {
     let channels = message.channels as usize;
     if !(1..=MAX_EMG_CHANNELS).contains(&channels) {
         return Err(format!("{channels} channels, expected 1 to {MAX_EMG_CHANNELS}"));

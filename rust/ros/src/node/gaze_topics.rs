@@ -1,13 +1,13 @@
 //! The gaze of an eye tracker as the original's two messages bring it, moved from the frame that they name to the world by
 //! what `/tf` says.
 
-use super::{Faults, NodeError, RosGraph, convert, graph::Jobs};
+use super::{NodeDiagnostics, NodeError, RosGraph, convert, graph::Jobs};
 use crate::{
     frames::{HEADSET_WORLD, WORLD},
     gaze_pairs::GazePairs,
     messages::{geometry_msgs::Vector3Stamped, tf2_msgs::TFMessage},
 };
-use proact_localization::{At, FrameTree, Nanos};
+use proact_localization::{FrameTree, Nanos, TransformTime};
 use proact_messages::original::relative;
 use proact_types::{GazeSample, Point, Pose, Vector};
 use rosrust::Subscriber;
@@ -21,15 +21,15 @@ use std::{
 const STALE: Duration = Duration::from_secs(1);
 
 /// A node that takes gazes.
-pub(super) trait Looks: 'static {
+pub(super) trait GazeTopicNode: 'static {
     /// What was heard until now.
     fn gaze_topics(&mut self) -> &mut GazeTopics;
     /// What could not be taken.
-    fn faults(&self) -> &Arc<Faults>;
+    fn node_diagnostics(&self) -> &Arc<NodeDiagnostics>;
     /// The eye sees along this ray, in the world.
-    fn look(&mut self, gaze: GazeSample);
+    fn receive_gaze(&mut self, gaze: GazeSample);
     /// Whether the two messages of a node are passed over.
-    fn passes_over(&self, _caller: &str) -> bool {
+    fn ignores_caller(&self, _caller: &str) -> bool {
         false
     }
 }
@@ -39,35 +39,48 @@ pub(super) trait Looks: 'static {
 pub(super) struct GazeTopics {
     pairs: GazePairs,
     frames: FrameTree,
-    began: Instant,
+    started_at: Instant,
 }
 
 impl Default for GazeTopics {
     fn default() -> Self {
-        Self { pairs: GazePairs::default(), frames: FrameTree::default(), began: Instant::now() }
+        Self { pairs: GazePairs::default(), frames: FrameTree::default(), started_at: Instant::now() }
     }
 }
 
 /// Listens to the gaze and to what moves it to the world.
-pub(super) fn listen<S: Looks>(graph: &RosGraph, jobs: &Jobs<S>) -> Result<Vec<Subscriber>, NodeError> {
+pub(super) fn subscribe<S: GazeTopicNode>(
+    graph: &RosGraph,
+    jobs: &Jobs<S>,
+) -> Result<Vec<Subscriber>, NodeError> {
     let half = |topic: &str, is_position: bool| {
-        graph.listen_at(topic, 10, jobs, move |node: &mut S, message: Vector3Stamped, came, caller| {
-            if node.passes_over(caller) {
-                return;
-            }
-            match node.gaze_topics().take(&message, came, is_position) {
-                Ok(Some(gaze)) => node.look(gaze),
-                Ok(None) => {}
-                Err(reason) => node.faults().refuse("gaze", &reason),
-            }
-        })
+        graph.subscribe_with_arrival(
+            topic,
+            10,
+            jobs,
+            move |node: &mut S, message: Vector3Stamped, came, caller| {
+                if node.ignores_caller(caller) {
+                    return;
+                }
+                match node.gaze_topics().pair_gaze(&message, came, is_position) {
+                    Ok(Some(gaze)) => node.receive_gaze(gaze),
+                    Ok(None) => {}
+                    Err(reason) => node.node_diagnostics().record_refusal("gaze", &reason),
+                }
+            },
+        )
     };
     let tree = |topic: &str, moves: bool| {
-        graph.listen_at(topic, 100, jobs, move |node: &mut S, message: TFMessage, came, _: &str| {
-            if let Err(reason) = node.gaze_topics().place(&message, came, moves) {
-                node.faults().refuse("tf", &reason);
-            }
-        })
+        graph.subscribe_with_arrival(
+            topic,
+            100,
+            jobs,
+            move |node: &mut S, message: TFMessage, came, _: &str| {
+                if let Err(reason) = node.gaze_topics().receive_transforms(&message, came, moves) {
+                    node.node_diagnostics().record_refusal("tf", &reason);
+                }
+            },
+        )
     };
     Ok(vec![
         tree("/tf_static", false)?,
@@ -79,17 +92,22 @@ pub(super) fn listen<S: Looks>(graph: &RosGraph, jobs: &Jobs<S>) -> Result<Vec<S
 
 impl GazeTopics {
     /// Takes what `/tf` or `/tf_static` brought; the first frame that cannot be is the reason, and the others are taken.
-    fn place(&mut self, message: &TFMessage, came: Instant, moves: bool) -> Result<(), String> {
+    fn receive_transforms(&mut self, message: &TFMessage, came: Instant, moves: bool) -> Result<(), String> {
         let stamp = self.since_start(came);
         let mut done = Ok(());
         for transform in &message.transforms {
-            let (parent, child) = (bare(&transform.header.frame_id), bare(&transform.child_frame_id));
+            let (parent, child) = (
+                strip_leading_slash(&transform.header.frame_id),
+                strip_leading_slash(&transform.child_frame_id),
+            );
             let taken = match convert::read_transform(&transform.transform) {
                 Err(reason) => Err(format!("frame {child:?}: {reason}")),
                 Ok(pose) if moves => {
-                    self.frames.put(parent, child, stamp, pose).map_err(|error| error.to_string())
+                    self.frames.set_transform(parent, child, stamp, pose).map_err(|error| error.to_string())
                 }
-                Ok(pose) => self.frames.fix(parent, child, pose).map_err(|error| error.to_string()),
+                Ok(pose) => {
+                    self.frames.set_static_transform(parent, child, pose).map_err(|error| error.to_string())
+                }
             };
             done = done.and(taken);
         }
@@ -97,7 +115,7 @@ impl GazeTopics {
     }
 
     /// Takes half a gaze; the whole, in the world, when the other half is there.
-    fn take(
+    fn pair_gaze(
         &mut self,
         message: &Vector3Stamped,
         came: Instant,
@@ -106,16 +124,16 @@ impl GazeTopics {
         let world_from_tracker = self.world_from(&message.header.frame_id, came)?;
         let (v, stamp) = (&message.vector, message.header.stamp.nanos());
         let pair = if is_position {
-            self.pairs.position(stamp, world_from_tracker * Point::new(v.x, v.y, v.z))
+            self.pairs.add_position(stamp, world_from_tracker * Point::new(v.x, v.y, v.z))
         } else {
-            self.pairs.direction(stamp, world_from_tracker * Vector::new(v.x, v.y, v.z))
+            self.pairs.add_direction(stamp, world_from_tracker * Vector::new(v.x, v.y, v.z))
         };
-        pair.map(|(origin, direction)| gaze(origin, direction)).transpose()
+        pair.map(|(origin, direction)| checked_gaze(origin, direction)).transpose()
     }
 
     /// `world_from_frame` as it was last heard of. The original's headset names no frame, and means its own world.
     fn world_from(&self, frame: &str, now: Instant) -> Result<Pose, String> {
-        let named = bare(frame);
+        let named = strip_leading_slash(frame);
         if named == WORLD {
             return Ok(Pose::identity());
         }
@@ -124,10 +142,11 @@ impl GazeTopics {
             let unnamed = if named.is_empty() { ", in which a gaze without a frame is," } else { "" };
             format!("frame {source:?} of a gaze{unnamed} is not known in {WORLD:?}: {reason}")
         };
-        let found = self.frames.look_up(WORLD, source, At::Newest);
+        let found = self.frames.lookup_transform(WORLD, source, TransformTime::Latest);
         let world_from_source = found.map_err(|error| lost(error.to_string()))?;
-        let newest = self.frames.newest(WORLD, source).map_err(|error| lost(error.to_string()))?;
-        let age = newest.map_or(0, |heard| self.since_start(now) - heard);
+        let newest =
+            self.frames.latest_common_time(WORLD, source).map_err(|error| lost(error.to_string()))?;
+        let age = newest.map_or(0, |received_at| self.since_start(now) - received_at);
         if age > STALE.as_nanos() as Nanos {
             return Err(lost(format!("/tf was last heard of it {:.1} s ago", age as f64 * 1e-9)));
         }
@@ -135,17 +154,17 @@ impl GazeTopics {
     }
 
     fn since_start(&self, at: Instant) -> Nanos {
-        at.saturating_duration_since(self.began).as_nanos() as Nanos
+        at.saturating_duration_since(self.started_at).as_nanos() as Nanos
     }
 }
 
 /// tf's names once began with a stroke, and some still send it.
-fn bare(frame: &str) -> &str {
+fn strip_leading_slash(frame: &str) -> &str {
     frame.strip_prefix('/').unwrap_or(frame)
 }
 
 /// A gaze as it came in; the headset publishes none while it has lost the eye.
-fn gaze(origin: Point, direction: Vector) -> Result<GazeSample, String> {
+fn checked_gaze(origin: Point, direction: Vector) -> Result<GazeSample, String> {
     let values = || origin.iter().chain(direction.iter());
     if let Some(bad) = values().find(|v| !v.is_finite()) {
         return Err(format!("a gaze holds {bad}, expected finite numbers"));
@@ -186,16 +205,18 @@ mod tests {
     }
 
     fn look(topics: &mut GazeTopics, frame: &str, at: Instant) -> Result<GazeSample, String> {
-        topics.take(&half(frame, [0.1, 0.0, 1.5]), at, true)?;
-        Ok(topics.take(&half(frame, [1.0, 0.0, 0.0]), at, false)?.expect("both halves are there"))
+        topics.pair_gaze(&half(frame, [0.1, 0.0, 1.5]), at, true)?;
+        Ok(topics.pair_gaze(&half(frame, [1.0, 0.0, 0.0]), at, false)?.expect("both halves are there"))
     }
 
     #[test]
     fn a_gaze_is_moved_from_the_frame_that_it_names() {
         let mut topics = GazeTopics::default();
-        let now = topics.began;
-        topics.place(&tf("world", "room", turned()), now, false).unwrap();
-        topics.place(&tf("room", "/tracker", Pose::translation(0.0, 0.0, 0.2)), now, true).unwrap();
+        let now = topics.started_at;
+        topics.receive_transforms(&tf("world", "room", turned()), now, false).unwrap();
+        topics
+            .receive_transforms(&tf("room", "/tracker", Pose::translation(0.0, 0.0, 0.2)), now, true)
+            .unwrap();
         for (frame, origin, direction) in [
             ("tracker", vector![1.0, 0.1, 1.7], vector![0.0, 1.0, 0.0]),
             ("/room", vector![1.0, 0.1, 1.5], vector![0.0, 1.0, 0.0]),
@@ -210,21 +231,21 @@ mod tests {
     #[test]
     fn a_gaze_without_a_frame_is_in_the_headsets_world() {
         let mut topics = GazeTopics::default();
-        let now = topics.began;
+        let now = topics.started_at;
         let error = look(&mut topics, "", now).unwrap_err();
         assert!(
             error.contains("\"hololens_world_test\" of a gaze, in which a gaze without a frame is,"),
             "{error}"
         );
-        topics.place(&tf("world", HEADSET_WORLD, turned()), now, true).unwrap();
+        topics.receive_transforms(&tf("world", HEADSET_WORLD, turned()), now, true).unwrap();
         assert!((look(&mut topics, "", now).unwrap().origin.y - 0.1).abs() < 1e-12);
     }
 
     #[test]
     fn a_frame_that_is_silent_unknown_or_broken_stops_the_gaze() {
         let mut topics = GazeTopics::default();
-        let now = topics.began;
-        topics.place(&tf("world", "tracker", turned()), now, true).unwrap();
+        let now = topics.started_at;
+        topics.receive_transforms(&tf("world", "tracker", turned()), now, true).unwrap();
         assert!(look(&mut topics, "tracker", now + STALE).is_ok());
         let later = now + STALE + Duration::from_millis(100);
         let silent = look(&mut topics, "tracker", later).unwrap_err();
@@ -234,12 +255,12 @@ mod tests {
         let mut broken = tf("world", "tracker", turned());
         broken.transforms[0].transform.translation.x = f64::NAN;
         broken.transforms.extend(tf("world", "other", turned()).transforms);
-        let reason = topics.place(&broken, later, true).unwrap_err();
+        let reason = topics.receive_transforms(&broken, later, true).unwrap_err();
         assert!(reason.starts_with("frame \"tracker\": a transform holds NaN"), "{reason}");
         assert!(look(&mut topics, "tracker", later).is_err(), "what it was before stays silent");
         assert!(look(&mut topics, "other", later).is_ok(), "the rest of the message counts");
         // What is still does not age.
-        topics.place(&tf("world", "tracker", turned()), later, false).unwrap();
+        topics.receive_transforms(&tf("world", "tracker", turned()), later, false).unwrap();
         assert!(look(&mut topics, "tracker", later + Duration::from_secs(3600)).is_ok());
     }
 }

@@ -1,12 +1,18 @@
 //! A node's place on the graph: its start, its watch over the master, its jobs, its end.
 
 use super::{
-    Faults,
-    at_once::send_at_once,
-    master::{self, Addresses, Registrations},
+    NodeDiagnostics,
+    master::{self, MasterAddresses, Registrations},
+    reconnect, rosout,
+    tcp_nodelay::set_tcp_nodelay,
+    type_mismatch,
 };
-use crate::messages::diagnostic_msgs::DiagnosticArray;
-use rosrust::{Message, Publisher, ServicePair, Subscriber};
+use crate::{
+    messages::diagnostic_msgs::DiagnosticArray,
+    publishing::{self, Publisher},
+};
+use proact_types::renamed_keys::{ConfigFile, DuplicateKey, RENAMED_KEYS, RenamedKey};
+use rosrust::{Message, ServicePair, Subscriber};
 use std::{
     cell::Cell,
     sync::{
@@ -18,18 +24,28 @@ use std::{
 };
 
 /// Jobs that may wait for one tick of the loop.
-const JOBS: usize = 1024;
+const MAX_PENDING_JOBS: usize = 1024;
 /// How often the master is looked at. A restart is noticed within two of these.
-const WATCH: Duration = Duration::from_millis(500);
+const MASTER_CHECK_PERIOD: Duration = Duration::from_millis(500);
 /// A topic may bring this many messages in [`FLOOD_WINDOW`]; those beyond are refused.
-const FLOOD: u32 = 200;
+const MAX_MESSAGES_PER_WINDOW: u32 = 200;
 /// In lock-step nobody is faster than everybody.
-const FLOOD_LOCKSTEP: u32 = 100_000;
+const MAX_MESSAGES_PER_WINDOW_LOCKSTEP: u32 = 100_000;
 const FLOOD_WINDOW: Duration = Duration::from_millis(100);
 /// Nodes live by `/clock` where it is true.
 const USE_SIM_TIME: &str = "/use_sim_time";
 /// How long a service call may wait for the loop.
-const SERVICE_WAIT: Duration = Duration::from_secs(5);
+const SERVICE_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// A subscriber that takes nothing for this long is closed, s.
+const WRITE_TIMEOUT_PARAM: &str = "~write_timeout_secs";
+/// Longer than a person looks at a stopped program in a debugger, shorter than a laptop sleeps.
+const DEFAULT_WRITE_TIMEOUT_SECS: f64 = 60.0;
+const MAX_WRITE_TIMEOUT: Duration = Duration::from_secs(24 * 3600);
+const WRITE_TIMEOUT_RANGE: &str = "seconds, 0.001 to 86400";
+/// Messages that wait for each subscriber of each topic; 0 leaves each topic its own number.
+const QUEUE_SIZE_PARAM: &str = "~queue_size";
+const QUEUE_SIZE_RANGE: &str = "a number of messages, or 0 for each topic's own";
 
 /// Why a node cannot run.
 #[derive(Debug, thiserror::Error)]
@@ -63,6 +79,9 @@ pub enum NodeError {
         /// What is allowed.
         expected: &'static str,
     },
+    /// A parameter is set by its old and its new name.
+    #[error("parameter {0}; rosparam delete takes one away")]
+    DuplicateParameter(DuplicateKey),
     /// The testbed refused.
     #[error(transparent)]
     Testbed(#[from] proact_testbed::TestbedError),
@@ -76,26 +95,26 @@ pub enum NodeError {
     },
 }
 
-pub(super) fn setup(what: &str) -> impl FnOnce(rosrust::error::Error) -> NodeError + '_ {
-    move |error| NodeError::Setup { what: what.to_owned(), reason: chain(&error) }
+pub(super) fn setup_error(what: &str) -> impl FnOnce(rosrust::error::Error) -> NodeError + '_ {
+    move |error| NodeError::Setup { what: what.to_owned(), reason: error_chain_text(&error) }
 }
 
 pub(super) fn master_uri() -> String {
     std::env::var("ROS_MASTER_URI").unwrap_or_else(|_| "http://localhost:11311/".to_owned())
 }
 
-fn chain(error: &rosrust::error::Error) -> String {
+fn error_chain_text(error: &rosrust::error::Error) -> String {
     error.iter().map(ToString::to_string).collect::<Vec<_>>().join(": ")
 }
 
 /// The master's address and that of this process, which is on the graph.
-pub(super) fn addresses() -> Result<Addresses, NodeError> {
+pub(super) fn addresses() -> Result<MasterAddresses, NodeError> {
     let uri = master_uri();
     let parse = |text: &str| {
         text.parse().map_err(|e| NodeError::Setup { what: text.to_owned(), reason: format!("{e:?}") })
     };
     let own = rosrust::uri();
-    Ok(Addresses { master: parse(&uri)?, slave: parse(&own)?, slave_text: own, name: rosrust::name() })
+    Ok(MasterAddresses { master: parse(&uri)?, slave: parse(&own)?, slave_uri: own, name: rosrust::name() })
 }
 
 /// Something for the loop to do with its state `S`.
@@ -103,14 +122,14 @@ pub(super) type Job<S> = Box<dyn FnOnce(&mut S) + Send>;
 
 /// A node on the graph. Dropping it leaves the graph.
 pub struct RosGraph {
-    faults: Arc<Faults>,
+    node_diagnostics: Arc<NodeDiagnostics>,
     master_restarted: Arc<AtomicBool>,
     ended: Arc<AtomicBool>,
-    watch: Option<std::thread::JoinHandle<()>>,
+    watch_thread: Option<std::thread::JoinHandle<()>>,
     diagnostics: Publisher<DiagnosticArray>,
-    told: Mutex<Option<Instant>>,
+    last_diagnostics_at: Mutex<Option<Instant>>,
     /// Messages of a topic within [`FLOOD_WINDOW`].
-    flood: u32,
+    max_messages_per_window: u32,
 }
 
 impl RosGraph {
@@ -125,17 +144,28 @@ impl RosGraph {
     /// [`RosGraph::join`]; with `interruptible`, Ctrl-C ends the node.
     pub(super) fn join_with(name: &str, interruptible: bool) -> Result<Self, NodeError> {
         let uri = master_uri();
+        let joining = publishing::join();
         rosrust::try_init_with_options(name, interruptible)
-            .map_err(|error| NodeError::NoMaster { uri: uri.clone(), reason: chain(&error) })?;
-        let diagnostics = rosrust::publish("/diagnostics", 10).map_err(setup("/diagnostics"))?;
+            .map_err(|error| NodeError::NoMaster { uri: uri.clone(), reason: error_chain_text(&error) })?;
+        publishing::start(publishing_settings()?).map_err(|error| NodeError::Setup {
+            what: "the port for topics".to_owned(),
+            reason: error.to_string(),
+        })?;
+        rosout::open().map_err(setup_error(rosout::TOPIC))?;
+        drop(joining);
+        let diagnostics = Publisher::new("/diagnostics", 10, false).map_err(setup_error("/diagnostics"))?;
         Ok(Self {
-            faults: Arc::new(Faults::default()),
+            node_diagnostics: Arc::new(NodeDiagnostics::default()),
             master_restarted: Arc::new(AtomicBool::new(false)),
             ended: Arc::new(AtomicBool::new(false)),
-            watch: None,
+            watch_thread: None,
             diagnostics,
-            told: Mutex::default(),
-            flood: if super::stage::lockstep()? { FLOOD_LOCKSTEP } else { FLOOD },
+            last_diagnostics_at: Mutex::default(),
+            max_messages_per_window: if super::stage::read_lockstep_parameter()? {
+                MAX_MESSAGES_PER_WINDOW_LOCKSTEP
+            } else {
+                MAX_MESSAGES_PER_WINDOW
+            },
         })
     }
 
@@ -146,13 +176,15 @@ impl RosGraph {
     pub fn watch_master(&mut self) -> Result<(), NodeError> {
         let addresses = self.addresses()?;
         let (ended, restarted) = (self.ended.clone(), self.master_restarted.clone());
-        send_at_once();
-        self.watch = Some(std::thread::spawn(move || watch(&addresses, &ended, &restarted)));
+        set_tcp_nodelay();
+        reconnect::start(addresses.clone(), ended.clone());
+        self.watch_thread =
+            Some(std::thread::spawn(move || run_master_watch(&addresses, &ended, &restarted)));
         Ok(())
     }
 
     /// The master's address and our own.
-    pub(super) fn addresses(&self) -> Result<Addresses, NodeError> {
+    pub(super) fn addresses(&self) -> Result<MasterAddresses, NodeError> {
         addresses()
     }
 
@@ -160,15 +192,15 @@ impl RosGraph {
     /// what leaves.
     pub fn stop_watching(&mut self) {
         self.ended.store(true, Ordering::Relaxed);
-        if let Some(watch) = self.watch.take() {
+        if let Some(watch) = self.watch_thread.take() {
             // A watch that panicked has told so itself.
             let _ = watch.join();
         }
     }
 
     /// What was refused.
-    pub fn faults(&self) -> &Arc<Faults> {
-        &self.faults
+    pub fn node_diagnostics(&self) -> &Arc<NodeDiagnostics> {
+        &self.node_diagnostics
     }
 
     /// False when the node is to end: Ctrl-C, rosnode kill, a new node of the same name.
@@ -182,56 +214,56 @@ impl RosGraph {
     }
 
     /// Tells `/diagnostics` how things are, once a second; call it as often as you like.
-    pub fn tell(&self, stamp: rosrust::Time) {
-        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
-        if told.is_none_or(|at| at.elapsed() >= Duration::from_secs(1)) {
-            *told = Some(Instant::now());
+    pub fn publish_diagnostics(&self, stamp: rosrust::Time) {
+        let mut last_sent_at = self.last_diagnostics_at.lock().unwrap_or_else(PoisonError::into_inner);
+        if last_sent_at.is_none_or(|at| at.elapsed() >= Duration::from_secs(1)) {
+            *last_sent_at = Some(Instant::now());
             // Nobody may listen; that is no fault.
-            let _ = self.diagnostics.send(self.faults.message(&rosrust::name(), stamp));
+            let _ = self.diagnostics.send(self.node_diagnostics.to_message(&rosrust::name(), stamp));
         }
     }
 
-    /// A publisher; relative names follow the node's namespace.
+    /// A publisher with a queue of `queue` messages for each subscriber; relative names follow the node's namespace.
     ///
     /// # Errors
     /// [`NodeError::Setup`].
-    pub fn publish<M: Message>(
+    pub(crate) fn advertise<M: Message>(
         &self,
         topic: &str,
         queue: usize,
         latched: bool,
     ) -> Result<Publisher<M>, NodeError> {
-        let mut publisher = rosrust::publish(topic, queue).map_err(setup(topic))?;
-        publisher.set_latching(latched);
-        Ok(publisher)
+        Publisher::new(topic, queue, latched).map_err(setup_error(topic))
     }
 
     /// A subscriber whose messages become jobs of the loop. More than two a millisecond are refused.
     ///
     /// # Errors
     /// [`NodeError::Setup`].
-    pub fn listen<M: Message, S: 'static>(
+    pub fn subscribe<M: Message, S: 'static>(
         &self,
         topic: &str,
         queue: usize,
         jobs: &Jobs<S>,
         take: impl Fn(&mut S, M) + Send + Sync + 'static,
     ) -> Result<Subscriber, NodeError> {
-        self.listen_at(topic, queue, jobs, move |state: &mut S, message, _, _: &str| take(state, message))
+        self.subscribe_with_arrival(topic, queue, jobs, move |state: &mut S, message, _, _: &str| {
+            take(state, message)
+        })
     }
 
     /// [`RosGraph::listen`] with the name of the node that sent the message.
     ///
     /// # Errors
     /// [`NodeError::Setup`].
-    pub fn listen_from<M: Message, S: 'static>(
+    pub fn subscribe_with_caller<M: Message, S: 'static>(
         &self,
         topic: &str,
         queue: usize,
         jobs: &Jobs<S>,
         take: impl Fn(&mut S, M, &str) + Send + Sync + 'static,
     ) -> Result<Subscriber, NodeError> {
-        self.listen_at(topic, queue, jobs, move |state: &mut S, message, _, caller: &str| {
+        self.subscribe_with_arrival(topic, queue, jobs, move |state: &mut S, message, _, caller: &str| {
             take(state, message, caller);
         })
     }
@@ -240,17 +272,17 @@ impl RosGraph {
     ///
     /// # Errors
     /// [`NodeError::Setup`].
-    pub fn listen_at<M: Message, S: 'static>(
+    pub fn subscribe_with_arrival<M: Message, S: 'static>(
         &self,
         topic: &str,
         queue: usize,
         jobs: &Jobs<S>,
         take: impl Fn(&mut S, M, Instant, &str) + Send + Sync + 'static,
     ) -> Result<Subscriber, NodeError> {
-        let (faults, sender, take) = (self.faults.clone(), jobs.sender.clone(), Arc::new(take));
+        let (faults, sender, take) = (self.node_diagnostics.clone(), jobs.sender.clone(), Arc::new(take));
         let window = Cell::new((Instant::now(), 0_u32));
         let name = topic.to_owned();
-        let flood = self.flood;
+        let flood = self.max_messages_per_window;
         let callback = move |message: M, caller: &str| {
             let at = Instant::now();
             let (began, count) = window.get();
@@ -260,22 +292,23 @@ impl RosGraph {
                 window.set((began, count + 1));
                 if count >= flood {
                     let reason = format!("{name} brings more than {flood} messages in {FLOOD_WINDOW:?}");
-                    return faults.refuse("flood", &reason);
+                    return faults.record_refusal("flood", &reason);
                 }
             }
             let (take, caller) = (take.clone(), caller.to_owned());
             if sender.try_send(Box::new(move |state| take(state, message, at, &caller))).is_err() {
-                faults.refuse("flood", &format!("{name}: {JOBS} messages wait already"));
+                faults.record_refusal("flood", &format!("{name}: {MAX_PENDING_JOBS} messages wait already"));
             }
         };
-        rosrust::subscribe_with_ids(topic, queue, callback).map_err(setup(topic))
+        type_mismatch::record_type::<M>();
+        rosrust::subscribe_with_ids(topic, queue, callback).map_err(setup_error(topic))
     }
 
     /// A service that the loop answers.
     ///
     /// # Errors
     /// [`NodeError::Setup`].
-    pub fn serve<P, S>(
+    pub fn advertise_service<P, S>(
         &self,
         service: &str,
         jobs: &Jobs<S>,
@@ -294,9 +327,9 @@ impl RosGraph {
                 let _ = reply.send(answer(state, request));
             });
             sender.try_send(job).map_err(|_| "the node is overloaded; call again".to_owned())?;
-            wait.recv_timeout(SERVICE_WAIT).map_err(|_| format!("no answer within {SERVICE_WAIT:?}"))?
+            wait.recv_timeout(SERVICE_TIMEOUT).map_err(|_| format!("no answer within {SERVICE_TIMEOUT:?}"))?
         };
-        rosrust::service::<P, _>(service, handler).map_err(setup(service))
+        rosrust::service::<P, _>(service, handler).map_err(setup_error(service))
     }
 }
 
@@ -321,7 +354,7 @@ pub struct Jobs<S> {
 
 impl<S> Default for Jobs<S> {
     fn default() -> Self {
-        let (sender, receiver) = sync_channel(JOBS);
+        let (sender, receiver) = sync_channel(MAX_PENDING_JOBS);
         Self { sender, receiver }
     }
 }
@@ -334,9 +367,9 @@ impl<S> Jobs<S> {
         }
     }
 
-    /// Waits for one job, at most for `patience`, and does it.
-    pub fn run_next(&self, state: &mut S, patience: Duration) {
-        if let Ok(job) = self.receiver.recv_timeout(patience) {
+    /// Waits for one job, at most for `timeout`, and does it.
+    pub fn run_next(&self, state: &mut S, timeout: Duration) {
+        if let Ok(job) = self.receiver.recv_timeout(timeout) {
             job(state);
         }
     }
@@ -354,9 +387,9 @@ impl SimTimeParameter {
         match parameter.get::<bool>() {
             Ok(true) => None,
             Ok(false) => {
-                rosrust::ros_warn!(
+                rosout::warn(&format!(
                     "{USE_SIM_TIME} is false: other nodes live on wall time, and stamps of theirs are not the simulator's"
-                );
+                ));
                 None
             }
             Err(_) => parameter.set(&true).ok().map(|()| SimTimeParameter(())),
@@ -373,7 +406,33 @@ impl Drop for SimTimeParameter {
     }
 }
 
-/// The value of parameter `name`, or `default` when it is not set.
+/// Reads the parameters `~write_timeout_secs` and `~queue_size`; a value outside its range is an error.
+fn publishing_settings() -> Result<publishing::PublishingSettings, NodeError> {
+    let seconds: f64 = parameter(WRITE_TIMEOUT_PARAM, DEFAULT_WRITE_TIMEOUT_SECS, WRITE_TIMEOUT_RANGE)?;
+    let closes_after = Duration::try_from_secs_f64(seconds)
+        .ok()
+        .filter(|time| (Duration::from_millis(1)..=MAX_WRITE_TIMEOUT).contains(time))
+        .ok_or_else(|| parameter_error(WRITE_TIMEOUT_PARAM, seconds, WRITE_TIMEOUT_RANGE))?;
+    let length: i32 = parameter(QUEUE_SIZE_PARAM, 0, QUEUE_SIZE_RANGE)?;
+    let length =
+        usize::try_from(length).map_err(|_| parameter_error(QUEUE_SIZE_PARAM, length, QUEUE_SIZE_RANGE))?;
+    Ok(publishing::PublishingSettings {
+        write_timeout: closes_after,
+        queue_size: (length > 0).then_some(length),
+        log: rosout::warn,
+    })
+}
+
+fn parameter_error(name: &str, got: impl ToString, expected: &'static str) -> NodeError {
+    NodeError::Parameter { name: name.to_owned(), got: got.to_string(), expected }
+}
+
+/// What the parameter `name` was called before.
+fn old_names(name: &str) -> impl Iterator<Item = &'static RenamedKey> {
+    RENAMED_KEYS.iter().filter(move |row| row.file == ConfigFile::NodeParameter && row.new == name)
+}
+
+/// The value of parameter `name`, which may be set by a name that it had before, or `default` when it is not set.
 ///
 /// # Errors
 /// A value of another type.
@@ -381,10 +440,18 @@ pub fn parameter<T>(name: &str, default: T, expected: &'static str) -> Result<T,
 where
     T: serde::de::DeserializeOwned,
 {
-    let Some(parameter) = rosrust::param(name) else { return Ok(default) };
-    if !parameter.exists().unwrap_or(false) {
-        return Ok(default);
+    let set = |name| rosrust::param(name).filter(|parameter| parameter.exists().unwrap_or(false));
+    let mut found = set(name);
+    for row in old_names(name) {
+        let Some(old) = set(row.old) else { continue };
+        if found.is_some() {
+            let (old, new) = (row.old.to_owned(), row.new.to_owned());
+            return Err(NodeError::DuplicateParameter(DuplicateKey { old, new }));
+        }
+        rosout::warn(&format!("parameter {row}"));
+        found = Some(old);
     }
+    let Some(parameter) = found else { return Ok(default) };
     parameter.get().map_err(|_| NodeError::Parameter {
         name: parameter.name().to_owned(),
         got: parameter.get_raw().map(|v| format!("{v:?}")).unwrap_or_default(),
@@ -394,28 +461,28 @@ where
 
 /// A loop that falls behind by more goes on from where it is. One that raced to catch up would leave the other nodes no
 /// time to stop the arm: it moved for 100 ms more once the machine had stood still for so long.
-const BEHIND: Duration = Duration::from_millis(20);
+const MAX_LAG: Duration = Duration::from_millis(20);
 
 /// Keeps a loop of one-millisecond ticks in step with the clock on the wall.
 #[derive(Debug)]
-pub(super) struct Pace {
+pub(super) struct TickRate {
     start: Instant,
     ticks: u64,
 }
 
-impl Pace {
+impl TickRate {
     pub(super) fn new() -> Self {
         Self { start: Instant::now(), ticks: 0 }
     }
 
     /// Sleeps until the tick is due.
-    pub(super) fn tick(&mut self) {
+    pub(super) fn sleep(&mut self) {
         self.ticks += 1;
         let due = self.start + Duration::from_millis(self.ticks);
         let now = Instant::now();
         if due > now {
             std::thread::sleep(due - now);
-        } else if now - due > BEHIND {
+        } else if now - due > MAX_LAG {
             self.start = now;
             self.ticks = 0;
         }
@@ -423,7 +490,7 @@ impl Pace {
 }
 
 /// Looks at the master until `ended`, and registers again when it was restarted.
-pub(super) fn watch(addresses: &Addresses, ended: &AtomicBool, restarted: &AtomicBool) {
+pub(super) fn run_master_watch(addresses: &MasterAddresses, ended: &AtomicBool, restarted: &AtomicBool) {
     let mut pid = master::master_pid(addresses).ok();
     let mut known: Option<Registrations> = None;
     // Why it failed last: said when it changes, and not twice a second while the master is coming up.
@@ -431,17 +498,17 @@ pub(super) fn watch(addresses: &Addresses, ended: &AtomicBool, restarted: &Atomi
     static REFRESH: AtomicU64 = AtomicU64::new(0);
     while !ended.load(Ordering::Relaxed) && rosrust::is_ok() {
         match master::master_pid(addresses) {
-            Ok(now) if Some(now) == pid && master::is_known(addresses) => {
+            Ok(now) if Some(now) == pid && master::is_registered(addresses) => {
                 // What we have registered may have changed.
-                let look = known.is_none() || REFRESH.fetch_add(1, Ordering::Relaxed).is_multiple_of(10);
-                if look && let Ok(state) = rosrust::state() {
+                let refreshes = known.is_none() || REFRESH.fetch_add(1, Ordering::Relaxed).is_multiple_of(10);
+                if refreshes && let Ok(state) = rosrust::state() {
                     known = master::registrations(addresses, state).ok().or(known);
                 }
             }
             Ok(now) => {
                 if let Some(all) = &mut known {
-                    let done =
-                        master::renew_topics(addresses, all).and_then(|()| master::register(addresses, all));
+                    let done = master::refresh_topics(addresses, all)
+                        .and_then(|()| master::register(addresses, all));
                     match done {
                         Ok(()) => {
                             pid = Some(now);
@@ -450,7 +517,7 @@ pub(super) fn watch(addresses: &Addresses, ended: &AtomicBool, restarted: &Atomi
                         // It may go again while it comes up; the next look tries again.
                         Err(reason) if failed.as_ref() == Some(&reason) => {}
                         Err(reason) => {
-                            rosrust::ros_warn!("registering with the restarted master: {reason}");
+                            rosout::warn(&format!("registering with the restarted master: {reason}"));
                             failed = Some(reason);
                         }
                     }
@@ -460,8 +527,8 @@ pub(super) fn watch(addresses: &Addresses, ended: &AtomicBool, restarted: &Atomi
             Err(_) => {}
         }
         // A connection that came while a topic was being set up, and our own to services.
-        send_at_once();
-        let wake = Instant::now() + WATCH;
+        set_tcp_nodelay();
+        let wake = Instant::now() + MASTER_CHECK_PERIOD;
         while !ended.load(Ordering::Relaxed) && Instant::now() < wake {
             std::thread::sleep(Duration::from_millis(50));
         }

@@ -2,35 +2,31 @@
 
 mod arm;
 mod inputs;
-mod outlets;
+mod publishers;
 
 use super::{
     NodeError, RosGraph,
     graph::Jobs,
-    stage::{self, Common, Stage, Tagged},
-    wire::{self, Counts, Instant, MethodShown},
+    stage::{self, StageContext, StageNode, TickMessage},
+    wire::{self, ExpectedCounts, MethodStatus, TickState},
 };
-use arm::ArmOutlet;
-use inputs::Heard;
-use outlets::Outlets;
+use crate::heartbeat::{self, HEARTBEAT_TIMEOUT_MS, HeartbeatMonitor};
+use arm::ArmCommandPublisher;
+use inputs::ReceivedInputs;
 use proact_arm::ArmModel;
 use proact_control::{MethodEntry, MotionCommand, MotionState, ports::ArmKinematics};
 use proact_testbed::{
-    Field,
+    DigestField,
     stages::{DisplayStage, EmgStageOutput, IntentOutput, MethodInput, MethodOutput, MethodStage},
 };
-use proact_types::{
-    EventKind, Gesture, HandState, InputSign, InputSource, Scene, SignKind, SimTime, TickInput,
-};
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    sync::Arc,
-};
+use proact_types::{Command, EventKind, HandState, Scene, SimTime, StopCause, TickInput};
+use publishers::MethodPublishers;
+use std::{collections::BTreeMap, sync::Arc};
 
-/// A stage that promised to speak and is silent for this long stops the arm, ms.
-const SILENCE_MS: u64 = 120;
+/// The world's topic: without it no gesture moves the arm.
+const STATE: &str = "proact/state";
 /// From a command for the arm to the first message of the world that shows it, at most, ms.
-const SETTLING_MS: u64 = 300;
+const COMMAND_SETTLING_MS: u64 = 300;
 
 /// What the method stage is made of.
 pub struct MethodParts {
@@ -47,28 +43,30 @@ pub struct MethodParts {
 }
 
 struct MethodNode {
-    common: Common,
-    counts: Counts,
+    context: StageContext,
+    counts: ExpectedCounts,
     parts: MethodParts,
-    state: Tagged<Instant>,
+    state: TickMessage<TickState>,
     /// In lock-step: what came of a tick.
-    person: Tagged<TickInput>,
-    decision: Tagged<EmgStageOutput>,
-    intent: Tagged<IntentOutput>,
+    person: TickMessage<TickInput>,
+    decision: TickMessage<EmgStageOutput>,
+    intent: TickMessage<IntentOutput>,
     /// In real time: what came since the tick before.
-    heard: Heard,
-    /// When each node that promised to speak last did, and those that fell silent.
-    others: BTreeMap<String, SimTime>,
-    lost: BTreeSet<String>,
+    received: ReceivedInputs,
+    /// Nodes that promised to speak, and the input that each misses.
+    stage_heartbeats: HeartbeatMonitor<String>,
+    missing_inputs: BTreeMap<String, String>,
+    /// Why the path that was followed is given up.
+    abandoned_path_reason: Option<String>,
     /// Commands for the arm, and when the last one was given.
-    commands: u64,
+    command_count: u64,
     commanded_at: Option<SimTime>,
     /// What the arm does from that command on.
-    begun: MotionState,
+    commanded_motion: MotionState,
     hand: HandState,
-    said: Option<(MethodOutput, Vec<EventKind>)>,
-    out: Outlets,
-    arm_out: ArmOutlet,
+    last_output: Option<(MethodOutput, Vec<EventKind>)>,
+    publishers: MethodPublishers,
+    arm_commands: ArmCommandPublisher,
 }
 
 /// Runs the method stage until the graph ends the node.
@@ -77,187 +75,217 @@ struct MethodNode {
 /// [`NodeError`].
 pub fn run_method(parts: MethodParts) -> Result<(), NodeError> {
     let graph = RosGraph::join("proact_method")?;
-    let arm_out = ArmOutlet::new(&graph, &parts.model, parts.method.single_joints())?;
-    let (heard, counts) = (Heard::new(&parts.scene), Counts::of(&parts.model, &parts.scene));
+    let arm_out = ArmCommandPublisher::new(&graph, &parts.model, parts.method.single_joints())?;
+    let (received, counts) =
+        (ReceivedInputs::new(&parts.scene), ExpectedCounts::of(&parts.model, &parts.scene));
     let mut node = MethodNode {
-        common: Common::new(&graph)?,
+        context: StageContext::new(&graph)?,
         parts,
-        state: Tagged::default(),
-        person: Tagged::default(),
-        decision: Tagged::default(),
-        intent: Tagged::default(),
-        heard,
+        state: TickMessage::default(),
+        person: TickMessage::default(),
+        decision: TickMessage::default(),
+        intent: TickMessage::default(),
+        received,
         counts,
-        others: BTreeMap::new(),
-        lost: BTreeSet::new(),
-        commands: 0,
+        stage_heartbeats: HeartbeatMonitor::default(),
+        missing_inputs: BTreeMap::new(),
+        abandoned_path_reason: None,
+        command_count: 0,
         commanded_at: None,
-        begun: MotionState::Holding,
+        commanded_motion: MotionState::Holding,
         hand: HandState::Open,
-        said: None,
-        out: Outlets::new(&graph)?,
-        arm_out,
+        last_output: None,
+        publishers: MethodPublishers::new(&graph)?,
+        arm_commands: arm_out,
     };
     let jobs: Jobs<MethodNode> = Jobs::default();
-    let _inputs = inputs::listen(&graph, &jobs)?;
-    let _keeper = node.arm_out.keep_controllers();
+    let _inputs = inputs::subscribe(&graph, &jobs)?;
+    let _keeper = node.arm_commands.spawn_controllers();
     stage::run(graph, &jobs, &mut node)
 }
 
-impl Stage for MethodNode {
-    fn common(&mut self) -> &mut Common {
-        &mut self.common
+impl StageNode for MethodNode {
+    fn context(&mut self) -> &mut StageContext {
+        &mut self.context
     }
 
     fn tick(&mut self, now: SimTime) -> rosrust::error::Result<()> {
-        if !self.common.lockstep {
-            self.watch_others();
-            return self.act(now);
+        if !self.context.lockstep {
+            return self.step_real_time(now);
         }
         let Some(input) = self.person.get().cloned() else { return Ok(()) };
-        let (Some(gesture), Some(intent)) = (self.decision.get().cloned(), self.intent.get().cloned()) else {
+        let (Some(emg_output), Some(intent)) = (self.decision.get().cloned(), self.intent.get().cloned())
+        else {
             return Ok(());
         };
-        let done = self.step(now, &input, &gesture, &intent);
-        if let (Some(spans), Some((output, _))) = (&mut self.common.spans, &self.said) {
+        let done = self.step(now, &input, &emg_output, &intent);
+        if let (Some(spans), Some((output, _))) = (&mut self.context.span_digests, &self.last_output) {
             // Samples, gaze and shoulder are those of other stages.
-            let TickInput { gesture, limb, signs, .. } = input;
-            spans.digest.input(&TickInput { gesture, limb, signs, ..TickInput::default() });
+            let TickInput { command, limb, heartbeats, .. } = input;
+            spans.digest.input(&TickInput { command, limb, heartbeats, ..TickInput::default() });
             spans.digest.method(output, self.parts.stage.stop());
-            let own =
-                [Field::InputGesture, Field::InputLimb, Field::InputPlan, Field::InputMethod, Field::Control];
+            let own = [
+                DigestField::InputGesture,
+                DigestField::InputLimb,
+                DigestField::InputPlan,
+                DigestField::InputMethod,
+                DigestField::Control,
+            ];
             spans.end_tick(now, &own, false);
         }
         done
     }
 
-    fn show(&mut self) -> rosrust::error::Result<()> {
+    fn flush(&mut self) -> rosrust::error::Result<()> {
         let Some(instant) = self.state.get() else { return Ok(()) };
         let hand = instant.hand.state;
         if self.hand != hand {
             self.hand = hand;
             match hand {
-                HandState::Closed => self.out.success(true)?,
-                HandState::Open => self.out.success(false)?,
+                HandState::Closed => self.publishers.publish_success(true)?,
+                HandState::Open => self.publishers.publish_success(false)?,
                 HandState::Closing | HandState::Opening => {}
             }
         }
-        let due = !self.common.lockstep || DisplayStage::is_due(self.common.now());
-        match self.shown().filter(|_| due) {
-            Some(shown) => self.out.show(self.common.stamp(), &self.parts.scene, &shown),
+        let due = !self.context.lockstep || DisplayStage::is_due(self.context.now());
+        match self.method_status().filter(|_| due) {
+            Some(method_status) => {
+                self.publishers.publish_status(self.context.stamp(), &self.parts.scene, &method_status)
+            }
             None => Ok(()),
         }
     }
 
     fn is_ready(&self, next: SimTime) -> bool {
-        self.person.is(next)
-            && self.decision.is(next)
-            && self.intent.is(next)
-            && self.state.is(SimTime(next.0 - 1))
+        self.person.is_at(next)
+            && self.decision.is_at(next)
+            && self.intent.is_at(next)
+            && self.state.is_at(SimTime(next.0 - 1))
     }
 
-    fn repeat(&mut self) -> rosrust::error::Result<()> {
-        let Some((output, events)) = &self.said else { return Ok(()) };
-        let shown = self.shown();
-        let (now, stamp) = (self.common.now(), self.common.stamp());
-        self.out.command(wire::command(now, stamp, output, self.commands, shown.as_ref(), events))
+    fn republish_last(&mut self) -> rosrust::error::Result<()> {
+        let Some((output, events)) = &self.last_output else { return Ok(()) };
+        let method_status = self.method_status();
+        let (now, stamp) = (self.context.now(), self.context.stamp());
+        self.publishers.publish_command(wire::command(
+            now,
+            stamp,
+            output,
+            self.command_count,
+            method_status.as_ref(),
+            events,
+        ))
     }
 }
 
 impl MethodNode {
     /// In real time: a step on what came since the one before. Between two ticks as well, where a gesture came.
-    fn act(&mut self, now: SimTime) -> rosrust::error::Result<()> {
-        let (gesture, intent, input) = self.heard.take(now);
-        let mut input = input;
-        self.watch_arm(now, &mut input);
-        // A hand that is seen to relax may go on without a stage that does not come back.
-        if gesture.gesture == Gesture::NoMotion && gesture.fault.is_none() && !self.lost.is_empty() {
-            self.lost.clear();
-            self.heard.sign(InputSource::Stage, SignKind::Alive);
+    fn step_real_time(&mut self, now: SimTime) -> rosrust::error::Result<()> {
+        let (emg_output, mut intent, input) = self.received.take_inputs(now);
+        let gaze_ms = self.parts.stage.dead_man().map(|limits| limits.gaze_timeout_ms);
+        if let Some(reason) = gaze_ms.and_then(|limit| self.received.stale_intent(now, limit)) {
+            intent.fault = Some(reason);
         }
-        self.step(now, &input, &gesture, &intent)
+        self.check_arm(now);
+        self.check_heartbeats();
+        let stands = emg_output.command == Command::NoMotion && emg_output.fault.is_none();
+        if stands {
+            self.forget_stale();
+        }
+        let fault = self
+            .missing_stage()
+            .or_else(|| Some((StopCause::TrackingLost, self.abandoned_path_reason.take()?)));
+        self.parts.stage.set_stage_fault(fault);
+        self.step(now, &input, &emg_output, &intent)
     }
 
     fn step(
         &mut self,
         now: SimTime,
         input: &TickInput,
-        gesture: &EmgStageOutput,
+        emg_output: &EmgStageOutput,
         intent: &IntentOutput,
     ) -> rosrust::error::Result<()> {
-        let (commands, begun, lockstep) = (self.commands, self.begun, self.common.lockstep);
+        let (commands, motion, lockstep) = (self.command_count, self.commanded_motion, self.context.lockstep);
         let Some(instant) = self.state.get_mut() else { return Ok(()) };
-        if !lockstep && commands > 0 && instant.acted_on != commands {
+        if !lockstep && commands > 0 && instant.last_command_number != commands {
             // The world does not show the last command yet.
-            instant.actuation.motion = begun;
+            instant.actuation.motion = motion;
         }
         let instant = &*instant;
-        let asked = MethodInput {
-            gesture,
+        let method_input = MethodInput {
+            emg: emg_output,
             intent,
             actuation: &instant.actuation,
             world: &instant.world,
             hand: instant.hand,
-            signs: &input.signs,
+            heartbeats: &input.heartbeats,
             participant: None,
             shoulder_tracked: input.shoulder.is_some(),
             limb: input.limb.as_ref(),
             plan: None,
             answer: None,
         };
-        let output = self.parts.stage.step(now, asked, self.parts.kinematics.as_mut());
+        let output = self.parts.stage.step(now, method_input, self.parts.kinematics.as_mut());
         if let Some(command) = &output.motion {
-            self.commands += 1;
+            self.command_count += 1;
             self.commanded_at = Some(now);
             let follows = matches!(command, MotionCommand::Follow(_));
-            self.begun = if follows { MotionState::Following(0.0) } else { MotionState::Holding };
+            self.commanded_motion = if follows { MotionState::Following(0.0) } else { MotionState::Holding };
         }
-        self.heard.shows(gesture, intent);
-        let stamp = self.common.stamp();
+        self.received.set_last_inputs(emg_output, intent);
+        let stamp = self.context.stamp();
         for event in &output.events {
             match event {
-                EventKind::Stopped { reason, .. } => self.common.faults.stop(reason),
-                EventKind::Locked { .. } => self.out.frozen(true)?,
-                EventKind::Unlocked => self.out.frozen(false)?,
+                EventKind::Stopped { reason, .. } => self.context.node_diagnostics.record_stop(reason),
+                EventKind::Locked { .. } => self.publishers.publish_frozen(true)?,
+                EventKind::Unlocked => self.publishers.publish_frozen(false)?,
                 _ => {}
             }
         }
         let events: Vec<EventKind> =
-            gesture.events.iter().chain(&intent.events).chain(&output.events).cloned().collect();
-        let due = output.stepped || DisplayStage::is_due(now);
-        if lockstep || output.stepped || !events.is_empty() {
+            emg_output.events.iter().chain(&intent.events).chain(&output.events).cloned().collect();
+        let due = output.has_stepped || DisplayStage::is_due(now);
+        if lockstep || output.has_stepped || !events.is_empty() {
             // Before the original's topics, which listeners that know the typed message pass over.
-            let shown = self.shown().filter(|_| due);
-            self.out.command(wire::command(now, stamp, &output, self.commands, shown.as_ref(), &events))?;
+            let method_status = self.method_status().filter(|_| due);
+            self.publishers.publish_command(wire::command(
+                now,
+                stamp,
+                &output,
+                self.command_count,
+                method_status.as_ref(),
+                &events,
+            ))?;
         }
         if let (Some(command), Some(instant)) = (&output.motion, self.state.get()) {
             let arm = self.parts.model.arm_count();
-            self.arm_out.send(command, &instant.actuation.command.position[..arm], stamp)?;
+            self.arm_commands.send(command, &instant.actuation.command.position[..arm], stamp)?;
         }
         if let Some(command) = output.hand {
-            self.out.grasp(command, stamp)?;
+            self.publishers.publish_grasp_goal(command, stamp)?;
         }
         if let Some(request) = &output.request {
-            self.out.request(&self.parts.model, request, stamp)?;
+            self.publishers.publish_plan_request(&self.parts.model, request, stamp)?;
         }
-        self.said = Some((output, events));
+        self.last_output = Some((output, events));
         Ok(())
     }
 
     /// What there is to see; none before the world was.
-    fn shown(&self) -> Option<MethodShown> {
+    fn method_status(&self) -> Option<MethodStatus> {
         let instant = self.state.get()?;
         let view = self.parts.stage.view();
-        let (gesture, intent) = match self.common.lockstep {
+        let (emg_output, intent) = match self.context.lockstep {
             true => (self.decision.get()?, self.intent.get()?),
-            false => self.heard.shown(),
+            false => self.received.last_inputs(),
         };
-        Some(MethodShown {
+        Some(MethodStatus {
             method: view.name,
-            gesture: gesture.gesture,
-            recognised: gesture.recognised,
-            confidence: gesture.confidence,
-            effort: gesture.effort,
+            gesture: emg_output.command,
+            recognized: emg_output.recognized_gesture,
+            confidence: emg_output.confidence,
+            effort: emg_output.effort,
             hand: instant.hand,
             gaze: intent.gaze,
             stop: view.stop,
@@ -268,43 +296,73 @@ impl MethodNode {
         })
     }
 
-    /// Stops when a stage that promised to speak fell silent.
-    fn watch_others(&mut self) {
-        let now = self.common.now();
-        let silent = |at: &SimTime| now.millis_since(*at) > SILENCE_MS;
-        let lost: Vec<String> =
-            self.others.iter().filter(|(_, at)| silent(at)).map(|(name, _)| name.clone()).collect();
-        for name in lost {
-            self.others.remove(&name);
-            let reason = format!("{name} is silent for {SILENCE_MS} ms: no motion until it is back");
-            self.common.faults.refuse("heartbeat", &reason);
-            self.lost.insert(name);
-            self.heard.sign(InputSource::Stage, SignKind::Closed);
+    /// Notices nodes and topics that fell silent.
+    fn check_heartbeats(&mut self) {
+        let now = self.context.now();
+        self.context.check_inputs();
+        for name in self.stage_heartbeats.step(now) {
+            let reason =
+                format!("{name} is silent for {HEARTBEAT_TIMEOUT_MS} ms: no motion until it is back");
+            self.context.node_diagnostics.record_refusal("heartbeat", &reason);
         }
     }
 
-    /// A stage said that it lives.
-    fn hear_other(&mut self, name: String) {
-        let now = self.common.now();
-        if self.lost.remove(&name) && self.lost.is_empty() {
-            self.heard.sign(InputSource::Stage, SignKind::Alive);
+    /// Which topic or stage is missing, and how; none while all are there.
+    fn missing_stage(&self) -> Option<(StopCause, String)> {
+        let silent = |name: &dyn std::fmt::Display| format!("{name} is silent");
+        let topic = self.context.inputs.stale().next().map(|topic| (StopCause::Silent, silent(topic)));
+        let node =
+            || self.stage_heartbeats.stale().next().map(|name| (StopCause::TrackingLost, silent(name)));
+        let starved = || {
+            let (name, input) = self.missing_inputs.first_key_value()?;
+            Some((StopCause::Silent, format!("{name} misses {input}")))
+        };
+        topic.or_else(node).or_else(starved)
+    }
+
+    /// A hand that is seen to relax may go on without a stage that does not come back, but not without the world.
+    fn forget_stale(&mut self) {
+        let topics: Vec<_> = self.context.inputs.stale().copied().filter(|topic| *topic != STATE).collect();
+        topics.iter().for_each(|topic| self.context.inputs.forget(topic));
+        let nodes: Vec<_> = self.stage_heartbeats.stale().cloned().collect();
+        for name in nodes {
+            self.stage_heartbeats.forget(&name);
+            self.missing_inputs.remove(&name);
         }
-        self.others.insert(name, now);
+    }
+
+    /// A stage said that it lives; it may miss an input, and cannot do its part then.
+    fn receive_heartbeat(&mut self, text: &str) {
+        let (name, missed) = heartbeat::parse_heartbeat(text);
+        if name == rosrust::name() {
+            return;
+        }
+        self.stage_heartbeats.record(name.to_owned(), self.context.now());
+        match missed.filter(|_| self.stage_heartbeats.is_watched(&name.to_owned())) {
+            None => {
+                self.missing_inputs.remove(name);
+            }
+            Some(input) => {
+                if self.missing_inputs.insert(name.to_owned(), input.to_owned()).is_none() {
+                    let reason = format!("{name} misses {input}: no motion until it is back");
+                    self.context.node_diagnostics.record_refusal("heartbeat", &reason);
+                }
+            }
+        }
     }
 
     /// Somebody else may have taken the arm, or held it, while the method believes that it follows a path.
-    fn watch_arm(&mut self, now: SimTime, input: &mut TickInput) {
+    fn check_arm(&mut self, now: SimTime) {
         let Some(instant) = self.state.get() else { return };
         let Some(since) = self.commanded_at else { return };
         let executes = matches!(self.parts.stage.view().planner, proact_types::PlannerView::Executing { .. });
         let held = instant.actuation.motion == MotionState::Holding;
-        if !(executes && held) || now.millis_since(since) < SETTLING_MS {
+        if !(executes && held) || now.millis_since(since) < COMMAND_SETTLING_MS {
             return;
         }
         self.commanded_at = None;
-        self.common.faults.refuse("arm", "the arm was stopped by somebody else; the path is given up");
-        // Lost for a tick, so that a relaxed hand is waited for.
-        let _ = input.signs.try_push(InputSign { source: InputSource::Stage, kind: SignKind::Closed });
-        self.heard.sign(InputSource::Stage, SignKind::Alive);
+        let reason = "the arm was stopped by somebody else; the path is given up";
+        self.context.node_diagnostics.record_refusal("arm", reason);
+        self.abandoned_path_reason = Some(reason.to_owned());
     }
 }

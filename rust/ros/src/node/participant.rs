@@ -4,8 +4,8 @@
 use super::{
     NodeError, RosGraph, convert,
     graph::Jobs,
-    stage::{self, Common, Stage, Tagged},
-    wire::{self, Counts, Instant},
+    stage::{self, StageContext, StageNode, TickMessage},
+    wire::{self, ExpectedCounts, TickState},
 };
 use crate::{
     frames::WORLD,
@@ -13,32 +13,32 @@ use crate::{
         geometry_msgs::{PoseStamped, Vector3Stamped},
         proact_msgs::{EmgSamples, Frame, Person, State},
     },
+    publishing::Publisher,
 };
 use proact_messages::original::relative;
 use proact_testbed::stages::{PersonInput, PersonStage};
-use proact_types::{DisplayFrame, EmgSample, Gesture, Pose, SimTime, TickInput};
-use rosrust::Publisher;
+use proact_types::{Command, DisplayFrame, EmgSample, Pose, SimTime, TickInput};
 
 /// What a person is made of.
 pub struct ParticipantParts {
     /// Who sees and acts, with armband, eye tracker and body.
     pub stage: PersonStage,
     /// Joints of the arm, objects of the scene.
-    pub counts: Counts,
+    pub counts: ExpectedCounts,
 }
 
 struct ParticipantNode {
-    common: Common,
+    context: StageContext,
     parts: ParticipantParts,
-    state: Tagged<Instant>,
+    state: TickMessage<TickState>,
     /// The frame of the newest tick that has one.
-    frame: Tagged<()>,
-    gesture: Gesture,
+    frame: TickMessage<()>,
+    gesture: Command,
     /// The first tick: armband and eye tracker count from it.
-    began: Option<SimTime>,
+    started_at: Option<SimTime>,
     /// Since the last message of the clock.
     samples: Vec<EmgSample>,
-    said: Option<Person>,
+    last_message: Option<Person>,
     emg: Publisher<EmgSamples>,
     gaze: [Publisher<Vector3Stamped>; 2],
     shoulder: Publisher<PoseStamped>,
@@ -53,64 +53,73 @@ struct ParticipantNode {
 pub fn run_participant(parts: ParticipantParts) -> Result<(), NodeError> {
     let graph = RosGraph::join("proact_participant")?;
     let mut node = ParticipantNode {
-        common: Common::new(&graph)?,
+        context: StageContext::new(&graph)?,
         parts,
-        state: Tagged::default(),
-        frame: Tagged::default(),
-        gesture: Gesture::NoMotion,
-        began: None,
+        state: TickMessage::default(),
+        frame: TickMessage::default(),
+        gesture: Command::NoMotion,
+        started_at: None,
         samples: vec![],
-        said: None,
-        emg: graph.publish("proact/emg_samples", 20, false)?,
+        last_message: None,
+        emg: graph.advertise("proact/emg_samples", 20, false)?,
         gaze: [
-            graph.publish(relative::GAZE_POSITION, 10, false)?,
-            graph.publish(relative::GAZE_DIRECTION, 10, false)?,
+            graph.advertise(relative::GAZE_POSITION, 10, false)?,
+            graph.advertise(relative::GAZE_DIRECTION, 10, false)?,
         ],
-        shoulder: graph.publish(relative::SHOULDER, 1, false)?,
-        head: graph.publish(relative::HEAD, 1, false)?,
-        person: graph.publish("proact/person", 100, false)?,
+        shoulder: graph.advertise(relative::SHOULDER, 1, false)?,
+        head: graph.advertise(relative::HEAD, 1, false)?,
+        person: graph.advertise("proact/person", 100, false)?,
     };
     let jobs: Jobs<ParticipantNode> = Jobs::default();
-    let _state = graph.listen("proact/state", 100, &jobs, |node: &mut ParticipantNode, message: State| {
-        match wire::read_state(&message, node.parts.counts) {
-            Ok(instant) => node.hear_state(SimTime(message.tick), instant),
-            Err(reason) => node.common.faults.refuse("state", &reason),
-        }
-    })?;
-    let _frame = graph.listen("proact/frame", 10, &jobs, |node: &mut ParticipantNode, message: Frame| {
-        match wire::read_frame(&message, node.parts.counts) {
-            Ok(frame) => node.see(&frame),
-            Err(reason) => node.common.faults.refuse("frame", &reason),
-        }
-    })?;
+    let _state =
+        graph.subscribe("proact/state", 100, &jobs, |node: &mut ParticipantNode, message: State| {
+            match wire::read_state(&message, node.parts.counts) {
+                Ok(instant) => {
+                    node.context.record_stamped_input("proact/state", &message.header);
+                    node.receive_state(SimTime(message.tick), instant);
+                }
+                Err(reason) => node.context.node_diagnostics.record_refusal("state", &reason),
+            }
+        })?;
+    let _frame =
+        graph.subscribe("proact/frame", 10, &jobs, |node: &mut ParticipantNode, message: Frame| {
+            match wire::read_frame(&message, node.parts.counts) {
+                Ok(frame) => {
+                    // A person who does not see the arm must not go on moving it.
+                    node.context.record_stamped_input("proact/frame", &message.header);
+                    node.receive_frame(&frame);
+                }
+                Err(reason) => node.context.node_diagnostics.record_refusal("frame", &reason),
+            }
+        })?;
     stage::run(graph, &jobs, &mut node)
 }
 
 impl ParticipantNode {
-    fn hear_state(&mut self, tick: SimTime, instant: Instant) {
-        if !self.common.lockstep {
+    fn receive_state(&mut self, tick: SimTime, instant: TickState) {
+        if !self.context.lockstep {
             // A simulator that was started again counts anew.
-            self.state = Tagged::default();
+            self.state = TickMessage::default();
         }
-        if !self.state.take(tick, instant) {
-            let done = self.repeat();
-            self.common.note("publish", done);
+        if !self.state.update(tick, instant) {
+            let done = self.republish_last();
+            self.context.report_error("publish", done);
         }
     }
 
-    fn see(&mut self, frame: &DisplayFrame) {
-        if !self.common.lockstep {
-            self.frame = Tagged::default();
+    fn receive_frame(&mut self, frame: &DisplayFrame) {
+        if !self.context.lockstep {
+            self.frame = TickMessage::default();
         }
-        if self.frame.take(frame.time, ()) {
-            self.gesture = frame.gesture;
-            self.parts.stage.see(frame);
+        if self.frame.update(frame.time, ()) {
+            self.gesture = frame.command;
+            self.parts.stage.show_frame(frame);
         }
     }
 
     /// The original's topics. The headset publishes no gaze while it has lost the eye.
-    fn tell(&self, input: &TickInput, head: &Pose) -> rosrust::error::Result<()> {
-        let stamp = self.common.stamp();
+    fn publish_original_topics(&self, input: &TickInput, head: &Pose) -> rosrust::error::Result<()> {
+        let stamp = self.context.stamp();
         if let Some(gaze) = input.gaze.filter(|gaze| gaze.valid) {
             for (publisher, v) in self.gaze.iter().zip([&gaze.origin.coords, &gaze.direction]) {
                 let header = convert::header(stamp, WORLD);
@@ -125,38 +134,38 @@ impl ParticipantNode {
     }
 }
 
-impl Stage for ParticipantNode {
-    fn common(&mut self) -> &mut Common {
-        &mut self.common
+impl StageNode for ParticipantNode {
+    fn context(&mut self) -> &mut StageContext {
+        &mut self.context
     }
 
     fn tick(&mut self, now: SimTime) -> rosrust::error::Result<()> {
         let Some(instant) = self.state.get() else { return Ok(()) };
-        let lockstep = self.common.lockstep;
-        let began = *self.began.get_or_insert(if lockstep { SimTime(0) } else { now });
+        let lockstep = self.context.lockstep;
+        let began = *self.started_at.get_or_insert(if lockstep { SimTime(0) } else { now });
         let since = SimTime(now.millis_since(began));
         let arm = &instant.world.position[..self.parts.counts.arm];
-        let mut input = self.parts.stage.step(since, PersonInput { arm, gesture: self.gesture });
-        let head = self.parts.stage.head();
+        let mut input = self.parts.stage.step(since, PersonInput { arm, command: self.gesture });
+        let head = self.parts.stage.head_pose();
         if !lockstep {
             self.samples.append(&mut input.emg);
         }
-        let news = input.gaze.is_some() || input.shoulder.is_some() || input.gesture.is_some();
-        if lockstep || news {
-            let message = wire::person(now, self.common.stamp(), &input, &head);
+        let has_input = input.gaze.is_some() || input.shoulder.is_some() || input.command.is_some();
+        if lockstep || has_input {
+            let message = wire::person(now, self.context.stamp(), &input, &head);
             // Before the original's topics, which listeners that know the typed message pass over.
             self.person.send(message.clone())?;
-            self.said = Some(message);
+            self.last_message = Some(message);
         }
-        self.tell(&input, &head)
+        self.publish_original_topics(&input, &head)
     }
 
     /// An armband sends a few samples at a time.
-    fn show(&mut self) -> rosrust::error::Result<()> {
+    fn flush(&mut self) -> rosrust::error::Result<()> {
         let samples = std::mem::take(&mut self.samples);
         let Some(first) = samples.first() else { return Ok(()) };
         self.emg.send(EmgSamples {
-            header: convert::header(self.common.stamp(), ""),
+            header: convert::header(self.context.stamp(), ""),
             counter: first.counter,
             channels: first.channels.len() as u32,
             data: samples.iter().flat_map(|sample| sample.channels.iter().copied()).collect(),
@@ -165,13 +174,13 @@ impl Stage for ParticipantNode {
 
     fn is_ready(&self, next: SimTime) -> bool {
         let before = SimTime(next.0 - 1);
-        let framed = self.state.get().is_some_and(|instant| !instant.frame || self.frame.is(before));
-        self.state.is(before) && framed
+        let framed = self.state.get().is_some_and(|instant| !instant.has_frame || self.frame.is_at(before));
+        self.state.is_at(before) && framed
     }
 
-    fn repeat(&mut self) -> rosrust::error::Result<()> {
-        match &self.said {
-            Some(said) => self.person.send(said.clone()),
+    fn republish_last(&mut self) -> rosrust::error::Result<()> {
+        match &self.last_message {
+            Some(last_input) => self.person.send(last_input.clone()),
             None => Ok(()),
         }
     }

@@ -12,9 +12,9 @@ use proact_types::{PlanGoal, PlanRequest, Point, Pose, Shape, SimTime, Vector};
 const GROUP: &str = "mpl_arm";
 const BASE_JOINT: &str = "world_to_base";
 /// A point is reached within this ball, m.
-const WITHIN: f64 = 1e-3;
+const POSITION_TOLERANCE_M: f64 = 1e-3;
 /// An angle is reached within this, rad.
-const WITHIN_ANGLE: f64 = 1e-3;
+const ANGLE_TOLERANCE_RAD: f64 = 1e-3;
 
 // As shape_msgs/SolidPrimitive numbers them.
 const BOX: u8 = 1;
@@ -30,16 +30,19 @@ pub(super) fn message(
     stamp: SimTime,
 ) -> moveit_msgs::MotionPlanRequest {
     moveit_msgs::MotionPlanRequest {
-        workspace_parameters: moveit_msgs::WorkspaceParameters { header: world(stamp), ..Default::default() },
-        start_state: start(model, request, stamp),
-        goal_constraints: vec![goal(model, request, stamp)],
+        workspace_parameters: moveit_msgs::WorkspaceParameters {
+            header: world_header(stamp),
+            ..Default::default()
+        },
+        start_state: start_state(model, request, stamp),
+        goal_constraints: vec![goal_constraints(model, request, stamp)],
         group_name: GROUP.to_owned(),
         num_planning_attempts: 1,
         ..Default::default()
     }
 }
 
-fn start(model: &ArmModel, request: &PlanRequest, stamp: SimTime) -> moveit_msgs::RobotState {
+fn start_state(model: &ArmModel, request: &PlanRequest, stamp: SimTime) -> moveit_msgs::RobotState {
     let base = &request.world_from_base;
     let tip = &model.links[model.tip].name;
     moveit_msgs::RobotState {
@@ -50,9 +53,9 @@ fn start(model: &ArmModel, request: &PlanRequest, stamp: SimTime) -> moveit_msgs
             ..Default::default()
         },
         multi_dof_joint_state: sensor_msgs::MultiDOFJointState {
-            header: world(stamp),
+            header: world_header(stamp),
             joint_names: vec![BASE_JOINT.to_owned()],
-            transforms: vec![convert::bare_transform(base)],
+            transforms: vec![convert::unstamped_transform(base)],
             ..Default::default()
         },
         attached_collision_objects: request
@@ -64,12 +67,12 @@ fn start(model: &ArmModel, request: &PlanRequest, stamp: SimTime) -> moveit_msgs
                     header: convert::header(stamp, tip),
                     pose: convert::pose(&carried.tip_from_object),
                     id: carried.name.clone(),
-                    primitives: vec![solid(carried.shape)],
+                    primitives: vec![solid_primitive(carried.shape)],
                     primitive_poses: vec![convert::pose(&Pose::identity())],
                     operation: moveit_msgs::CollisionObject::ADD,
                     ..Default::default()
                 },
-                touch_links: fingers(model),
+                touch_links: finger_links(model),
                 ..Default::default()
             })
             .collect(),
@@ -77,23 +80,23 @@ fn start(model: &ArmModel, request: &PlanRequest, stamp: SimTime) -> moveit_msgs
     }
 }
 
-fn fingers(model: &ArmModel) -> Vec<String> {
+fn finger_links(model: &ArmModel) -> Vec<String> {
     model.hand.iter().map(|joint| model.links[model.joints[*joint].child].name.clone()).collect()
 }
 
-fn goal(model: &ArmModel, request: &PlanRequest, stamp: SimTime) -> moveit_msgs::Constraints {
-    let at = |offset: &Vector, point: &Point| vec![position(model, stamp, offset, point)];
+fn goal_constraints(model: &ArmModel, request: &PlanRequest, stamp: SimTime) -> moveit_msgs::Constraints {
+    let at = |offset: &Vector, point: &Point| vec![position_constraint(model, stamp, offset, point)];
     let empty = moveit_msgs::Constraints::default();
     match &request.goal {
-        PlanGoal::Pick { centre, .. } => moveit_msgs::Constraints {
-            name: format!("pick {}", request.picked.as_deref().unwrap_or("an object")),
-            position_constraints: at(&model.grasp_of(request).centre, centre),
+        PlanGoal::Pick { centre: center, .. } => moveit_msgs::Constraints {
+            name: format!("pick {}", request.picked_object.as_deref().unwrap_or("an object")),
+            position_constraints: at(&model.grasp_for_request(request).center, center),
             ..empty
         },
         PlanGoal::Place { point } => {
             let (offset, above) = match &request.attached {
                 Some(carried) => (carried.tip_from_object.translation.vector, half_height(carried.shape)),
-                None => (model.widest_grasp().centre, 0.0),
+                None => (model.widest_grasp().center, 0.0),
             };
             moveit_msgs::Constraints {
                 name: "place".to_owned(),
@@ -110,8 +113,8 @@ fn goal(model: &ArmModel, request: &PlanRequest, stamp: SimTime) -> moveit_msgs:
                 .map(|(joint, angle)| moveit_msgs::JointConstraint {
                     joint_name: model.joints[*joint].name.clone(),
                     position: *angle,
-                    tolerance_above: WITHIN_ANGLE,
-                    tolerance_below: WITHIN_ANGLE,
+                    tolerance_above: ANGLE_TOLERANCE_RAD,
+                    tolerance_below: ANGLE_TOLERANCE_RAD,
                     weight: 1.0,
                 })
                 .collect(),
@@ -121,12 +124,12 @@ fn goal(model: &ArmModel, request: &PlanRequest, stamp: SimTime) -> moveit_msgs:
             name: "tip pose".to_owned(),
             position_constraints: at(&Vector::zeros(), &pose.translation.vector.into()),
             orientation_constraints: vec![moveit_msgs::OrientationConstraint {
-                header: world(stamp),
+                header: world_header(stamp),
                 orientation: convert::pose(pose).orientation,
                 link_name: model.links[model.tip].name.clone(),
-                absolute_x_axis_tolerance: WITHIN_ANGLE,
-                absolute_y_axis_tolerance: WITHIN_ANGLE,
-                absolute_z_axis_tolerance: WITHIN_ANGLE,
+                absolute_x_axis_tolerance: ANGLE_TOLERANCE_RAD,
+                absolute_y_axis_tolerance: ANGLE_TOLERANCE_RAD,
+                absolute_z_axis_tolerance: ANGLE_TOLERANCE_RAD,
                 parameterization: moveit_msgs::OrientationConstraint::ROTATION_VECTOR,
                 weight: 1.0,
             }],
@@ -136,18 +139,18 @@ fn goal(model: &ArmModel, request: &PlanRequest, stamp: SimTime) -> moveit_msgs:
 }
 
 /// The point at `offset` from the tip, in the tip's frame, is to be at `target`.
-fn position(
+fn position_constraint(
     model: &ArmModel,
     stamp: SimTime,
     offset: &Vector,
     target: &Point,
 ) -> moveit_msgs::PositionConstraint {
     moveit_msgs::PositionConstraint {
-        header: world(stamp),
+        header: world_header(stamp),
         link_name: model.links[model.tip].name.clone(),
         target_point_offset: convert::vector(offset),
         constraint_region: moveit_msgs::BoundingVolume {
-            primitives: vec![solid(Shape::Sphere { radius: WITHIN })],
+            primitives: vec![solid_primitive(Shape::Sphere { radius: POSITION_TOLERANCE_M })],
             primitive_poses: vec![convert::pose(&Pose::translation(target.x, target.y, target.z))],
             ..Default::default()
         },
@@ -155,12 +158,12 @@ fn position(
     }
 }
 
-fn world(stamp: SimTime) -> Header {
+fn world_header(stamp: SimTime) -> Header {
     convert::header(stamp, WORLD)
 }
 
 /// shape_msgs has no capsule: its cylinder with the round ends inside.
-fn solid(shape: Shape) -> shape_msgs::SolidPrimitive {
+fn solid_primitive(shape: Shape) -> shape_msgs::SolidPrimitive {
     let (type_, dimensions) = match shape {
         Shape::Box { size } => (BOX, size.to_vec()),
         Shape::Sphere { radius } => (SPHERE, vec![radius]),

@@ -7,32 +7,36 @@
 
 use super::{
     NodeError, RosGraph, convert,
-    digest::Spans,
+    digest::SpanDigestWriter,
     graph::{Jobs, parameter},
 };
 use crate::{
-    clock::StageClock,
-    messages::{rosgraph_msgs::Clock, std_msgs::String as Text},
+    clock::NodeClock,
+    heartbeat::{self, HEARTBEAT_TIMEOUT_MS, HeartbeatMonitor},
+    messages::{
+        rosgraph_msgs::Clock,
+        std_msgs::{Header, String as Text},
+    },
+    publishing::Publisher,
 };
 use proact_types::SimTime;
-use rosrust::Publisher;
 use std::{collections::BTreeSet, sync::Arc, time::Duration};
 
 /// How long a stage waits for something to happen before it looks after the graph.
-const PATIENCE: Duration = Duration::from_millis(20);
+const POLL_TIMEOUT: Duration = Duration::from_millis(20);
 /// In lock-step a stage says that it lives once in so many ticks.
-const ALIVE_TICKS: u64 = 10;
+const HEARTBEAT_PERIOD_TICKS: u64 = 10;
 
 /// A stage of the testbed as a node.
-pub(super) trait Stage: 'static {
+pub(super) trait StageNode: 'static {
     /// What all stages have.
-    fn common(&mut self) -> &mut Common;
+    fn context(&mut self) -> &mut StageContext;
 
     /// Tick `now`, on what has come since the one before.
     fn tick(&mut self, now: SimTime) -> rosrust::error::Result<()>;
 
     /// The ticks of one message of the clock are over.
-    fn show(&mut self) -> rosrust::error::Result<()> {
+    fn flush(&mut self) -> rosrust::error::Result<()> {
         Ok(())
     }
 
@@ -40,32 +44,35 @@ pub(super) trait Stage: 'static {
     fn is_ready(&self, next: SimTime) -> bool;
 
     /// In lock-step: says once more what was said last.
-    fn repeat(&mut self) -> rosrust::error::Result<()>;
+    fn republish_last(&mut self) -> rosrust::error::Result<()>;
 }
 
 /// What all stages have.
-pub(super) struct Common {
-    pub clock: StageClock,
-    pub faults: Arc<super::Faults>,
+pub(super) struct StageContext {
+    pub clock: NodeClock,
+    pub node_diagnostics: Arc<super::NodeDiagnostics>,
     pub lockstep: bool,
     /// Field hashes of this stage, where they are asked for.
-    pub spans: Option<Spans>,
+    pub span_digests: Option<SpanDigestWriter>,
+    /// In real time: topics that this stage needs, by the stage's own time.
+    pub inputs: HeartbeatMonitor<&'static str>,
     /// Nodes whose typed messages tell what their messages in the original's types tell as well.
-    typed: BTreeSet<String>,
+    typed_callers: BTreeSet<String>,
     name: String,
     heartbeat: Publisher<Text>,
 }
 
-impl Common {
+impl StageContext {
     pub(super) fn new(graph: &RosGraph) -> Result<Self, NodeError> {
         Ok(Self {
-            clock: StageClock::default(),
-            faults: graph.faults().clone(),
-            lockstep: lockstep()?,
-            spans: Spans::of_parameter()?,
-            typed: BTreeSet::new(),
+            clock: NodeClock::default(),
+            node_diagnostics: graph.node_diagnostics().clone(),
+            lockstep: read_lockstep_parameter()?,
+            span_digests: SpanDigestWriter::from_parameter()?,
+            inputs: HeartbeatMonitor::default(),
+            typed_callers: BTreeSet::new(),
             name: rosrust::name(),
-            heartbeat: graph.publish("proact/heartbeat", 10, false)?,
+            heartbeat: graph.advertise("proact/heartbeat", 10, false)?,
         })
     }
 
@@ -76,44 +83,71 @@ impl Common {
 
     /// The graph's time.
     pub(super) fn stamp(&self) -> SimTime {
-        self.clock.graph().unwrap_or_default()
+        self.clock.graph_time().unwrap_or_default()
+    }
+
+    /// In real time: `topic` brought a message that left its publisher at `sent`, by the graph's time. An old one is no sign of life.
+    pub(super) fn record_input(&mut self, topic: &'static str, sent: SimTime) {
+        if !self.lockstep && self.stamp().millis_since(sent) <= HEARTBEAT_TIMEOUT_MS {
+            self.inputs.record(topic, self.now());
+        }
+    }
+
+    /// [`StageContext::hear`] by the message's header.
+    pub(super) fn record_stamped_input(&mut self, topic: &'static str, header: &Header) {
+        self.record_input(topic, convert::tick(&header.stamp));
+    }
+
+    /// Notices topics that fell silent.
+    pub(super) fn check_inputs(&mut self) {
+        for topic in self.inputs.step(self.clock.now()) {
+            self.node_diagnostics
+                .record_refusal("input", &format!("{topic} is silent for {HEARTBEAT_TIMEOUT_MS} ms"));
+        }
+    }
+
+    /// Publishes the heartbeat, with the input that this stage misses.
+    fn publish_heartbeat(&mut self) -> rosrust::error::Result<()> {
+        self.check_inputs();
+        let missed = self.inputs.stale().next().copied();
+        self.heartbeat.send(Text { data: heartbeat::format_heartbeat(&self.name, missed) })
     }
 
     /// Refuses what could not be sent or taken.
-    pub(super) fn note<E: std::fmt::Display>(&self, kind: &'static str, done: Result<(), E>) {
+    pub(super) fn report_error<E: std::fmt::Display>(&self, kind: &'static str, done: Result<(), E>) {
         if let Err(error) = done {
-            self.faults.refuse(kind, &error.to_string());
+            self.node_diagnostics.record_refusal(kind, &error.to_string());
         }
     }
 
     /// A node sent a typed message: what it says in the original's types is the same. True for its first one.
-    pub(super) fn prefer(&mut self, caller: &str) -> bool {
-        !self.typed.contains(caller) && self.typed.insert(caller.to_owned())
+    pub(super) fn register_typed_caller(&mut self, caller: &str) -> bool {
+        !self.typed_callers.contains(caller) && self.typed_callers.insert(caller.to_owned())
     }
 
     /// Whether a node's messages in the original's types are passed over.
-    pub(super) fn is_preferred(&self, caller: &str) -> bool {
-        self.typed.contains(caller)
+    pub(super) fn is_typed_caller(&self, caller: &str) -> bool {
+        self.typed_callers.contains(caller)
     }
 }
 
 /// Whether the graph runs in lock-step: `~lockstep`.
-pub(super) fn lockstep() -> Result<bool, NodeError> {
+pub(super) fn read_lockstep_parameter() -> Result<bool, NodeError> {
     parameter("~lockstep", false, "true or false")
 }
 
 /// A message of a tick, in lock-step.
-pub(super) struct Tagged<T>(Option<(SimTime, T)>);
+pub(super) struct TickMessage<T>(Option<(SimTime, T)>);
 
-impl<T> Default for Tagged<T> {
+impl<T> Default for TickMessage<T> {
     fn default() -> Self {
         Self(None)
     }
 }
 
-impl<T> Tagged<T> {
+impl<T> TickMessage<T> {
     /// Takes the message of `tick`. False if that was here before: whoever sent it has heard no answer.
-    pub(super) fn take(&mut self, tick: SimTime, value: T) -> bool {
+    pub(super) fn update(&mut self, tick: SimTime, value: T) -> bool {
         if self.0.as_ref().is_some_and(|(before, _)| tick <= *before) {
             return false;
         }
@@ -122,7 +156,7 @@ impl<T> Tagged<T> {
     }
 
     /// The newest is that of `tick`.
-    pub(super) fn is(&self, tick: SimTime) -> bool {
+    pub(super) fn is_at(&self, tick: SimTime) -> bool {
         self.0.as_ref().is_some_and(|(at, _)| *at == tick)
     }
 
@@ -138,49 +172,48 @@ impl<T> Tagged<T> {
 }
 
 /// Runs a stage until the graph ends the node.
-pub(super) fn run<S: Stage>(mut graph: RosGraph, jobs: &Jobs<S>, stage: &mut S) -> Result<(), NodeError> {
-    let lockstep = stage.common().lockstep;
-    let _clock = if lockstep { None } else { Some(listen_to_clock(&graph, jobs)?) };
+pub(super) fn run<S: StageNode>(mut graph: RosGraph, jobs: &Jobs<S>, stage: &mut S) -> Result<(), NodeError> {
+    let lockstep = stage.context().lockstep;
+    let _clock = if lockstep { None } else { Some(subscribe_clock(&graph, jobs)?) };
     graph.watch_master()?;
     while graph.is_ok() {
-        jobs.run_next(stage, PATIENCE);
+        jobs.run_next(stage, POLL_TIMEOUT);
         while lockstep && step(stage) {}
-        graph.tell(convert::time(stage.common().stamp()));
+        graph.publish_diagnostics(convert::time(stage.context().stamp()));
     }
     graph.stop_watching();
     Ok(())
 }
 
 /// In lock-step: the next tick, if all that it needs is there.
-fn step<S: Stage>(stage: &mut S) -> bool {
-    let next = SimTime(stage.common().now().0 + 1);
+fn step<S: StageNode>(stage: &mut S) -> bool {
+    let next = SimTime(stage.context().now().0 + 1);
     if !stage.is_ready(next) {
         return false;
     }
-    stage.common().clock.step_to(next);
-    let done = stage.tick(next).and_then(|()| stage.show());
-    let common = stage.common();
-    common.note("publish", done);
-    if next.0.is_multiple_of(ALIVE_TICKS) {
-        let alive = common.heartbeat.send(Text { data: common.name.clone() });
-        common.note("publish", alive);
+    stage.context().clock.step_to(next);
+    let done = stage.tick(next).and_then(|()| stage.flush());
+    let common = stage.context();
+    common.report_error("publish", done);
+    if next.0.is_multiple_of(HEARTBEAT_PERIOD_TICKS) {
+        let alive = common.publish_heartbeat();
+        common.report_error("publish", alive);
     }
     true
 }
 
-fn listen_to_clock<S: Stage>(graph: &RosGraph, jobs: &Jobs<S>) -> Result<rosrust::Subscriber, NodeError> {
-    graph.listen("/clock", 10, jobs, |stage: &mut S, message: Clock| {
-        let common = stage.common();
-        let ticks = match common.clock.take(convert::tick(&message.clock)) {
+fn subscribe_clock<S: StageNode>(graph: &RosGraph, jobs: &Jobs<S>) -> Result<rosrust::Subscriber, NodeError> {
+    graph.subscribe("/clock", 10, jobs, |stage: &mut S, message: Clock| {
+        let common = stage.context();
+        let ticks = match common.clock.advance(convert::tick(&message.clock)) {
             Ok(ticks) => ticks,
-            Err(reason) => return common.faults.refuse("time", &reason),
+            Err(reason) => return common.node_diagnostics.record_refusal("time", &reason),
         };
-        let alive = common.heartbeat.send(Text { data: common.name.clone() });
-        let mut done = alive;
+        let mut done = common.publish_heartbeat();
         for tick in ticks {
             done = done.and(stage.tick(SimTime(tick)));
         }
-        let done = done.and(stage.show());
-        stage.common().note("publish", done);
+        let done = done.and(stage.flush());
+        stage.context().report_error("publish", done);
     })
 }

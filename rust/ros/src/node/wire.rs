@@ -5,36 +5,36 @@ mod display;
 use super::convert;
 use crate::messages::{
     geometry_msgs,
-    proact_msgs::{Command, Decision, Gaze, Intent, Person, State},
+    proact_msgs::{Command as CommandMessage, Decision, Gaze, Intent, Person, State},
 };
 use nalgebra::{Quaternion, UnitQuaternion};
 use proact_arm::ArmModel;
 use proact_control::{HandCommand, MotionCommand, MotionState};
 use proact_emg::EmgOutput;
 use proact_tasks::TaskState;
-use proact_testbed::stages::{ActuationOutput, EmgStageOutput, GazeHeard, IntentOutput, MethodOutput};
+use proact_testbed::stages::{ActuationOutput, EmgStageOutput, GazeFreshness, IntentOutput, MethodOutput};
 use proact_types::{
-    BadGestureName, BodyState, Drives, EmgSample, EventKind, GazeSample, Gesture, GestureName, HandState,
-    HandView, InputSign, InputSource, JointVector, MAX_DRIVES, MAX_EMG_CHANNELS, MAX_GESTURES,
-    MAX_TICK_SAMPLES, ObjectId, ObjectSet, PlantCommand, PlantState, Point, Pose, Scene, SignKind, SimTime,
+    BodyState, Command, Drives, EmgSample, EventKind, GazeSample, Gesture, HandState, HandView, Heartbeat,
+    HeartbeatKind, InputSource, InvalidGesture, JointVector, MAX_DRIVES, MAX_EMG_CHANNELS, MAX_GESTURES,
+    MAX_TICK_SAMPLES, ObjectId, ObjectSet, PlantCommand, PlantState, Point, Pose, Scene, SimTime,
     TaskContext, TickInput, Trajectory, TrajectoryPoint, Vector,
 };
 use serde::{Serialize, de::DeserializeOwned};
 
-pub use display::MethodShown;
+pub use display::MethodStatus;
 pub(super) use display::{frame, read_frame};
 
 /// Why a message is not taken: one sentence.
-pub(super) type Refused = String;
+pub(super) type DecodeError = String;
 
-fn finite(what: &str, values: &[f64]) -> Result<(), Refused> {
+fn finite(what: &str, values: &[f64]) -> Result<(), DecodeError> {
     match values.iter().find(|value| !value.is_finite()) {
         Some(bad) => Err(format!("{what} holds {bad}, expected finite numbers")),
         None => Ok(()),
     }
 }
 
-fn joints(what: &str, values: &[f64]) -> Result<JointVector, Refused> {
+fn joints(what: &str, values: &[f64]) -> Result<JointVector, DecodeError> {
     finite(what, values)?;
     let many =
         || format!("{what} has {} values, expected {} at most", values.len(), proact_types::MAX_JOINTS);
@@ -42,23 +42,23 @@ fn joints(what: &str, values: &[f64]) -> Result<JointVector, Refused> {
 }
 
 /// One of `all` by its place.
-fn placed<T: Copy>(what: &str, all: &[T], place: usize) -> Result<T, Refused> {
-    let wrong = || format!("{what} is {place}, expected less than {}", all.len());
-    all.get(place).copied().ok_or_else(wrong)
+fn element_at<T: Copy>(what: &str, all: &[T], index: usize) -> Result<T, DecodeError> {
+    let wrong = || format!("{what} is {index}, expected less than {}", all.len());
+    all.get(index).copied().ok_or_else(wrong)
 }
 
 /// The same where -1 stands for none.
-fn maybe<T: Copy>(what: &str, all: &[T], place: i8) -> Result<Option<T>, Refused> {
-    usize::try_from(place).ok().map(|place| placed(what, all, place)).transpose()
+fn optional_element<T: Copy>(what: &str, all: &[T], index: i8) -> Result<Option<T>, DecodeError> {
+    usize::try_from(index).ok().map(|index| element_at(what, all, index)).transpose()
 }
 
 /// The name of a gesture.
-fn named(text: &str) -> Result<GestureName, Refused> {
-    text.parse().map_err(|error: BadGestureName| error.to_string())
+fn parse_gesture(text: &str) -> Result<Gesture, DecodeError> {
+    text.parse().map_err(|error: InvalidGesture| error.to_string())
 }
 
 /// The value of an array that holds none or one.
-fn none_or_one<'a, T>(what: &str, values: &'a [T]) -> Result<Option<&'a T>, Refused> {
+fn optional_value<'a, T>(what: &str, values: &'a [T]) -> Result<Option<&'a T>, DecodeError> {
     match values {
         [] => Ok(None),
         [value] => Ok(Some(value)),
@@ -66,37 +66,37 @@ fn none_or_one<'a, T>(what: &str, values: &'a [T]) -> Result<Option<&'a T>, Refu
     }
 }
 
-fn place_of(index: Option<usize>) -> i8 {
+fn encode_index(index: Option<usize>) -> i8 {
     index.map_or(-1, |index| index as i8)
 }
 
-fn object_place(object: Option<ObjectId>) -> i16 {
+fn encode_object(object: Option<ObjectId>) -> i16 {
     object.map_or(-1, |object| object.0 as i16)
 }
 
 /// One of `count` objects; none below zero.
-fn read_object(what: &str, place: i16, count: usize) -> Result<Option<ObjectId>, Refused> {
-    let Ok(place) = u16::try_from(place) else { return Ok(None) };
-    if usize::from(place) >= count {
-        return Err(format!("{what} is {place}, expected less than {count}"));
+fn decode_object(what: &str, index: i16, count: usize) -> Result<Option<ObjectId>, DecodeError> {
+    let Ok(index) = u16::try_from(index) else { return Ok(None) };
+    if usize::from(index) >= count {
+        return Err(format!("{what} is {index}, expected less than {count}"));
     }
-    Ok(Some(ObjectId(place)))
+    Ok(Some(ObjectId(index)))
 }
 
-fn places(set: &ObjectSet) -> Vec<u16> {
+fn encode_set(set: &ObjectSet) -> Vec<u16> {
     set.iter().map(|object| object.0).collect()
 }
 
-fn read_set(what: &str, places: &[u16], count: usize) -> Result<ObjectSet, Refused> {
-    match places.iter().find(|place| usize::from(**place) >= count) {
+fn decode_set(what: &str, indices: &[u16], count: usize) -> Result<ObjectSet, DecodeError> {
+    match indices.iter().find(|index| usize::from(**index) >= count) {
         Some(wrong) => Err(format!("{what} holds {wrong}, expected less than {count}")),
-        None => Ok(places.iter().map(|place| ObjectId(*place)).collect()),
+        None => Ok(indices.iter().map(|index| ObjectId(*index)).collect()),
     }
 }
 
 /// How many there are of each, by which a message is judged.
 #[derive(Clone, Copy, Debug)]
-pub struct Counts {
+pub struct ExpectedCounts {
     /// Joints of the arm.
     pub arm: usize,
     /// Moving joints with the hand's.
@@ -105,7 +105,7 @@ pub struct Counts {
     pub objects: usize,
 }
 
-impl Counts {
+impl ExpectedCounts {
     /// Of an arm before a scene.
     pub fn of(model: &ArmModel, scene: &Scene) -> Self {
         let objects = scene.objects.len();
@@ -113,28 +113,28 @@ impl Counts {
     }
 }
 
-fn at(tick: i64) -> Option<SimTime> {
+fn decode_tick(tick: i64) -> Option<SimTime> {
     u64::try_from(tick).ok().map(SimTime)
 }
 
-fn tick_of(at: Option<SimTime>) -> i64 {
+fn encode_tick(at: Option<SimTime>) -> i64 {
     at.map_or(-1, |at| at.0 as i64)
 }
 
-fn texts<T: Serialize>(events: &[T]) -> Vec<String> {
+fn events_to_json<T: Serialize>(events: &[T]) -> Vec<String> {
     events.iter().filter_map(|event| serde_json::to_string(event).ok()).collect()
 }
 
-fn json<T: DeserializeOwned>(what: &str, text: &str) -> Result<T, Refused> {
+fn from_json<T: DeserializeOwned>(what: &str, text: &str) -> Result<T, DecodeError> {
     serde_json::from_str(text).map_err(|error| format!("{what}: {error}"))
 }
 
-fn events<T: DeserializeOwned>(texts: &[String]) -> Result<Vec<T>, Refused> {
-    texts.iter().map(|text| json("an event", text)).collect()
+fn events_from_json<T: DeserializeOwned>(texts: &[String]) -> Result<Vec<T>, DecodeError> {
+    texts.iter().map(|text| from_json("an event", text)).collect()
 }
 
 /// A pose bit for bit, whatever the length of its quaternion.
-fn exact_pose(pose: &geometry_msgs::Pose) -> Result<Pose, Refused> {
+fn exact_pose(pose: &geometry_msgs::Pose) -> Result<Pose, DecodeError> {
     let (p, q) = (&pose.position, &pose.orientation);
     finite("a pose", &[p.x, p.y, p.z, q.x, q.y, q.z, q.w])?;
     let rotation = UnitQuaternion::new_unchecked(Quaternion::new(q.w, q.x, q.y, q.z));
@@ -169,18 +169,18 @@ pub(super) fn person(tick: SimTime, stamp: SimTime, input: &TickInput, head: &Po
         tick: tick.0,
         counters: input.emg.iter().map(|sample| sample.counter).collect(),
         samples: input.emg.iter().flat_map(|sample| sample.channels.iter().copied()).collect(),
-        gesture: place_of(input.gesture.map(Gesture::index)),
+        gesture: encode_index(input.command.map(Command::index)),
         gaze: input.gaze.iter().map(gaze).collect(),
         shoulder: input.shoulder.iter().map(convert::pose).collect(),
         limb: input.limb.iter().flatten().copied().collect(),
         head: convert::pose(head),
-        sign_sources: input.signs.iter().map(|sign| sign.source.index() as u8).collect(),
-        sign_kinds: input.signs.iter().map(|sign| sign.kind as u8).collect(),
+        sign_sources: input.heartbeats.iter().map(|heartbeat| heartbeat.source.index() as u8).collect(),
+        sign_kinds: input.heartbeats.iter().map(|heartbeat| heartbeat.kind as u8).collect(),
     }
 }
 
 /// The inputs of a tick, and `world_from_head`.
-pub(super) fn read_person(message: &Person) -> Result<(TickInput, Pose), Refused> {
+pub(super) fn read_person(message: &Person) -> Result<(TickInput, Pose), DecodeError> {
     let mut input = TickInput::default();
     let samples = message.counters.len();
     let channels = message.samples.len().checked_div(samples).unwrap_or(0);
@@ -197,16 +197,16 @@ pub(super) fn read_person(message: &Person) -> Result<(TickInput, Pose), Refused
         let sample = EmgSample { counter: *counter, channels: values.into() };
         input.emg.push(sample);
     }
-    input.gesture = maybe("gesture", &Gesture::ALL, message.gesture)?;
-    input.gaze = none_or_one("gaze", &message.gaze)?.map(read_gaze);
-    input.shoulder = none_or_one("the shoulder", &message.shoulder)?.map(exact_pose).transpose()?;
+    input.command = optional_element("gesture", &Command::ALL, message.gesture)?;
+    input.gaze = optional_value("gaze", &message.gaze)?.map(read_gaze);
+    input.shoulder = optional_value("the shoulder", &message.shoulder)?.map(exact_pose).transpose()?;
     if !message.limb.is_empty() {
         input.limb = Some(joints("the limb", &message.limb)?);
     }
     for (source, kind) in message.sign_sources.iter().zip(&message.sign_kinds) {
-        let source = placed("a sign's source", &InputSource::ALL, usize::from(*source))?;
-        let kind = placed("a sign's kind", &SignKind::ALL, usize::from(*kind))?;
-        input.signs.try_push(InputSign { source, kind }).map_err(|_| "too many signs".to_owned())?;
+        let source = element_at("a sign's source", &InputSource::ALL, usize::from(*source))?;
+        let kind = element_at("a sign's kind", &HeartbeatKind::ALL, usize::from(*kind))?;
+        input.heartbeats.try_push(Heartbeat { source, kind }).map_err(|_| "too many signs".to_owned())?;
     }
     Ok((input, exact_pose(&message.head)?))
 }
@@ -216,22 +216,22 @@ pub(super) fn decision(tick: SimTime, stamp: SimTime, output: &EmgStageOutput) -
     let mut message = Decision {
         header: convert::header(stamp, ""),
         tick: tick.0,
-        gesture: output.gesture.index() as u8,
-        recognised: output.recognised.to_string(),
-        message: place_of(output.message.map(Gesture::index)),
-        decided_at: tick_of(output.decided_at),
+        gesture: output.command.index() as u8,
+        recognised: output.recognized_gesture.to_string(),
+        message: encode_index(output.published_command.map(Command::index)),
+        decided_at: encode_tick(output.decided_at),
         confidence: output.confidence,
         effort: output.effort,
         drives: output.drives.to_vec(),
         fault: output.fault.as_ref().and_then(|f| serde_json::to_string(f).ok()).unwrap_or_default(),
         armed: output.armed,
-        events: texts(&output.events),
+        events: events_to_json(&output.events),
         ..Decision::default()
     };
     if let Some(decision) = &output.decision {
         message.decided = true;
         message.decided_gesture = decision.gesture.to_string();
-        message.decided_place = decision.place as u8;
+        message.decided_place = decision.class_index as u8;
         message.published = decision.published;
         message.window_class = decision.window_class.to_string();
         message.posterior = decision.posterior.to_vec();
@@ -245,7 +245,7 @@ pub(super) fn decision(tick: SimTime, stamp: SimTime, output: &EmgStageOutput) -
 }
 
 /// Drives, of which none is out of its range.
-fn drives(values: &[f64]) -> Result<Drives, Refused> {
+fn drives(values: &[f64]) -> Result<Drives, DecodeError> {
     if values.len() > MAX_DRIVES || !values.iter().all(|drive| drive.abs() <= 1.0) {
         return Err(format!("drives are {values:?}, expected at most {MAX_DRIVES} numbers of -1 to 1"));
     }
@@ -253,41 +253,44 @@ fn drives(values: &[f64]) -> Result<Drives, Refused> {
 }
 
 /// What the EMG stage said.
-pub(super) fn read_decision(message: &Decision) -> Result<EmgStageOutput, Refused> {
+pub(super) fn read_decision(message: &Decision) -> Result<EmgStageOutput, DecodeError> {
     let mut output = EmgStageOutput {
-        gesture: placed("gesture", &Gesture::ALL, usize::from(message.gesture))?,
-        recognised: named(&message.recognised)?,
+        command: element_at("gesture", &Command::ALL, usize::from(message.gesture))?,
+        recognized_gesture: parse_gesture(&message.recognised)?,
         decision: None,
-        message: maybe("message", &Gesture::ALL, message.message)?,
-        decided_at: at(message.decided_at),
+        published_command: optional_element("message", &Command::ALL, message.message)?,
+        decided_at: decode_tick(message.decided_at),
         confidence: message.confidence,
         effort: message.effort,
         drives: drives(&message.drives)?,
         fault: None,
         armed: message.armed,
         overridden: false,
-        events: events(&message.events)?,
+        events: events_from_json(&message.events)?,
         // A classifier's own answers stay with the node that asks it.
         answers: vec![],
     };
     if !message.fault.is_empty() {
-        output.fault = Some(json("fault", &message.fault)?);
+        output.fault = Some(from_json("fault", &message.fault)?);
     }
     if message.decided {
-        let (got, place) = (message.posterior.len(), usize::from(message.decided_place));
-        if got > MAX_GESTURES || place >= got {
+        let (got, decided_index) = (message.posterior.len(), usize::from(message.decided_place));
+        if got > MAX_GESTURES || decided_index >= got {
             return Err(format!(
-                "posterior has {got} values, expected more than {place}, at most {MAX_GESTURES}"
+                "posterior has {got} values, expected more than {decided_index}, at most {MAX_GESTURES}"
             ));
         }
         output.decision = Some(Box::new(EmgOutput {
-            gesture: named(&message.decided_gesture)?,
-            place,
+            gesture: parse_gesture(&message.decided_gesture)?,
+            class_index: decided_index,
             published: message.published,
-            window_class: named(&message.window_class)?,
+            window_class: parse_gesture(&message.window_class)?,
             posterior: message.posterior.iter().copied().collect(),
             confidence: message.window_confidence,
-            class: Some(message.voted.as_str()).filter(|name| !name.is_empty()).map(named).transpose()?,
+            class: Some(message.voted.as_str())
+                .filter(|name| !name.is_empty())
+                .map(parse_gesture)
+                .transpose()?,
             effort: message.window_effort,
             drives: drives(&message.window_drives)?,
             stale: message.stale,
@@ -296,63 +299,65 @@ pub(super) fn read_decision(message: &Decision) -> Result<EmgStageOutput, Refuse
     Ok(output)
 }
 
-const HEARD: [GazeHeard; 3] = [GazeHeard::Fresh, GazeHeard::Repeated, GazeHeard::Blank];
+const GAZE_FRESHNESS: [GazeFreshness; 3] =
+    [GazeFreshness::Fresh, GazeFreshness::Repeated, GazeFreshness::EyeLost];
 
 /// What the intent stage says.
 pub(super) fn intent(tick: SimTime, stamp: SimTime, output: &IntentOutput) -> Intent {
-    let heard = output.heard.and_then(|heard| HEARD.iter().position(|h| *h == heard));
+    let freshness_index =
+        output.gaze_freshness.and_then(|freshness| GAZE_FRESHNESS.iter().position(|h| *h == freshness));
     Intent {
         header: convert::header(stamp, crate::frames::WORLD),
         tick: tick.0,
-        heard: heard.map_or(0, |place| place as u8 + 1),
+        heard: freshness_index.map_or(0, |index| index as u8 + 1),
         posterior: output.posterior.to_vec(),
-        highlight: object_place(output.highlight),
-        place: convert::point(&output.place),
+        highlight: encode_object(output.highlight),
+        place: convert::point(&output.place_point),
         gaze: output.gaze.iter().map(gaze).collect(),
-        seen_at: tick_of(output.seen_at),
+        seen_at: encode_tick(output.eye_seen_at),
         fault: output.fault.clone().unwrap_or_default(),
-        events: texts(&output.events),
+        events: events_to_json(&output.events),
     }
 }
 
 /// What the intent stage said of `objects` objects.
-pub(super) fn read_intent(message: &Intent, objects: usize) -> Result<IntentOutput, Refused> {
-    let place = Point::new(message.place.x, message.place.y, message.place.z);
-    finite("the place", place.coords.as_slice())?;
+pub(super) fn read_intent(message: &Intent, objects: usize) -> Result<IntentOutput, DecodeError> {
+    let place_point = Point::new(message.place.x, message.place.y, message.place.z);
+    finite("the place", place_point.coords.as_slice())?;
     finite("the posterior", &message.posterior)?;
     // Before the first gaze there is none.
     let got = message.posterior.len();
     if got != 0 && got != objects {
         return Err(format!("posterior has {got} values, expected {objects}"));
     }
-    let heard = match message.heard {
+    let gaze_freshness = match message.heard {
         0 => None,
-        place => Some(placed("heard", &HEARD, usize::from(place) - 1)?),
+        index => Some(element_at("heard", &GAZE_FRESHNESS, usize::from(index) - 1)?),
     };
     Ok(IntentOutput {
-        heard,
+        gaze_freshness,
         posterior: message.posterior.clone(),
-        highlight: read_object("highlight", message.highlight, objects)?,
-        place,
-        gaze: none_or_one("gaze", &message.gaze)?.map(read_gaze),
-        seen_at: at(message.seen_at),
+        highlight: decode_object("highlight", message.highlight, objects)?,
+        place_point,
+        gaze: optional_value("gaze", &message.gaze)?.map(read_gaze),
+        eye_seen_at: decode_tick(message.seen_at),
         answer: None,
         fault: Some(message.fault.clone()).filter(|fault| !fault.is_empty()),
-        events: events(&message.events)?,
+        events: events_from_json(&message.events)?,
     })
 }
 
-/// What the method asks for. `number` counts commands for the arm; `shown`: what there is to see, where that changed;
+/// What the method asks for. `number` counts commands for the arm; `method_status`: what there is to see, where that changed;
 /// `events`: those of the stages before and its own.
 pub(super) fn command(
     tick: SimTime,
     stamp: SimTime,
     output: &MethodOutput,
     number: u64,
-    shown: Option<&MethodShown>,
+    method_status: Option<&MethodStatus>,
     events: &[EventKind],
-) -> Command {
-    let mut message = Command {
+) -> CommandMessage {
+    let mut message = CommandMessage {
         header: convert::header(stamp, ""),
         tick: tick.0,
         number: if output.motion.is_some() { number } else { 0 },
@@ -361,25 +366,25 @@ pub(super) fn command(
             Some(HandCommand::Open) => 1,
             Some(HandCommand::Close) => 2,
         },
-        view: shown.map(display::method_view).into_iter().collect(),
-        events: texts(events),
-        ..Command::default()
+        view: method_status.map(display::method_view).into_iter().collect(),
+        events: events_to_json(events),
+        ..CommandMessage::default()
     };
     match &output.motion {
         None => {}
-        Some(MotionCommand::Hold) => message.motion = Command::HOLD,
+        Some(MotionCommand::Hold) => message.motion = CommandMessage::HOLD,
         Some(MotionCommand::Follow(path)) => {
-            message.motion = Command::FOLLOW;
+            message.motion = CommandMessage::FOLLOW;
             message.times = path.points.iter().map(|point| point.time_secs).collect();
             message.positions = path.points.iter().flat_map(|point| point.q.iter().copied()).collect();
             message.velocities = path.points.iter().flat_map(|point| point.qd.iter().copied()).collect();
         }
         Some(MotionCommand::Velocity(speeds)) => {
-            message.motion = Command::VELOCITY;
+            message.motion = CommandMessage::VELOCITY;
             message.velocities = speeds.to_vec();
         }
         Some(MotionCommand::Goto(angles)) => {
-            message.motion = Command::GOTO;
+            message.motion = CommandMessage::GOTO;
             message.positions = angles.to_vec();
         }
     }
@@ -388,16 +393,19 @@ pub(super) fn command(
 
 /// What a method asked for.
 #[derive(Clone)]
-pub(super) struct Asked {
+pub(super) struct MethodCommand {
     pub motion: Option<MotionCommand>,
-    pub number: u64,
+    pub command_number: u64,
     pub hand: Option<HandCommand>,
-    pub shown: Option<MethodShown>,
+    pub method_status: Option<MethodStatus>,
     pub events: Vec<EventKind>,
 }
 
 /// What a method asked for.
-pub(super) fn read_command(message: &Command, counts: Counts) -> Result<Asked, Refused> {
+pub(super) fn read_command(
+    message: &CommandMessage,
+    counts: ExpectedCounts,
+) -> Result<MethodCommand, DecodeError> {
     let arm = counts.arm;
     let each = |what: &str, values: &[f64], points: usize| {
         if values.len() != arm * points {
@@ -406,9 +414,9 @@ pub(super) fn read_command(message: &Command, counts: Counts) -> Result<Asked, R
         finite(what, values)
     };
     let motion = match message.motion {
-        Command::NONE => None,
-        Command::HOLD => Some(MotionCommand::Hold),
-        Command::FOLLOW => {
+        CommandMessage::NONE => None,
+        CommandMessage::HOLD => Some(MotionCommand::Hold),
+        CommandMessage::FOLLOW => {
             let points = message.times.len();
             each("positions", &message.positions, points)?;
             each("velocities", &message.velocities, points)?;
@@ -422,11 +430,11 @@ pub(super) fn read_command(message: &Command, counts: Counts) -> Result<Asked, R
             let points = message.times.iter().zip(rows).map(point).collect();
             Some(MotionCommand::Follow(Trajectory { points }))
         }
-        Command::VELOCITY => {
+        CommandMessage::VELOCITY => {
             each("velocities", &message.velocities, 1)?;
             Some(MotionCommand::Velocity(joints("velocities", &message.velocities)?))
         }
-        Command::GOTO => {
+        CommandMessage::GOTO => {
             each("positions", &message.positions, 1)?;
             Some(MotionCommand::Goto(joints("positions", &message.positions)?))
         }
@@ -438,22 +446,28 @@ pub(super) fn read_command(message: &Command, counts: Counts) -> Result<Asked, R
         2 => Some(HandCommand::Close),
         other => return Err(format!("hand is {other}, expected 0, 1 or 2")),
     };
-    let view = none_or_one("view", &message.view)?;
-    let shown = view.map(|view| display::read_method_view(view, counts)).transpose()?;
-    Ok(Asked { motion, number: message.number, hand, shown, events: events(&message.events)? })
+    let view = optional_value("view", &message.view)?;
+    let method_status = view.map(|view| display::read_method_view(view, counts)).transpose()?;
+    Ok(MethodCommand {
+        motion,
+        command_number: message.number,
+        hand,
+        method_status,
+        events: events_from_json(&message.events)?,
+    })
 }
 
 /// The world, actuation and task after a tick.
 #[derive(Clone)]
-pub(super) struct Instant {
+pub(super) struct TickState {
     /// The number of the command for the arm that was taken last.
-    pub acted_on: u64,
+    pub last_command_number: u64,
     pub world: PlantState,
     pub hand: HandView,
     pub actuation: ActuationOutput,
     pub task: TaskState,
     /// A display frame of this tick comes by itself.
-    pub frame: bool,
+    pub has_frame: bool,
 }
 
 pub(super) fn state(
@@ -470,8 +484,8 @@ pub(super) fn state(
         MotionState::Finished => (2, 1.0),
     };
     let twist = |body: &BodyState| geometry_msgs::Twist {
-        linear: convert::vector(&body.linear),
-        angular: convert::vector(&body.angular),
+        linear: convert::vector(&body.linear_velocity),
+        angular: convert::vector(&body.angular_velocity),
     };
     State {
         header: convert::header(stamp, crate::frames::WORLD),
@@ -479,12 +493,12 @@ pub(super) fn state(
         position: world.position.to_vec(),
         velocity: world.velocity.to_vec(),
         effort: world.effort.to_vec(),
-        stop_effort: world.stop_effort.to_vec(),
+        stop_effort: world.limit_effort.to_vec(),
         base: convert::pose(&world.world_from_base),
         base_held: world.base_held,
         objects: world.objects.iter().map(|body| convert::pose(&body.pose)).collect(),
         twists: world.objects.iter().map(twist).collect(),
-        attached: object_place(world.attached.map(|(object, _)| ObjectId::new(object))),
+        attached: encode_object(world.attached.map(|(object, _)| ObjectId::new(object))),
         attached_at: convert::pose(&world.attached.map_or(Pose::identity(), |(_, pose)| pose)),
         hand: hand.state as u8,
         target: actuation.command.position.to_vec(),
@@ -495,12 +509,12 @@ pub(super) fn state(
         goal: actuation.goal.iter().flatten().copied().collect(),
         hand_moving: actuation.hand_moving,
         paused: actuation.paused,
-        candidates: places(&task.candidates),
-        due: places(&task.context.due),
-        context: task.context.number,
-        due_at_grasp: places(&task.context_at_grasp.due),
-        context_at_grasp: task.context_at_grasp.number,
-        next: object_place(task.next),
+        candidates: encode_set(&task.candidates),
+        due: encode_set(&task.context.expected_objects),
+        context: task.context.selection_number,
+        due_at_grasp: encode_set(&task.context_at_grasp.expected_objects),
+        context_at_grasp: task.context_at_grasp.selection_number,
+        next: encode_object(task.next_object),
         score: task.score,
         finished: task.finished,
         frame: false,
@@ -510,8 +524,8 @@ pub(super) fn state(
 }
 
 /// The world, actuation and task after a tick.
-pub(super) fn read_state(message: &State, counts: Counts) -> Result<Instant, Refused> {
-    let Counts { moving, objects: count, .. } = counts;
+pub(super) fn read_state(message: &State, counts: ExpectedCounts) -> Result<TickState, DecodeError> {
+    let ExpectedCounts { moving, objects: count, .. } = counts;
     let all = |what: &str, values: &[f64]| {
         if values.len() != moving {
             return Err(format!("{what} has {} values, expected {moving}", values.len()));
@@ -527,15 +541,19 @@ pub(super) fn read_state(message: &State, counts: Counts) -> Result<Instant, Ref
         let (linear, angular) = (exact_vector(&twist.linear), exact_vector(&twist.angular));
         finite("a twist", linear.as_slice())?;
         finite("a twist", angular.as_slice())?;
-        objects.push(BodyState { pose: exact_pose(pose)?, linear, angular });
+        objects.push(BodyState {
+            pose: exact_pose(pose)?,
+            linear_velocity: linear,
+            angular_velocity: angular,
+        });
     }
-    let attached = read_object("attached", message.attached, count)?;
+    let attached = decode_object("attached", message.attached, count)?;
     let attached_at = exact_pose(&message.attached_at)?;
     let world = PlantState {
         position: all("position", &message.position)?,
         velocity: all("velocity", &message.velocity)?,
         effort: joints("effort", &message.effort)?,
-        stop_effort: joints("stop_effort", &message.stop_effort)?,
+        limit_effort: joints("stop_effort", &message.stop_effort)?,
         world_from_base: exact_pose(&message.base)?,
         base_held: message.base_held,
         objects,
@@ -560,20 +578,30 @@ pub(super) fn read_state(message: &State, counts: Counts) -> Result<Instant, Ref
         events: vec![],
     };
     let context = |what, due: &[u16], number| {
-        Ok::<_, Refused>(TaskContext { due: read_set(what, due, count)?, number })
+        Ok::<_, DecodeError>(TaskContext {
+            expected_objects: decode_set(what, due, count)?,
+            selection_number: number,
+        })
     };
     let task = TaskState {
-        candidates: read_set("candidates", &message.candidates, count)?,
+        candidates: decode_set("candidates", &message.candidates, count)?,
         context: context("due", &message.due, message.context)?,
         context_at_grasp: context("due_at_grasp", &message.due_at_grasp, message.context_at_grasp)?,
-        next: read_object("next", message.next, count)?,
+        next_object: decode_object("next", message.next, count)?,
         goal: None,
         score: message.score,
         finished: message.finished,
     };
-    let state = placed("hand", &HandState::ALL, usize::from(message.hand))?;
-    let hand = HandView { state, holds: attached };
-    Ok(Instant { acted_on: message.acted_on, world, hand, actuation, task, frame: message.frame })
+    let state = element_at("hand", &HandState::ALL, usize::from(message.hand))?;
+    let hand = HandView { state, held_object: attached };
+    Ok(TickState {
+        last_command_number: message.acted_on,
+        world,
+        hand,
+        actuation,
+        task,
+        has_frame: message.frame,
+    })
 }
 
 #[cfg(test)]

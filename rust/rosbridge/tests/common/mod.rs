@@ -22,11 +22,15 @@ pub struct Client(pub WebSocket<TcpStream>);
 
 impl Client {
     pub fn connect(server: &RosbridgeServer) -> Client {
+        Self::connect_to(server, "/")
+    }
+
+    pub fn connect_to(server: &RosbridgeServer, path: &str) -> Client {
         let stream = TcpStream::connect(server.address()).unwrap();
         // Only a test that fails waits so long.
         stream.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
         stream.set_nodelay(true).unwrap();
-        let url = format!("ws://{}/", server.address());
+        let url = format!("ws://{}{path}", server.address());
         let (socket, _) = client(url, stream).unwrap();
         Client(socket)
     }
@@ -54,7 +58,7 @@ impl Client {
     }
 
     /// Waits until everything that was sent before has been handled.
-    pub fn settle(&mut self) -> Vec<Json> {
+    pub fn drain_messages(&mut self) -> Vec<Json> {
         let id = "settled?";
         self.send(json!({"op": "call_service", "id": id, "service": "/rosapi/get_time"}));
         let mut before = Vec::new();
@@ -90,7 +94,7 @@ pub fn texts(messages: &[Json], topic: &str) -> Vec<String> {
 pub fn scene() -> Scene {
     let names = ["redcylinder1", "redcylinder2", "bluecylinder1", "bluecylinder2"];
     let shape = Shape::Cylinder { radius: 0.025, length: 0.05 };
-    let block = |name| Object::plain(name, shape, 0.1, Pose::identity());
+    let block = |name| Object::with_default_friction(name, shape, 0.1, Pose::identity());
     Scene { objects: names.map(block).to_vec(), table_height: 1.0, ..Scene::default() }
 }
 
@@ -117,15 +121,15 @@ pub fn frame(world_from_head: Pose) -> DisplayFrame {
         planner: PlannerView::Idle,
         mode: None,
         stop: None,
-        gesture: proact_types::Gesture::NoMotion,
-        recognised: proact_types::Gesture::NoMotion.into(),
+        command: proact_types::Command::NoMotion,
+        recognized_gesture: proact_types::Command::NoMotion.into(),
         confidence: 1.0,
         effort: 0.5,
         emg_source: "keys".to_owned(),
         time_left_secs: 100.0,
-        goal: None,
-        next: None,
-        asked: None,
+        plan_goal: None,
+        next_object: None,
+        task_goal: None,
         score: 0,
         finished: false,
         events: Vec::new(),

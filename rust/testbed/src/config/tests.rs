@@ -1,5 +1,5 @@
 use super::*;
-use crate::{Engine, MassSet};
+use crate::{MassSet, PhysicsEngine};
 
 fn config() -> TrialConfig {
     TrialConfig::new("D", 3, Setup::named("seated").expect("ships"))
@@ -18,10 +18,10 @@ fn an_error_in_a_text_with_its_arrangement_at_the_top_shows_the_line_itself() {
     let error = |text: &str| TrialConfig::from_toml(text).expect_err("a wrong value").to_string();
     // The wrong line stands last, and the text that is read is longer than the file.
     let top = "seed = 1\nmethod = \"D\"\narrangement = [\"NL\", \"NM\", \"FM\", \"FL\"]\n";
-    let told = error(&format!("{top}[physics]\nengine = 3\n"));
-    assert!(told.contains("engine = 3: "), "{told}");
-    let told = error("seed = 1\nmethod = 7.5\n");
-    assert!(told.contains("line 2: "), "{told}");
+    let message = error(&format!("{top}[physics]\nengine = 3\n"));
+    assert!(message.contains("engine = 3: "), "{message}");
+    let message = error("seed = 1\nmethod = 7.5\n");
+    assert!(message.contains("line 2: "), "{message}");
 }
 
 #[test]
@@ -58,17 +58,17 @@ fn the_physics_is_part_of_the_text_and_a_text_without_it_means_the_default() {
     assert!(refused.contains("0.01 to 1 with original_gains"), "{refused}");
     let original = config().with_profile("original").expect("ships");
     assert_eq!(original.physics, PhysicsConfig::ORIGINAL);
-    assert!(original.intent.sigma == 0.1 && original.intent.changes_at_grasp);
+    assert!(original.intent.gaze_sigma == 0.1 && original.intent.context_changes_at_grasp);
 }
 
 #[test]
 fn a_value_with_a_number_of_its_own_is_set_by_its_name() {
-    let twice = config().with_values(&["physics.mass_set.scaled=2"]).expect("as in a file");
+    let twice = config().with_overrides(&["physics.mass_set.scaled=2"]).expect("as in a file");
     assert_eq!(twice.physics.mass_set, MassSet::Scaled(2.0));
-    let back = twice.with_values(&["physics.mass_set=real_limb"]).expect("a name alone");
+    let back = twice.with_overrides(&["physics.mass_set=real_limb"]).expect("a name alone");
     assert_eq!(back.physics.mass_set, MassSet::RealLimb);
     for wrong in ["physics.mass_set.scald=2", "method.name=A", "physics.engine.name=ode"] {
-        let error = config().with_values(&[wrong]).expect_err("no such key").to_string();
+        let error = config().with_overrides(&[wrong]).expect_err("no such key").to_string();
         assert!(error.contains(wrong), "{error}");
     }
 }
@@ -77,11 +77,11 @@ fn a_value_with_a_number_of_its_own_is_set_by_its_name() {
 fn the_engine_is_part_of_the_text_and_an_unknown_one_is_told_with_those_that_there_are() {
     let text = config().to_toml().expect("writes");
     assert!(text.contains("engine = \"reduced\""), "{text}");
-    let ode = config().with_values(&["physics.engine=ode"]).expect("is known");
-    assert_eq!(ode.physics.engine, Engine::Ode);
+    let ode = config().with_overrides(&["physics.engine=ode"]).expect("is known");
+    assert_eq!(ode.physics.engine, PhysicsEngine::Ode);
     assert_eq!(TrialConfig::from_toml(&ode.to_toml().expect("writes")), Ok(ode));
-    assert_eq!(config().with_values(&["physics.engine=reduced"]), Ok(config()));
-    let refused = config().with_values(&["physics.engine=bullet"]).expect_err("unknown").to_string();
+    assert_eq!(config().with_overrides(&["physics.engine=reduced"]), Ok(config()));
+    let refused = config().with_overrides(&["physics.engine=bullet"]).expect_err("unknown").to_string();
     assert!(refused.contains("unknown variant bullet, expected reduced or ode"), "{refused}");
 }
 
@@ -97,19 +97,19 @@ fn unknown_names_and_keys_and_values_out_of_range_are_refused_with_what_is_expec
         "the trial configuration is unreadable: line 1: unknown field colour, expected one of method, ";
     assert!(error.to_string().starts_with(expected), "{error}");
     assert!(!error.to_string().contains('\n'), "{error}");
-    let other = config().with_values(&["planner.parameters.range=0.4"]).expect("a number is text to OMPL");
+    let other = config().with_overrides(&["planner.parameters.range=0.4"]).expect("a number is text to OMPL");
     assert_eq!(other.planner.parameters["range"], "0.4");
     let deep = format!("setup{}=1", ".body".repeat(20_000));
-    let error = config().with_values(&[deep]).expect_err("no such key").to_string();
+    let error = config().with_overrides(&[deep]).expect_err("no such key").to_string();
     assert!(error.contains("sets nothing"), "{error}");
     let emg = TrialConfig { emg: Some(EmgConfig::default()), ..config() };
-    for assignment in ["emg_centring=[nan]", "emg.rate_hz=nan", "emg.liveness.noise_floors=[nan]"] {
+    for assignment in ["emg_dc_offset=[nan]", "emg.rate_hz=nan", "emg.liveness.noise_floors=[nan]"] {
         assert!(
-            emg.with_values(&[assignment]).is_err(),
+            emg.with_overrides(&[assignment]).is_err(),
             "{assignment} makes a configuration that equals no other"
         );
     }
-    let error = config().with_values(&["planner.nme=PRM"]).expect_err("an unknown key").to_string();
+    let error = config().with_overrides(&["planner.nme=PRM"]).expect_err("an unknown key").to_string();
     assert!(error.starts_with("cannot set planner.nme=PRM: unknown field nme, expected one of "), "{error}");
     assert!(!error.contains('\n'), "{error}");
     let error = TrialConfig::from_toml(&text.replace("limit_secs = 300.0", "limit_secs = -1.0"));
@@ -119,7 +119,7 @@ fn unknown_names_and_keys_and_values_out_of_range_are_refused_with_what_is_expec
 #[test]
 fn without_gaze_a_method_that_needs_it_is_refused_and_the_others_are_not() {
     let methods = MethodRegistry::standard();
-    let blind = config().with_values(&["gaze=false"]).expect("is a key");
+    let blind = config().with_overrides(&["gaze=false"]).expect("is a key");
     let error = blind.method_entry(&methods).expect_err("D gazes").to_string();
     assert!(error.starts_with("method \"D\" needs gaze, and this trial has none"), "{error}");
     assert!(TrialConfig { method: "A".to_owned(), ..blind }.method_entry(&methods).is_ok());
@@ -130,7 +130,7 @@ fn without_gaze_a_method_that_needs_it_is_refused_and_the_others_are_not() {
 fn an_outside_method_is_part_of_the_text_and_one_of_an_older_record_keeps_its_meaning() {
     let file = "name = \"nod\"\ntitle = \"by nodding\"\ncommand = [\"nod\"]\nneeds = { prior = true }\n";
     let entry = MethodEntry::from_toml(file).expect("reads");
-    let config = config().by(&entry);
+    let config = config().with_method(&entry);
     let read = TrialConfig::from_toml(&config.to_toml().expect("writes")).expect("reads");
     assert_eq!(read, config);
     let methods = MethodRegistry::standard();

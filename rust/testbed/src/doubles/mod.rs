@@ -7,7 +7,7 @@
 //! use proact_testbed::{Setup, Testbed, TrialConfig, doubles};
 //! use proact_types::{SimTime, TickInput};
 //! let config = TrialConfig::new("D", 1, Setup::named("still")?);
-//! let parts = doubles::parts(&config);
+//! let parts = doubles::testbed_parts(&config);
 //! let mut testbed = Testbed::new(config, parts)?;
 //! testbed.tick(&TickInput::default(), false)?;
 //! assert_eq!(testbed.now(), SimTime(1));
@@ -22,7 +22,7 @@ pub use gaze::{GazeFault, ScriptedGaze};
 pub use plans::{InstantPlans, PlanCall, PlanCalls};
 pub use plant::KinematicPlant;
 
-use crate::{Parts, TrialConfig};
+use crate::{TestbedParts, TrialConfig};
 use proact_control::{
     MethodRegistry,
     doubles::{SerialKinematics, test_hand},
@@ -31,12 +31,12 @@ use std::sync::Arc;
 
 /// The testbed of `config` made of doubles: the arm with two fingers, under the name that the configuration has for its
 /// arm, before box and blocks, without an armband.
-pub fn parts(config: &TrialConfig) -> Parts {
+pub fn testbed_parts(config: &TrialConfig) -> TestbedParts {
     let model = Arc::new(test_hand());
     let task = config.task.build(false).expect("the tests' tasks can be built");
     let scene = task.scene().clone();
     let base = config.setup.body.shoulder_pose(&Default::default());
-    Parts {
+    TestbedParts {
         arm: config.arm.clone(),
         kinematics: Box::new(SerialKinematics::new(&model)),
         plant: Box::new(KinematicPlant::new(model.clone(), scene, base)),

@@ -40,14 +40,14 @@ pub struct InstantPlans {
     reply: Option<PlanReply>,
     late_by: u32,
     /// Polls that are still answered with nothing.
-    left: u32,
+    polls_left: u32,
 }
 
 impl InstantPlans {
     /// Plans for `model`.
     pub fn new(model: Arc<ArmModel>) -> Self {
         let kinematics = SerialKinematics::new(&model);
-        Self { model, kinematics, calls: PlanCalls::default(), reply: None, late_by: 0, left: 0 }
+        Self { model, kinematics, calls: PlanCalls::default(), reply: None, late_by: 0, polls_left: 0 }
     }
 
     /// The first `polls` polls after each request find nothing: a live trial, which polls every tick from when a plan is
@@ -67,10 +67,12 @@ impl InstantPlans {
             status,
             trajectory,
             reason: reason.to_owned(),
-            clearance: None,
+            clearance_m: None,
         };
         match self.goal(request) {
-            Ok(IkOutcome::Solved(goal)) => reply(PlanStatus::Ok, self.line(&request.start, goal), ""),
+            Ok(IkOutcome::Solved(goal)) => {
+                reply(PlanStatus::Ok, self.straight_trajectory(&request.start, goal), "")
+            }
             Ok(IkOutcome::NotFound) => {
                 reply(PlanStatus::Unreachable, Trajectory::default(), "the goal is out of reach")
             }
@@ -86,11 +88,13 @@ impl InstantPlans {
             PlanGoal::TipPose { pose } => {
                 return self.kinematics.inverse(&(base_from_world * pose), &request.start);
             }
-            PlanGoal::Pick { centre, .. } => (Point::from(self.model.grasp_of(request).centre), *centre),
+            PlanGoal::Pick { centre: center, .. } => {
+                (Point::from(self.model.grasp_for_request(request).center), *center)
+            }
             PlanGoal::Place { point } => {
                 let carried =
                     request.attached.as_ref().map(|object| object.tip_from_object.translation.vector);
-                let in_tip = Point::from(carried.unwrap_or(self.model.widest_grasp().centre));
+                let in_tip = Point::from(carried.unwrap_or(self.model.widest_grasp().center));
                 (in_tip, point + Vector::z() * RELEASE_HEIGHT)
             }
         };
@@ -98,7 +102,7 @@ impl InstantPlans {
     }
 
     /// From rest to rest, all joints together, the slowest at its speed.
-    fn line(&self, start: &JointVector, goal: JointVector) -> Trajectory {
+    fn straight_trajectory(&self, start: &JointVector, goal: JointVector) -> Trajectory {
         let speed = |k: usize| self.model.joints[self.model.arm[k]].limits.velocity * SPEED_SHARE;
         let secs = |(k, (from, to)): (usize, (&f64, &f64))| (to - from).abs() * PEAK_OVER_MEAN / speed(k);
         let duration = start.iter().zip(&goal).enumerate().map(secs).fold(0.1, f64::max);
@@ -110,13 +114,13 @@ impl InstantPlans {
 impl PlanService for InstantPlans {
     fn submit(&mut self, request: PlanRequest) {
         self.calls.borrow_mut().push(PlanCall::Submit(request.id));
-        self.left = self.late_by;
+        self.polls_left = self.late_by;
         self.reply = Some(self.plan(&request));
     }
 
     fn poll(&mut self, id: u64) -> Option<PlanReply> {
-        if self.left > 0 {
-            self.left -= 1;
+        if self.polls_left > 0 {
+            self.polls_left -= 1;
             return None;
         }
         self.reply.take_if(|reply| reply.id == id)
@@ -134,5 +138,5 @@ impl PlanService for InstantPlans {
 }
 
 fn cancelled(id: u64) -> PlanReply {
-    PlanReply::without_a_way(id, PlanStatus::Cancelled, "the request was cancelled")
+    PlanReply::without_plan(id, PlanStatus::Cancelled, "the request was cancelled")
 }

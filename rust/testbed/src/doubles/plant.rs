@@ -25,7 +25,7 @@ pub struct KinematicPlant {
     model: Arc<ArmModel>,
     scene: Scene,
     /// The link that holds the attached block.
-    holder: Option<usize>,
+    attached_link: Option<usize>,
     state: PlantState,
 }
 
@@ -37,25 +37,26 @@ impl KinematicPlant {
     pub fn new(model: Arc<ArmModel>, scene: Scene, world_from_base: Pose) -> Self {
         let pose = |group, name| model.pose(group, name).expect("an arm for trials has poses");
         let initial: Vec<f64> = [pose("arm", "start"), pose("hand", "open")].concat();
-        let stands = |pose| BodyState { pose, linear: Vector::zeros(), angular: Vector::zeros() };
+        let stands =
+            |pose| BodyState { pose, linear_velocity: Vector::zeros(), angular_velocity: Vector::zeros() };
         let state = PlantState {
             position: joints(&initial),
             velocity: zeros(initial.len()),
             effort: zeros(initial.len()),
-            stop_effort: zeros(initial.len()),
+            limit_effort: zeros(initial.len()),
             world_from_base,
             base_held: false,
             objects: scene.objects.iter().map(|block| stands(block.pose)).collect(),
             attached: None,
             contacts: ArrayVec::new(),
         };
-        Self { model, scene, holder: None, state }
+        Self { model, scene, attached_link: None, state }
     }
 
     /// `world_from_link` of all links.
     fn links(&self) -> Vec<Pose> {
         let mut poses = Vec::new();
-        self.model.place_links(&self.state.world_from_base, &self.state.position, &mut poses);
+        self.model.link_poses_into(&self.state.world_from_base, &self.state.position, &mut poses);
         poses
     }
 
@@ -63,21 +64,18 @@ impl KinematicPlant {
     fn closed_share(&self) -> f64 {
         let pose = |name| self.model.pose("hand", name).expect("an arm for trials has poses");
         let fingers = &self.state.position[self.model.arm_count()..];
-        let way = pose("open").iter().zip(pose("closed"));
-        fingers
-            .iter()
-            .zip(way)
-            .fold(1.0, |least, (q, (open, closed))| least.min((q - open) / (closed - open)))
+        let ranges = pose("open").iter().zip(pose("closed"));
+        fingers.iter().zip(ranges).fold(1.0, |min, (q, (open, closed))| min.min((q - open) / (closed - open)))
     }
 
     /// The fingers on the blocks: those that hang from the tip, each from its own side.
-    fn touch(&mut self) {
+    fn update_contacts(&mut self) {
         self.state.contacts.clear();
         if self.closed_share() < CLOSED_SHARE {
             return;
         }
         let tip = self.links()[self.model.tip];
-        let centre = tip * Point::from(self.model.widest_grasp().centre);
+        let center = tip * Point::from(self.model.widest_grasp().center);
         let fingers: Vec<usize> = self
             .model
             .joints
@@ -86,8 +84,8 @@ impl KinematicPlant {
             .map(|j| j.child)
             .collect();
         for (block, body) in self.state.objects.iter().enumerate() {
-            let place = Point::from(body.pose.translation.vector);
-            if (place - centre).norm() > GRASP_RADIUS {
+            let position = Point::from(body.pose.translation.vector);
+            if (position - center).norm() > GRASP_RADIUS {
                 continue;
             }
             for (k, &link) in fingers.iter().enumerate() {
@@ -96,7 +94,7 @@ impl KinematicPlant {
                 let _ = self.state.contacts.try_push(Contact {
                     object: block,
                     link,
-                    point: place,
+                    point: position,
                     normal,
                     force: FINGER_FORCE,
                 });
@@ -105,8 +103,8 @@ impl KinematicPlant {
     }
 
     /// Where a block that is let go at `pose` comes to stand.
-    fn fallen(&self, block: usize, pose: &Pose) -> Pose {
-        let place = pose.translation.vector;
+    fn resting_pose(&self, block: usize, pose: &Pose) -> Pose {
+        let position = pose.translation.vector;
         let half = match self.scene.objects[block].shape {
             Shape::Box { size } => size[2] / 2.0,
             Shape::Sphere { radius } => radius,
@@ -115,13 +113,13 @@ impl KinematicPlant {
         };
         let under = self.scene.fixed.iter().filter_map(|object| {
             let Shape::Box { size } = object.shape else { return None };
-            let centre = object.pose.translation.vector;
-            let top = centre.z + size[2] / 2.0;
-            let over = (0..2).all(|k| (place[k] - centre[k]).abs() <= size[k] / 2.0);
-            (over && top <= place.z).then_some(top)
+            let center = object.pose.translation.vector;
+            let top = center.z + size[2] / 2.0;
+            let over = (0..2).all(|k| (position[k] - center[k]).abs() <= size[k] / 2.0);
+            (over && top <= position.z).then_some(top)
         });
         let ground = under.fold(0.0, f64::max);
-        Pose::translation(place.x, place.y, ground + half)
+        Pose::translation(position.x, position.y, ground + half)
     }
 }
 
@@ -137,19 +135,19 @@ impl Plant for KinematicPlant {
             }
         }
         let state = &mut self.state;
-        let way = command.world_from_base.translation.vector - state.world_from_base.translation.vector;
+        let offset = command.world_from_base.translation.vector - state.world_from_base.translation.vector;
         // Written so that a pose that is no number counts as a jump.
-        let follows = way.norm() <= BASE_SPEED * TICK_SECS;
+        let follows = offset.norm() <= BASE_SPEED * TICK_SECS;
         state.base_held = !follows;
         if follows {
             state.world_from_base = command.world_from_base;
         }
         state.position = command.position.clone();
         state.velocity = command.velocity.clone();
-        if let (Some(link), Some((block, link_from_block))) = (self.holder, self.state.attached) {
+        if let (Some(link), Some((block, link_from_block))) = (self.attached_link, self.state.attached) {
             self.state.objects[block].pose = self.links()[link] * link_from_block;
         }
-        self.touch();
+        self.update_contacts();
         Ok(())
     }
 
@@ -169,14 +167,14 @@ impl Plant for KinematicPlant {
             return refuse(format!("there is no link {link}"));
         };
         self.state.attached = Some((block, world_from_link.inv_mul(&body.pose)));
-        self.holder = Some(link);
+        self.attached_link = Some(link);
         Ok(())
     }
 
     fn release(&mut self) {
-        self.holder = None;
+        self.attached_link = None;
         if let Some((block, _)) = self.state.attached.take() {
-            self.state.objects[block].pose = self.fallen(block, &self.state.objects[block].pose);
+            self.state.objects[block].pose = self.resting_pose(block, &self.state.objects[block].pose);
         }
     }
 

@@ -20,7 +20,7 @@ pub struct DisplayStage {
 #[derive(Clone, Debug)]
 pub struct DisplayInput<'a> {
     /// What the EMG stage says.
-    pub gesture: &'a EmgStageOutput,
+    pub emg: &'a EmgStageOutput,
     /// What the intent stage says.
     pub intent: &'a IntentOutput,
     /// What the method shows.
@@ -56,7 +56,7 @@ impl DisplayStage {
     }
 
     /// Events of this tick, and what was to be heard and felt, which the next frame shows.
-    pub fn note(&mut self, events: &[Event], cues: &[FeedbackCue]) {
+    pub fn add_events(&mut self, events: &[Event], cues: &[FeedbackCue]) {
         self.events.extend_from_slice(events);
         self.cues.extend_from_slice(cues);
     }
@@ -71,7 +71,7 @@ impl DisplayStage {
         input: DisplayInput<'_>,
         kinematics: &mut dyn ArmKinematics,
     ) -> Result<DisplayFrame, TestbedError> {
-        let DisplayInput { gesture, world, task, method, .. } = input;
+        let DisplayInput { emg: emg_output, world, task, method, .. } = input;
         let arm = kinematics.joint_count();
         let base_from_tip = kinematics.forward(&world.position[..arm])?;
         Ok(DisplayFrame {
@@ -86,17 +86,17 @@ impl DisplayStage {
             gaze: input.intent.gaze,
             target: method.target,
             planner: method.planner,
-            goal: input.actuation.goal.clone(),
+            plan_goal: input.actuation.goal.clone(),
             mode: method.mode,
             stop: method.stop,
-            gesture: gesture.gesture,
-            recognised: gesture.recognised,
-            confidence: gesture.confidence,
-            effort: gesture.effort,
+            command: emg_output.command,
+            recognized_gesture: emg_output.recognized_gesture,
+            confidence: emg_output.confidence,
+            effort: emg_output.effort,
             emg_source: self.gesture_source.clone(),
             time_left_secs: (self.limit_secs - now.as_secs()).max(0.0),
-            next: task.next,
-            asked: task.goal.clone(),
+            next_object: task.next_object,
+            task_goal: task.goal.clone(),
             score: task.score,
             finished: task.finished,
             events: std::mem::take(&mut self.events),

@@ -2,21 +2,21 @@ use crate::{TestbedError, TrialConfig};
 use proact_control::{ControlError, Simultaneous};
 use proact_emg::{Classifier, DecoderProcess, EmgOutput, EmgPipeline};
 use proact_types::{
-    DegreeOfFreedom, Drives, EmgSample, EventKind, Gesture, GestureCommands, GestureName, SimTime, StopCause,
+    Command, CommandMap, DegreeOfFreedom, Drives, EmgSample, EventKind, Gesture, SimTime, StopCause,
     WindowAnswer,
 };
 
 /// From muscle, or from keys, to the gesture in force, and the command that it is to the method.
 pub struct EmgStage {
     /// None when gestures are given directly.
-    muscles: Option<(EmgPipeline, GestureCommands)>,
-    given: Option<Gesture>,
-    recognised: GestureName,
+    pipeline: Option<(EmgPipeline, CommandMap)>,
+    direct_command: Option<Command>,
+    recognized_gesture: Gesture,
     confidence: f64,
     effort: f64,
     decided_at: Option<SimTime>,
     /// Degrees of freedom of the profile, each with its place in the model; empty where gestures alone act.
-    places: Vec<(DegreeOfFreedom, usize)>,
+    dof_indices: Vec<(DegreeOfFreedom, usize)>,
     drives: Drives,
 }
 
@@ -26,7 +26,7 @@ pub struct EmgStageInput<'a> {
     /// Samples that arrived, oldest first.
     pub samples: &'a [EmgSample],
     /// A gesture given directly, in force until the next one. Overrides the classifier.
-    pub gesture: Option<Gesture>,
+    pub direct_command: Option<Command>,
     /// What the input log has of a process that decodes; empty live.
     pub answers: &'a [WindowAnswer],
 }
@@ -35,13 +35,13 @@ pub struct EmgStageInput<'a> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct EmgStageOutput {
     /// The command in force.
-    pub gesture: Gesture,
+    pub command: Command,
     /// The gesture that gives it, as the model calls it; that of the command's name when it is given directly.
-    pub recognised: GestureName,
+    pub recognized_gesture: Gesture,
     /// A window of EMG ended in this tick, or the stream became stale.
     pub decision: Option<Box<EmgOutput>>,
     /// The command that goes out as a message in this tick, for methods that act on messages.
-    pub message: Option<Gesture>,
+    pub published_command: Option<Command>,
     /// When there was a decision last; none when gestures are given directly.
     pub decided_at: Option<SimTime>,
     /// Probability of the recognised class, 0 to 1; one for a gesture given directly.
@@ -68,10 +68,10 @@ impl Default for EmgStageOutput {
     /// Before the first word: a relaxed hand, and nothing that died.
     fn default() -> Self {
         Self {
-            gesture: Gesture::NoMotion,
-            recognised: GestureName::default(),
+            command: Command::NoMotion,
+            recognized_gesture: Gesture::default(),
             decision: None,
-            message: None,
+            published_command: None,
             decided_at: None,
             confidence: 0.0,
             effort: 0.0,
@@ -93,41 +93,50 @@ impl EmgStage {
     /// profile's `jog.simultaneous` that do not go together.
     pub fn new(config: &TrialConfig, classifier: Option<Classifier>) -> Result<Self, TestbedError> {
         let simultaneous = config.profile.jog.simultaneous();
-        let places = match &classifier {
-            Some(classifier) => places(simultaneous, classifier)?,
+        let drive_indices = match &classifier {
+            Some(classifier) => dof_indices(simultaneous, classifier)?,
             None => simultaneous.into_iter().flat_map(Simultaneous::degrees_of_freedom).zip(0..).collect(),
         };
         let muscles = match (&config.emg, classifier) {
             (Some(emg), Some(classifier)) => {
-                let commands = config.gesture_commands(emg.rest, &classifier)?;
-                Some((EmgPipeline::new(emg, classifier)?.with_centring(&config.emg_centring)?, commands))
+                let commands = config.command_map(emg.rest, &classifier)?;
+                Some((EmgPipeline::new(emg, classifier)?.with_dc_offset(&config.emg_dc_offset)?, commands))
             }
             _ => None,
         };
-        let recognised =
+        let recognized =
             config.emg.as_ref().filter(|_| muscles.is_some()).map_or_else(Default::default, |emg| emg.rest);
-        let drives = places.iter().map(|_| 0.0).collect();
+        let drives = drive_indices.iter().map(|_| 0.0).collect();
         let (confidence, effort) = (0.0, 0.0);
-        Ok(Self { muscles, given: None, recognised, confidence, effort, decided_at: None, places, drives })
+        Ok(Self {
+            pipeline: muscles,
+            direct_command: None,
+            recognized_gesture: recognized,
+            confidence,
+            effort,
+            decided_at: None,
+            dof_indices: drive_indices,
+            drives,
+        })
     }
 
     /// The same stage, whose windows `decoder` decodes; none in a replay.
     pub fn with_decoder(mut self, decoder: Option<Box<dyn DecoderProcess>>) -> Self {
-        self.muscles = self.muscles.map(|(pipeline, commands)| (pipeline.with_decoder(decoder), commands));
+        self.pipeline = self.pipeline.map(|(pipeline, commands)| (pipeline.with_decoder(decoder), commands));
         self
     }
 
     /// The gestures that are told apart, in the order of [`EmgOutput::posterior`]; none when gestures are given directly.
-    pub fn gestures(&self) -> &[GestureName] {
-        self.muscles.as_ref().map_or(&[], |(pipeline, _)| pipeline.gestures())
+    pub fn gestures(&self) -> &[Gesture] {
+        self.pipeline.as_ref().map_or(&[], |(pipeline, _)| pipeline.gestures())
     }
 
     /// One tick, with no samples too: time alone makes a stream stale.
     pub fn step(&mut self, now: SimTime, input: EmgStageInput<'_>) -> EmgStageOutput {
         let mut output = EmgStageOutput::default();
         let mut acts = None;
-        if let Some((pipeline, commands)) = &mut self.muscles {
-            output.decision = pipeline.step_with(now, input.samples, input.answers).map(Box::new);
+        if let Some((pipeline, commands)) = &mut self.pipeline {
+            output.decision = pipeline.step_with_answers(now, input.samples, input.answers).map(Box::new);
             output.answers = pipeline.answers().to_vec();
             let counts = pipeline.events().counts;
             let (gaps, unusable_samples) = (counts.gaps, counts.unusable_samples);
@@ -135,39 +144,41 @@ impl EmgStage {
             if gaps + unusable_samples + rejected_windows > 0 {
                 output.events.push(EventKind::EmgGap { gaps, unusable_samples, rejected_windows });
             }
-            output.fault = pipeline.why_stale();
+            output.fault = pipeline.stale_cause();
             output.armed = !pipeline.is_disarmed();
             // Whatever a window says that came in the same tick: of another nobody knows what the hand did.
             let spoilt =
                 rejected_windows > 0 || pipeline.is_undecided() || !output.armed || output.fault.is_some();
             if let Some(decision) = &output.decision {
-                let drive = |(_, place): &(DegreeOfFreedom, usize)| decision.drives.get(*place).copied();
-                self.drives = self.places.iter().map(|place| drive(place).unwrap_or(0.0)).collect();
+                let drive =
+                    |(_, drive_index): &(DegreeOfFreedom, usize)| decision.drives.get(*drive_index).copied();
+                self.drives =
+                    self.dof_indices.iter().map(|drive_index| drive(drive_index).unwrap_or(0.0)).collect();
             }
             if spoilt {
                 self.drives.iter_mut().for_each(|drive| *drive = 0.0);
             }
             if let Some(decision) = &output.decision {
-                self.recognised = decision.gesture;
-                output.message = decision.published.then(|| commands.command(decision.gesture));
+                self.recognized_gesture = decision.gesture;
+                output.published_command = decision.published.then(|| commands.command(decision.gesture));
             }
-            acts = Some(commands.command(self.recognised));
+            acts = Some(commands.command(self.recognized_gesture));
         }
         if let Some(decision) = &output.decision {
             self.decided_at = Some(now);
             (self.confidence, self.effort) = (decision.confidence, decision.effort);
         }
-        if input.gesture.is_some() {
-            self.given = input.gesture;
+        if input.direct_command.is_some() {
+            self.direct_command = input.direct_command;
             (self.confidence, self.effort) = (1.0, 1.0);
         }
-        if let Some(given) = self.given {
+        if let Some(given) = self.direct_command {
             (output.fault, output.armed, output.overridden) = (None, true, true);
-            self.drives = self.places.iter().map(|(drive, _)| drive.target(given.into())).collect();
+            self.drives = self.dof_indices.iter().map(|(drive, _)| drive.target(given.into())).collect();
         }
         output.drives = self.drives.clone();
-        output.gesture = self.given.or(acts).unwrap_or_default();
-        output.recognised = self.given.map_or(self.recognised, GestureName::from);
+        output.command = self.direct_command.or(acts).unwrap_or_default();
+        output.recognized_gesture = self.direct_command.map_or(self.recognized_gesture, Gesture::from);
         output.decided_at = self.decided_at;
         (output.confidence, output.effort) = (self.confidence, self.effort);
         output
@@ -178,7 +189,7 @@ impl EmgStage {
 ///
 /// # Errors
 /// A regressor without the setting, a classifier with it, or other degrees of freedom than the model has.
-fn places(
+fn dof_indices(
     simultaneous: Option<&Simultaneous>,
     classifier: &Classifier,
 ) -> Result<Vec<(DegreeOfFreedom, usize)>, ControlError> {
@@ -199,14 +210,14 @@ fn places(
              out, or train with --classifier linear or ridge"
         )),
         (Some(profile), known) => {
-            let asked: Vec<DegreeOfFreedom> = profile.degrees_of_freedom().collect();
-            let place = |drive: &DegreeOfFreedom| Some((*drive, known.iter().position(|k| k == drive)?));
-            let places: Option<Vec<_>> = asked.iter().map(place).collect();
-            match places.filter(|places| places.len() == known.len()) {
-                Some(places) => Ok(places),
+            let requested: Vec<DegreeOfFreedom> = profile.degrees_of_freedom().collect();
+            let find_drive = |drive: &DegreeOfFreedom| Some((*drive, known.iter().position(|k| k == drive)?));
+            let drive_indices: Option<Vec<_>> = requested.iter().map(find_drive).collect();
+            match drive_indices.filter(|drive_indices| drive_indices.len() == known.len()) {
+                Some(drive_indices) => Ok(drive_indices),
                 None => refused(format!(
                     "jog.simultaneous.drives has {}, the EMG model {model}: expected the same",
-                    list(&mut asked.into_iter())
+                    list(&mut requested.into_iter())
                 )),
             }
         }

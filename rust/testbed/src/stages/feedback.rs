@@ -5,7 +5,7 @@ use proact_types::{Contact, Cue, Digit, Event, EventKind, FeedbackCue, SimTime, 
 /// From events and contact forces to what a person is to hear and feel, by the mappings of the configuration.
 #[derive(Clone, Debug)]
 pub struct FeedbackStage {
-    mappings: Vec<Mapped>,
+    mappings: Vec<MappingState>,
     /// Of each link, the place of its digit in `digits`.
     digit_of: Vec<Option<usize>>,
     digits: Vec<Digit>,
@@ -21,12 +21,12 @@ pub struct FeedbackInput<'a> {
 }
 
 #[derive(Clone, Debug)]
-struct Mapped {
+struct MappingState {
     mapping: FeedbackMapping,
     /// Largest force of each digit since it was last said, N; for a grip, the largest sum alone.
-    largest: Vec<f64>,
+    peak_forces: Vec<f64>,
     /// Whether each of them was said to press.
-    pressed: Vec<bool>,
+    is_pressing: Vec<bool>,
 }
 
 impl FeedbackStage {
@@ -45,11 +45,15 @@ impl FeedbackStage {
                 FeedbackMapping::Pressure { .. } => order.len(),
                 FeedbackMapping::Grip { .. } => 1,
             };
-            Mapped { mapping: mapping.clone(), largest: vec![0.0; count], pressed: vec![false; count] }
+            MappingState {
+                mapping: mapping.clone(),
+                peak_forces: vec![0.0; count],
+                is_pressing: vec![false; count],
+            }
         };
         Self {
             mappings: config.feedback.iter().map(mapped).collect(),
-            digit_of: model.digit_places(),
+            digit_of: model.digit_indices(),
             digits: order.iter().enumerate().map(digit).collect(),
         }
     }
@@ -59,7 +63,7 @@ impl FeedbackStage {
         let mut cues = Vec::new();
         for event in input.events {
             let Some(happened) = cue_event(&event.kind) else { continue };
-            for Mapped { mapping, .. } in &self.mappings {
+            for MappingState { mapping, .. } in &self.mappings {
                 let FeedbackMapping::Event { event, sound, vibration } = mapping else { continue };
                 if *event == happened && (sound.is_some() || vibration.is_some()) {
                     let (sound, vibration) = (*sound, *vibration);
@@ -68,8 +72,8 @@ impl FeedbackStage {
             }
         }
         for mapped in &mut self.mappings {
-            mapped.note(input.contacts, &self.digit_of);
-            mapped.say(now, &self.digits, &mut cues);
+            mapped.update_peaks(input.contacts, &self.digit_of);
+            mapped.emit_cues(now, &self.digits, &mut cues);
         }
         cues
     }
@@ -85,26 +89,26 @@ fn cue_event(kind: &EventKind) -> Option<CueEvent> {
     }
 }
 
-impl Mapped {
+impl MappingState {
     /// Keeps the largest forces: what presses for a moment between two values is felt too.
-    fn note(&mut self, contacts: &[Contact], digit_of: &[Option<usize>]) {
+    fn update_peaks(&mut self, contacts: &[Contact], digit_of: &[Option<usize>]) {
         let digit = |contact: &Contact| digit_of.get(contact.link).copied().flatten();
         match self.mapping {
             FeedbackMapping::Event { .. } => {}
             FeedbackMapping::Pressure { .. } => {
-                for (number, largest) in self.largest.iter_mut().enumerate() {
+                for (number, largest) in self.peak_forces.iter_mut().enumerate() {
                     let on = contacts.iter().filter(|contact| digit(contact) == Some(number));
                     *largest = largest.max(on.map(|contact| contact.force).sum());
                 }
             }
             FeedbackMapping::Grip { .. } => {
                 let on = contacts.iter().filter(|contact| digit(contact).is_some());
-                self.largest[0] = self.largest[0].max(on.map(|contact| contact.force).sum());
+                self.peak_forces[0] = self.peak_forces[0].max(on.map(|contact| contact.force).sum());
             }
         }
     }
 
-    fn say(&mut self, now: SimTime, digits: &[Digit], cues: &mut Vec<FeedbackCue>) {
+    fn emit_cues(&mut self, now: SimTime, digits: &[Digit], cues: &mut Vec<FeedbackCue>) {
         let (full_n, threshold_n, rate_hz) = match self.mapping {
             FeedbackMapping::Event { .. } => return,
             FeedbackMapping::Pressure { full_n, threshold_n, rate_hz }
@@ -116,7 +120,8 @@ impl Mapped {
         }
         // Twice the time to the next value: one that is lost leaves no gap, and when none comes any more it ends by itself.
         let ms = (2000.0 / rate_hz).ceil() as u32;
-        for (number, (largest, pressed)) in self.largest.iter_mut().zip(&mut self.pressed).enumerate() {
+        for (number, (largest, pressed)) in self.peak_forces.iter_mut().zip(&mut self.is_pressing).enumerate()
+        {
             let force = std::mem::take(largest);
             let presses = force > threshold_n;
             if !presses && !*pressed {
@@ -246,12 +251,12 @@ mod tests {
             ("{ from = \"warmth\" }", "unknown variant warmth"),
         ] {
             let error =
-                config.with_values(&[format!("feedback=[{mapping}]")]).expect_err(mapping).to_string();
+                config.with_overrides(&[format!("feedback=[{mapping}]")]).expect_err(mapping).to_string();
             assert!(error.contains(expected), "{mapping} gave {error}");
         }
         let text = config.to_toml().expect("writes");
         assert!(!text.contains("feedback"), "records of the standard mappings stay what they were");
-        let silent = config.with_values(&["feedback=[]"]).expect("no feedback at all");
+        let silent = config.with_overrides(&["feedback=[]"]).expect("no feedback at all");
         assert_eq!(TrialConfig::from_toml(&silent.to_toml().expect("writes")), Ok(silent));
     }
 }

@@ -1,21 +1,22 @@
-use super::{ActuationOutput, EmgStageOutput, GazeHeard, IntentOutput, object_centres};
+use super::{ActuationOutput, EmgStageOutput, GazeFreshness, IntentOutput, object_centres};
 use crate::{
     ResultFault, ResultFaultKind, TestbedError, TrialConfig,
-    outside::RecorderTap,
-    plans::{PlanBook, plan_request},
+    plans::{PendingPlan, plan_request},
     ports::PlanService,
-    trial_faults::{ExternalPart, FailedPlans, MissedAnswers},
+    recorder_tap::RecorderTap,
+    trial_faults::{ExternalPart, FailedPlans, MissedAnswers, UsefulAnswers},
 };
 use proact_arm::ArmModel;
 use proact_control::{
-    ControlInput, ControlMethod, ControlOutput, FingerCommand, HandCommand, JointStates, JointSubset,
-    MethodEntry, MethodFault, MotionCommand, PlanCommand, Shown, SourceWatch, UsedSources,
+    ControlInput, ControlMethod, ControlOutput, DeadManProfile, FingerCommand, HandCommand, JointStates,
+    JointSubset, MethodDisplay, MethodEntry, MethodFault, MotionCommand, PlanCommand, SourceWatchdog,
+    UsedSources,
     ports::{ArmKinematics, MethodProcess},
 };
 use proact_types::{
-    EventKind, Gesture, HandView, InputSign, InputSource, IntentAnswer, JointVector, MethodAnswer,
-    MethodStyle, ModeView, ParticipantAnswer, PlanReply, PlanRequest, PlannerView, PlantState, Scene,
-    SignKind, SimTime, Stop, StopCause, TargetView, WindowAnswer,
+    Command, EventKind, HandView, Heartbeat, HeartbeatKind, InputSource, IntentAnswer, JointVector,
+    MethodAnswer, MethodStyle, ModeView, ParticipantAnswer, PlanReply, PlanRequest, PlannerView, PlantState,
+    Scene, SimTime, Stop, StopCause, TargetView, WindowAnswer,
 };
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -33,46 +34,51 @@ pub struct MethodStage {
     /// Of each link, the place of its digit in the order of the digits' first links.
     digit_of: Vec<Option<usize>>,
     /// What the method's last step gave to be seen.
-    shown: Shown,
+    last_display: MethodDisplay,
     /// Where the answers of a method in another process pass through.
     recorder_tap: RecorderTap,
-    watch: SourceWatch,
-    external: ExternalMethod,
-    missed: MissedAnswers,
-    plans: PlanBook,
+    source_watchdog: SourceWatchdog,
+    external: ExternalMethodState,
+    missed_answers: MissedAnswers,
+    useful_answers: UsefulAnswers,
+    pending_plan: PendingPlan,
     failed_plans: FailedPlans,
     /// Angles of the person's own limb as tracked last.
-    limb: Option<JointVector>,
+    tracked_limb: Option<JointVector>,
     /// Arm joints that the person's own limb has: no plan moves them.
-    held: Vec<usize>,
-    acted_on: Gesture,
+    held_joints: Vec<usize>,
+    last_command: Command,
     tracked_at: Option<SimTime>,
 }
 
 /// What is known of a method in another process.
-struct ExternalMethod {
+struct ExternalMethodState {
     /// The method is one.
     is_external: bool,
     /// It has commanded the arm, the hand or the planner.
-    acted: bool,
+    has_acted: bool,
     /// Why it failed first.
-    failed: Option<String>,
+    first_failure: Option<String>,
     /// The first answer in a row that it has missed.
     missing_since: Option<SimTime>,
     /// Missed answers stop the arm when they last longer than this, ms; none: they only hold it.
     silence_ms: Option<u64>,
 }
 
-impl ExternalMethod {
+impl ExternalMethodState {
     /// What the outcome `fault` of the step at `now` is to the watch over all sources. None: nothing new.
-    fn take(&mut self, now: SimTime, fault: Option<MethodFault>) -> Option<Option<(StopCause, String)>> {
+    fn record_step(
+        &mut self,
+        now: SimTime,
+        fault: Option<MethodFault>,
+    ) -> Option<Option<(StopCause, String)>> {
         let since = self.missing_since.take();
         let found = match fault {
             None => return Some(None),
             Some(MethodFault::Failed(reason)) => {
-                (StopCause::Undecided, format!("the method failed: {reason}"))
+                (StopCause::UnusableOutput, format!("the method failed: {reason}"))
             }
-            Some(MethodFault::Missed(reason)) => {
+            Some(MethodFault::TimedOut(reason)) => {
                 let since = since.unwrap_or(now);
                 self.missing_since = Some(since);
                 if self.silence_ms.is_none_or(|limit| now.millis_since(since) < limit) {
@@ -81,7 +87,7 @@ impl ExternalMethod {
                 (StopCause::Silent, format!("the method does not answer: {reason}"))
             }
         };
-        self.failed.get_or_insert_with(|| found.1.clone());
+        self.first_failure.get_or_insert_with(|| found.1.clone());
         Some(Some(found))
     }
 }
@@ -90,7 +96,7 @@ impl ExternalMethod {
 #[derive(Clone, Debug)]
 pub struct MethodInput<'a> {
     /// What the EMG stage says in this tick.
-    pub gesture: &'a EmgStageOutput,
+    pub emg: &'a EmgStageOutput,
     /// What the intent stage says in this tick.
     pub intent: &'a IntentOutput,
     /// What was asked of the joints in the tick before.
@@ -100,7 +106,7 @@ pub struct MethodInput<'a> {
     /// The hand after the tick before.
     pub hand: HandView,
     /// What was heard of live sources.
-    pub signs: &'a [InputSign],
+    pub heartbeats: &'a [Heartbeat],
     /// News of a participant in another program.
     pub participant: Option<&'a ParticipantAnswer>,
     /// A tracked shoulder pose came in this tick.
@@ -117,7 +123,7 @@ pub struct MethodInput<'a> {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MethodOutput {
     /// The method took a step; between steps it says nothing.
-    pub stepped: bool,
+    pub has_stepped: bool,
     /// For the arm.
     pub motion: Option<MotionCommand>,
     /// For the hand.
@@ -131,7 +137,7 @@ pub struct MethodOutput {
     /// What a method in another process answered.
     pub answer: Option<MethodAnswer>,
     /// How many of `events` are the method's own.
-    pub said: usize,
+    pub method_event_count: usize,
     /// What happened.
     pub events: Vec<EventKind>,
 }
@@ -166,7 +172,7 @@ impl MethodStage {
     ) -> Result<Self, TestbedError> {
         let recorder_tap = RecorderTap::new(process);
         let built = method.build(&config.profile, &model, recorder_tap.clone())?;
-        let driven = JointSubset::of(method.info().style, &config.profile, &model)?;
+        let driven = JointSubset::for_style(method.info().style, &config.profile, &model)?;
         let held = (0..model.arm_count()).filter(|joint| !driven.contains(*joint)).collect();
         let is_external = method.program().is_some();
         let uses = UsedSources {
@@ -175,51 +181,64 @@ impl MethodStage {
             limb: !driven.is_whole() || is_external || method.info().style == MethodStyle::Imitating,
         };
         let waits = config.wait_for_plans;
-        let link_ms = config.profile.dead_man.map(|limits| limits.link_ms);
-        let external = ExternalMethod {
+        let link_ms = config.profile.dead_man.map(|limits| limits.command_timeout_ms);
+        let external = ExternalMethodState {
             is_external,
-            acted: false,
-            failed: None,
+            has_acted: false,
+            first_failure: None,
             missing_since: None,
             // Where each answer is waited for, a missed one has been waited for long enough.
             silence_ms: if waits { Some(0) } else { link_ms },
         };
         Ok(Self {
-            digit_of: model.digit_places(),
+            digit_of: model.digit_indices(),
             model,
             scene,
             name: method.info().name.clone(),
             method: built,
-            held,
-            shown: Shown::default(),
+            held_joints: held,
+            last_display: MethodDisplay::default(),
             recorder_tap,
-            watch: SourceWatch::new(config.profile.dead_man, uses),
+            source_watchdog: SourceWatchdog::new(config.profile.dead_man, uses),
             external,
-            missed: MissedAnswers::new(config.missed_answers_limit, waits),
-            plans: PlanBook::new(config, plans),
+            missed_answers: MissedAnswers::new(config),
+            useful_answers: UsefulAnswers::default(),
+            pending_plan: PendingPlan::new(config, plans),
             failed_plans: FailedPlans::new(config.failed_plans_limit),
-            limb: None,
-            acted_on: Gesture::NoMotion,
+            tracked_limb: None,
+            last_command: Command::NoMotion,
             tracked_at: None,
         })
     }
 
     /// Why the arm must stand still; none while it need not.
     pub fn stop(&self) -> Option<&Stop> {
-        self.watch.stop()
+        self.source_watchdog.stop()
+    }
+
+    /// Ages over which input stops the arm; none: no such limits.
+    pub fn dead_man(&self) -> Option<DeadManProfile> {
+        self.source_watchdog.limits()
+    }
+
+    /// Why another stage gives nothing, where each is a process of its own; none while all speak. It stops the arm from the next tick
+    /// on, and a relaxed hand is waited for after it.
+    pub fn set_stage_fault(&mut self, fault: Option<(StopCause, String)>) {
+        self.source_watchdog.set_stage_fault(fault);
     }
 
     /// Whether the trial must end because a part in another process does not answer.
-    pub(crate) fn gave_up(&self) -> bool {
-        self.missed.over().is_some()
+    pub(crate) fn must_end_trial(&self) -> bool {
+        self.missed_answers.end_reason().is_some()
     }
 
     /// What is wrong with the trial up to now.
     pub(crate) fn faults(&self) -> Vec<ResultFault> {
-        let ExternalMethod { is_external, acted, failed, .. } = &self.external;
+        let ExternalMethodState { is_external, has_acted: acted, first_failure: failed, .. } = &self.external;
         let never_acted = *is_external && !*acted;
         let failed_always = failed.as_deref().filter(|_| never_acted);
-        let external = self.missed.over().or(self.watch.external_fault()).or(failed_always);
+        let external =
+            self.missed_answers.end_reason().or(self.source_watchdog.external_fault()).or(failed_always);
         let fault = |kind, reason: &str| ResultFault { kind, reason: reason.to_owned() };
         let mut faults: Vec<ResultFault> = Vec::new();
         faults.extend(external.map(|reason| fault(ResultFaultKind::ExternalPart, reason)));
@@ -227,6 +246,7 @@ impl MethodStage {
             let reason = "the method commanded neither the arm nor the hand nor the planner";
             faults.push(fault(ResultFaultKind::NeverActed, reason));
         }
+        faults.extend(self.useful_answers.faults());
         faults.extend(self.failed_plans.fault());
         faults
     }
@@ -235,10 +255,10 @@ impl MethodStage {
     pub fn view(&self) -> MethodView {
         MethodView {
             name: self.name.clone(),
-            target: self.shown.target.clone(),
-            planner: self.shown.planner.clone(),
-            mode: self.shown.mode.clone(),
-            stop: self.watch.stop().cloned(),
+            target: self.last_display.target.clone(),
+            planner: self.last_display.planner.clone(),
+            mode: self.last_display.mode.clone(),
+            stop: self.source_watchdog.stop().cloned(),
         }
     }
 
@@ -255,27 +275,27 @@ impl MethodStage {
             self.tracked_at = Some(now);
         }
         if let Some(limb) = input.limb {
-            self.limb = Some(limb.clone());
+            self.tracked_limb = Some(limb.clone());
         }
-        output.plan = self.plans.due(now, input.plan);
-        let gesture = input.gesture.gesture;
-        if gesture != self.acted_on {
-            output.events.push(EventKind::GestureChanged { gesture });
+        output.plan = self.pending_plan.take_due_plan(now, input.plan);
+        let command = input.emg.command;
+        if command != self.last_command {
+            output.events.push(EventKind::GestureChanged { gesture: command });
         }
         let change = self.watch_sources(now, &input);
         let stops = change.is_some();
         output.events.extend(change);
-        output.stepped = now.0.is_multiple_of(CONTROL_TICKS)
-            || gesture != self.acted_on
+        output.has_stepped = now.0.is_multiple_of(CONTROL_TICKS)
+            || command != self.last_command
             || output.plan.is_some()
-            || input.gesture.message.is_some()
+            || input.emg.published_command.is_some()
             || stops;
-        if output.stepped {
-            self.acted_on = gesture;
-            self.recorder_tap.exchange(input.answer.clone());
-            let fault = self.control(now, &input, kinematics, &mut output);
-            output.answer = self.recorder_tap.exchange(None);
-            self.watch_method(now, gesture, fault, &mut output);
+        if output.has_stepped {
+            self.last_command = command;
+            self.recorder_tap.exchange_answer(input.answer.clone());
+            let fault = self.step_method(now, &input, kinematics, &mut output);
+            output.answer = self.recorder_tap.exchange_answer(None);
+            self.watch_method(now, command, fault, &mut output);
         }
         output
     }
@@ -284,7 +304,7 @@ impl MethodStage {
     fn watch_method(
         &mut self,
         now: SimTime,
-        gesture: Gesture,
+        command: Command,
         fault: Option<MethodFault>,
         output: &mut MethodOutput,
     ) {
@@ -292,56 +312,69 @@ impl MethodStage {
             return;
         }
         let missed = output.answer.as_ref().and_then(|answer| match answer {
-            MethodAnswer::Missed(reason) => Some(reason.as_str()),
+            MethodAnswer::TimedOut(reason) => Some(reason.as_str()),
             _ => None,
         });
-        self.missed.take(ExternalPart::Method, missed);
-        if let Some(found) = self.external.take(now, fault) {
+        self.missed_answers.record(ExternalPart::Method, missed);
+        if let Some(found) = self.external.record_step(now, fault) {
             let fails = found.is_some();
-            self.watch.method(found);
-            output.events.extend(fails.then(|| self.watch.step(now, gesture)).flatten());
+            self.source_watchdog.set_method_fault(found);
+            output.events.extend(fails.then(|| self.source_watchdog.step(now, command)).flatten());
         }
     }
 
     /// Whether the sources are alive. Some if the arm must stop now, or may go on: the method must know at once.
     fn watch_sources(&mut self, now: SimTime, input: &MethodInput<'_>) -> Option<EventKind> {
-        let watch = &mut self.watch;
-        let decides = input.gesture.decision.as_ref().is_some_and(|decision| !decision.stale);
-        if decides && !input.gesture.overridden {
-            watch.hear(now, InputSource::Armband, SignKind::Fresh);
+        let watch = &mut self.source_watchdog;
+        let decides = input.emg.decision.as_ref().is_some_and(|decision| !decision.stale);
+        if input.emg.overridden {
+            watch.ignore_armband();
+        } else if decides {
+            watch.record_heartbeat(now, InputSource::Armband, HeartbeatKind::Fresh);
         }
-        match input.intent.heard {
-            Some(GazeHeard::Fresh) => watch.hear(now, InputSource::EyeTracker, SignKind::Fresh),
-            Some(GazeHeard::Repeated) => watch.hear(now, InputSource::EyeTracker, SignKind::Repeated),
-            Some(GazeHeard::Blank) => watch.hear_blank(now),
+        match input.intent.gaze_freshness {
+            Some(GazeFreshness::Fresh) => {
+                watch.record_heartbeat(now, InputSource::EyeTracker, HeartbeatKind::Fresh)
+            }
+            Some(GazeFreshness::Repeated) => {
+                watch.record_heartbeat(now, InputSource::EyeTracker, HeartbeatKind::Repeated)
+            }
+            Some(GazeFreshness::EyeLost) => watch.record_eye_lost(now),
             None => {}
         }
-        for sign in input.signs {
-            watch.hear(now, sign.source, sign.kind);
+        for heartbeat in input.heartbeats {
+            watch.record_heartbeat(now, heartbeat.source, heartbeat.kind);
         }
-        watch.intent(input.intent.fault.as_deref());
+        watch.set_intent_fault(input.intent.fault.as_deref());
         if let Some(answer) = &input.intent.answer {
-            let missed = matches!(answer, IntentAnswer::Missed(_)).then(|| answer.text());
-            self.missed.take(ExternalPart::IntentModel, missed);
+            let missed = matches!(answer, IntentAnswer::TimedOut(_)).then(|| answer.text());
+            self.missed_answers.record(ExternalPart::IntentModel, missed);
+            // A blink tells nothing, as it should.
+            if input.intent.gaze_freshness != Some(GazeFreshness::EyeLost) {
+                let is_useful =
+                    input.intent.fault.is_none() && input.intent.posterior.iter().any(|share| *share > 0.0);
+                self.useful_answers.record(ExternalPart::IntentModel, is_useful);
+            }
         }
-        for answer in &input.gesture.answers {
+        for answer in &input.emg.answers {
             let missed = match answer {
-                WindowAnswer::Late { deadline_ms } => {
+                WindowAnswer::TimedOut { deadline_ms } => {
                     Some(format!("it has not answered within {deadline_ms} ms"))
                 }
                 _ => None,
             };
-            self.missed.take(ExternalPart::Decoder, missed.as_deref());
+            self.missed_answers.record(ExternalPart::Decoder, missed.as_deref());
+            self.useful_answers.record(ExternalPart::Decoder, decides);
         }
         if let Some(answer) = input.participant {
-            watch.participant(answer);
+            watch.set_participant_fault(answer);
         }
-        watch.armband(input.gesture.fault.clone(), input.gesture.armed);
-        watch.step(now, input.gesture.gesture)
+        watch.set_armband_state(input.emg.fault.clone(), input.emg.armed);
+        watch.step(now, input.emg.command)
     }
 
     /// What joints and digits feel.
-    fn felt(&self, world: &PlantState) -> JointStates {
+    fn joint_states(&self, world: &PlantState) -> JointStates {
         let digits = self.digit_of.iter().flatten().max().map_or(0, |last| last + 1);
         let mut digit_forces: JointVector = (0..digits).map(|_| 0.0).collect();
         for contact in &world.contacts {
@@ -357,7 +390,7 @@ impl MethodStage {
         }
     }
 
-    fn control(
+    fn step_method(
         &mut self,
         now: SimTime,
         input: &MethodInput<'_>,
@@ -367,59 +400,66 @@ impl MethodStage {
         if let Some(plan) = &output.plan {
             let reason = (!plan.reason.is_empty()).then(|| plan.reason.clone());
             output.events.push(EventKind::PlanFinished { request: plan.id, status: plan.status, reason });
-            output.events.extend(self.failed_plans.take(now, plan));
+            output.events.extend(self.failed_plans.record(now, plan));
         }
         let (world, arm) = (input.world, self.model.arm_count());
         let commanded = &input.actuation.command.position[..arm];
         let age = |at: Option<SimTime>| at.map(|at| now.millis_since(at));
         let objects = object_centres(world);
-        let felt = self.felt(world);
+        let felt = self.joint_states(world);
         let seen = ControlInput {
-            gesture: input.gesture.gesture,
-            recognised: input.gesture.recognised,
-            effort: input.gesture.effort,
-            drives: &input.gesture.drives,
-            message: input.gesture.message,
+            command: input.emg.command,
+            recognized_gesture: input.emg.recognized_gesture,
+            effort: input.emg.effort,
+            drives: &input.emg.drives,
+            published_command: input.emg.published_command,
             measured: &world.position[..arm],
             commanded,
             highlight: input.intent.highlight,
             objects: &objects,
             posterior: &input.intent.posterior,
-            place: input.intent.place,
+            place_point: input.intent.place_point,
             hand: input.hand,
             world_from_base: world.world_from_base,
             plan: output.plan.as_ref(),
             motion: input.actuation.motion,
-            felt: &felt,
+            joint_states: &felt,
             targets: &self.scene.targets,
-            limb: self.limb.as_deref(),
-            stop: self.watch.stop(),
-            emg_age_ms: age(input.gesture.decided_at),
-            gaze_age_ms: age(input.intent.seen_at),
+            limb: self.tracked_limb.as_deref(),
+            stop: self.source_watchdog.stop(),
+            emg_age_ms: age(input.emg.decided_at),
+            gaze_age_ms: age(input.intent.eye_seen_at),
             tracking_age_ms: age(self.tracked_at),
         };
-        let ControlOutput { motion, hand, fingers, plan, events, shown, fault } =
+        let ControlOutput { motion, hand, fingers, plan, events, display, fault } =
             self.method.step(now, &seen, kinematics);
-        output.said = events.len();
+        output.method_event_count = events.len();
         output.events.extend(events.into_iter().map(EventKind::from));
-        self.shown = shown;
-        self.external.acted |= motion.as_ref().is_some_and(|motion| *motion != MotionCommand::Hold)
+        self.last_display = display;
+        self.external.has_acted |= motion.as_ref().is_some_and(|motion| *motion != MotionCommand::Hold)
             || hand.is_some()
             || matches!(fingers, Some(FingerCommand::Goto(_)))
             || matches!(plan, Some(PlanCommand::Request(_)));
+        // A method in another process that asks for no speed at all has let go, and says so in the words that it has. Those of A and
+        // B press on while their gesture lasts.
+        let stands = |motion: &MotionCommand| matches!(motion, MotionCommand::Velocity(v) if v.iter().all(|v| *v == 0.0));
+        let motion = match motion {
+            Some(motion) if self.external.is_external && stands(&motion) => Some(MotionCommand::Hold),
+            motion => motion,
+        };
         (output.motion, output.hand, output.fingers) = (motion, hand, fingers);
         match plan {
             Some(PlanCommand::Request(goal)) => {
-                let id = self.plans.next_id();
+                let id = self.pending_plan.next_id();
                 let start = commanded.iter().copied().collect();
-                let seed = self.plans.seed();
+                let seed = self.pending_plan.seed();
                 let mut request = plan_request(id, &self.model, &self.scene, world, start, goal, seed);
-                request.held = self.held.clone();
-                self.plans.ask(now, request.clone());
+                request.held_joints = self.held_joints.clone();
+                self.pending_plan.submit(now, request.clone());
                 output.request = Some(Box::new(request));
                 output.events.push(EventKind::PlanRequested { request: id });
             }
-            Some(PlanCommand::Cancel) => self.plans.cancel(),
+            Some(PlanCommand::Cancel) => self.pending_plan.cancel(),
             None => {}
         }
         fault

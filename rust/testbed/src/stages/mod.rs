@@ -27,12 +27,12 @@ mod world;
 
 use proact_types::{PlantState, Point};
 
-pub use actuation::{ActuationInput, ActuationOutput, ActuationStage, Driven, DrivenJoint};
+pub use actuation::{ActuationInput, ActuationOutput, ActuationStage, ExternalJointTarget, ExternalTargets};
 pub use display::{DisplayInput, DisplayStage};
 pub use emg::{EmgStage, EmgStageInput, EmgStageOutput};
 pub use feedback::{FeedbackInput, FeedbackStage};
 pub use intent::{
-    GAZE_MAX_AGE_MS, GazeFilter, GazeHeard, GazeMeasurement, IntentInput, IntentOutput, IntentStage,
+    GAZE_MAX_AGE_MS, GazeFilter, GazeFreshness, GazeMeasurement, IntentInput, IntentOutput, IntentStage,
 };
 pub use method::{MethodInput, MethodOutput, MethodStage, MethodView};
 pub use person::{PersonInput, PersonParts, PersonStage};

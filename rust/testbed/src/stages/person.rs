@@ -6,8 +6,8 @@ use arrayvec::ArrayVec;
 use proact_intent::GazeOffset;
 use proact_participants::{Body, Participant, Trunk};
 use proact_types::{
-    DisplayFrame, GazeSample, Gesture, InputSign, InputSource, Intention, JointVector, MAX_SIGNS,
-    ParticipantAnswer, Point, Pose, SignKind, SimTime, TickInput, TrunkPosture, Vector, joints,
+    Command, DisplayFrame, GazeSample, Heartbeat, HeartbeatKind, InputSource, Intention, JointVector,
+    MAX_HEARTBEATS, ParticipantAnswer, Point, Pose, SimTime, TickInput, TrunkPosture, Vector, joints,
 };
 
 /// Ticks from one tracked shoulder pose to the next: 100 Hz, as motion capture gives.
@@ -32,16 +32,16 @@ pub struct PersonStage {
     parts: PersonParts,
     trunk: Trunk,
     intention: Intention,
-    seen: Option<GazeSample>,
+    last_gaze: Option<GazeSample>,
     /// What was heard since the last tick.
-    signs: ArrayVec<InputSign, MAX_SIGNS>,
+    heartbeats: ArrayVec<Heartbeat, MAX_HEARTBEATS>,
     /// Why the participant gives nothing, and news of it since the last tick.
     fault: Option<String>,
-    news: Option<ParticipantAnswer>,
+    participant_news: Option<ParticipantAnswer>,
     /// As the trackers sent them last: shoulder and limb.
-    measured: (Option<Pose>, Option<JointVector>),
+    last_tracked: (Option<Pose>, Option<JointVector>),
     gaze_offset: GazeOffset,
-    given: Option<Gesture>,
+    last_command: Option<Command>,
     /// `world_from_head` of a headset, while there is one.
     headset: Option<Pose>,
     /// A tracker's pose of the shoulder that no tick has had yet.
@@ -58,7 +58,7 @@ pub struct PersonInput<'a> {
     /// Angles of the arm joints after the tick before, rad: where the limb is when its tracking begins.
     pub arm: &'a [f64],
     /// The gesture in force after the tick before.
-    pub gesture: Gesture,
+    pub command: Command,
 }
 
 impl PersonStage {
@@ -68,19 +68,19 @@ impl PersonStage {
             parts,
             trunk: Trunk::new(body),
             intention: Intention {
-                gesture: Gesture::NoMotion,
+                gesture: Command::NoMotion,
                 gaze_direction: Vector::x(),
                 eyes_open: true,
                 trunk: TrunkPosture::default(),
                 limb: None,
             },
-            seen: None,
-            signs: ArrayVec::new(),
+            last_gaze: None,
+            heartbeats: ArrayVec::new(),
             fault: None,
-            news: None,
-            measured: (None, None),
+            participant_news: None,
+            last_tracked: (None, None),
             gaze_offset: GazeOffset::default(),
-            given: None,
+            last_command: None,
             headset: None,
             tracked_shoulder: None,
             limb: None,
@@ -90,59 +90,67 @@ impl PersonStage {
     }
 
     /// A live person makes a gesture, from the next tick on.
-    pub fn act(&mut self, gesture: Gesture) {
-        self.intention.gesture = gesture;
+    pub fn set_command(&mut self, command: Command) {
+        self.intention.gesture = command;
     }
 
     /// A live person makes a gesture by way of `source`, whose silence or end stops the arm from now on. In a trial
     /// with an armband this is a prompt, and nothing is stopped by it.
-    pub fn command(&mut self, source: InputSource, gesture: Gesture) {
-        self.act(gesture);
-        self.sign(source, SignKind::Commands);
+    pub fn set_command_from(&mut self, source: InputSource, command: Command) {
+        self.set_command(command);
+        self.push_heartbeat(source, HeartbeatKind::Command);
     }
 
     /// `source` said something, if only that it is there.
-    pub fn hear(&mut self, source: InputSource) {
-        self.sign(source, SignKind::Alive);
+    pub fn record_heartbeat(&mut self, source: InputSource) {
+        self.push_heartbeat(source, HeartbeatKind::Alive);
     }
 
     /// `source` said something over a line whose delay is over the limit: what it holds moves nothing.
-    pub fn hear_delayed(&mut self, source: InputSource) {
-        self.sign(source, SignKind::Delayed);
+    pub fn record_delayed_heartbeat(&mut self, source: InputSource) {
+        self.push_heartbeat(source, HeartbeatKind::Delayed);
+    }
+
+    /// `source` held a gesture and was silent for so long that its server let it go: the arm stops until it says something and the
+    /// hand was relaxed.
+    pub fn record_silence(&mut self, source: InputSource) {
+        self.push_heartbeat(source, HeartbeatKind::Silent);
     }
 
     /// `source` ended its connection: a gesture that it held is released, and if one is in force the arm stops.
-    pub fn close(&mut self, source: InputSource) {
-        self.act(Gesture::NoMotion);
-        self.sign(source, SignKind::Closed);
+    pub fn record_closed_connection(&mut self, source: InputSource) {
+        self.set_command(Command::NoMotion);
+        self.push_heartbeat(source, HeartbeatKind::Closed);
     }
 
-    fn sign(&mut self, source: InputSource, kind: SignKind) {
-        let sign = InputSign { source, kind };
+    fn push_heartbeat(&mut self, source: InputSource, kind: HeartbeatKind) {
+        let heartbeat = Heartbeat { source, kind };
         // Each is said once a tick; of more than fit, what was said first is known.
-        if !self.signs.contains(&sign) {
-            let _ = self.signs.try_push(sign);
+        if !self.heartbeats.contains(&heartbeat) {
+            let _ = self.heartbeats.try_push(heartbeat);
         }
     }
 
     /// A live person looks somewhere, as an eye tracker measured it: rays that repeat to the bit are those of a frozen
     /// one. A measurement of the same tick that came before is dropped.
-    pub fn look(&mut self, gaze: GazeSample) {
-        self.seen = Some(self.gaze_offset.correct(gaze));
+    pub fn set_gaze(&mut self, gaze: GazeSample) {
+        self.last_gaze = Some(self.gaze_offset.correct(gaze));
         // What was said of an earlier ray is not true of this one.
-        self.signs.retain(|sign| sign.kind != SignKind::Points && (sign.source != InputSource::EyeTracker));
+        self.heartbeats.retain(|heartbeat| {
+            heartbeat.kind != HeartbeatKind::PointingDevice && (heartbeat.source != InputSource::EyeTracker)
+        });
     }
 
-    /// [`PersonStage::look`] with a ray that the tracker sent before, bit for bit, before it was turned into `world`.
-    pub fn look_again(&mut self, gaze: GazeSample) {
-        self.look(gaze);
-        self.sign(InputSource::EyeTracker, SignKind::Repeated);
+    /// [`PersonStage::set_gaze`] with a ray that the tracker sent before, bit for bit, before it was turned into `world`.
+    pub fn set_repeated_gaze(&mut self, gaze: GazeSample) {
+        self.set_gaze(gaze);
+        self.push_heartbeat(InputSource::EyeTracker, HeartbeatKind::Repeated);
     }
 
-    /// A live person looks somewhere by a mouse or a stick, which may rest. Otherwise as [`PersonStage::look`].
-    pub fn point(&mut self, gaze: GazeSample) {
-        self.look(gaze);
-        self.sign(InputSource::Page, SignKind::Points);
+    /// A live person looks somewhere by a mouse or a stick, which may rest. Otherwise as [`PersonStage::set_gaze`].
+    pub fn set_pointer_gaze(&mut self, gaze: GazeSample) {
+        self.set_gaze(gaze);
+        self.push_heartbeat(InputSource::Page, HeartbeatKind::PointingDevice);
     }
 
     /// The error of a live person's gaze source, from the next measurement on. The record holds gaze without it.
@@ -151,7 +159,7 @@ impl PersonStage {
     }
 
     /// A live person asks the trunk to go somewhere.
-    pub fn lean(&mut self, posture: TrunkPosture) {
+    pub fn set_trunk_target(&mut self, posture: TrunkPosture) {
         self.intention.trunk = posture;
     }
 
@@ -164,16 +172,19 @@ impl PersonStage {
     /// A tracker saw a live person's shoulder: `world_from_shoulder`, from now on instead of the body model's.
     pub fn track_shoulder(&mut self, world_from_shoulder: Pose) {
         self.tracked_shoulder = Some(world_from_shoulder);
-        let repeats = self.measured.0.replace(world_from_shoulder) == Some(world_from_shoulder);
-        self.sign(InputSource::ShoulderTracker, if repeats { SignKind::Repeated } else { SignKind::Fresh });
+        let repeats = self.last_tracked.0.replace(world_from_shoulder) == Some(world_from_shoulder);
+        self.push_heartbeat(
+            InputSource::ShoulderTracker,
+            if repeats { HeartbeatKind::Repeated } else { HeartbeatKind::Fresh },
+        );
     }
 
     /// [`PersonStage::track_shoulder`] with a pose that the tracker sent before, bit for bit, before it was turned into
     /// `world`.
-    pub fn track_shoulder_again(&mut self, world_from_shoulder: Pose) {
+    pub fn track_repeated_shoulder(&mut self, world_from_shoulder: Pose) {
         self.tracked_shoulder = Some(world_from_shoulder);
-        self.measured.0 = Some(world_from_shoulder);
-        self.sign(InputSource::ShoulderTracker, SignKind::Repeated);
+        self.last_tracked.0 = Some(world_from_shoulder);
+        self.push_heartbeat(InputSource::ShoulderTracker, HeartbeatKind::Repeated);
     }
 
     /// A tracker saw a live person's own limb: its angles in the joints of the arm, rad.
@@ -185,31 +196,34 @@ impl PersonStage {
         if angles.len() != count || !angles.iter().all(|angle| angle.is_finite()) {
             return Err(TestbedError::Limb { got: angles.to_vec(), expected: count });
         }
-        let repeats = self.measured.1.as_deref() == Some(angles);
-        self.measured.1 = Some(joints(angles));
-        self.sign(InputSource::LimbTracker, if repeats { SignKind::Repeated } else { SignKind::Fresh });
+        let repeats = self.last_tracked.1.as_deref() == Some(angles);
+        self.last_tracked.1 = Some(joints(angles));
+        self.push_heartbeat(
+            InputSource::LimbTracker,
+            if repeats { HeartbeatKind::Repeated } else { HeartbeatKind::Fresh },
+        );
         self.intention.limb = Some(joints(angles));
         Ok(())
     }
 
     /// One step of the limb on its way, from `arm` where it has not been tracked yet.
     fn move_limb(&mut self, arm: &[f64]) -> Option<JointVector> {
-        let asked = self.intention.limb.as_ref()?;
+        let requested = self.intention.limb.as_ref()?;
         let furthest = self.motion.limb_rad_per_s * TRACKING_SECS;
-        let limb = self.limb.get_or_insert_with(|| joints(&arm[..asked.len()]));
-        for (angle, asked) in limb.iter_mut().zip(asked) {
-            *angle += (asked - *angle).clamp(-furthest, furthest);
+        let limb = self.limb.get_or_insert_with(|| joints(&arm[..requested.len()]));
+        for (angle, requested) in limb.iter_mut().zip(requested) {
+            *angle += (requested - *angle).clamp(-furthest, furthest);
         }
         Some(limb.clone())
     }
 
     /// `world_from_head` as a headset tracked it last; none before it did.
-    pub fn headset(&self) -> Option<Pose> {
+    pub fn headset_pose(&self) -> Option<Pose> {
         self.headset
     }
 
     /// The pose of the head now: `world_from_head`.
-    pub fn head(&self) -> Pose {
+    pub fn head_pose(&self) -> Pose {
         if let Some(pose) = self.headset {
             return pose;
         }
@@ -217,37 +231,37 @@ impl PersonStage {
     }
 
     /// The gesture that a simulated participant makes now; none when a person drives, whose muscles nobody asks.
-    pub fn intended(&self) -> Option<Gesture> {
+    pub fn intended_command(&self) -> Option<Command> {
         self.parts.participant.as_ref().map(|_| self.intention.gesture)
     }
 
-    /// How long the oldest EMG sample of the last tick had waited for it; see [`EmgSource::waited`].
-    pub fn waited(&self) -> Option<std::time::Duration> {
-        self.parts.emg.as_ref()?.waited()
+    /// How long the oldest EMG sample of the last tick had waited for it; see [`EmgSource::oldest_sample_wait`].
+    pub fn oldest_sample_wait(&self) -> Option<std::time::Duration> {
+        self.parts.emg.as_ref()?.oldest_sample_wait()
     }
 
     /// What enters the testbed in tick `now`.
     pub fn step(&mut self, now: SimTime, input: PersonInput<'_>) -> TickInput {
         self.trunk.step(now, self.intention.trunk);
-        let head = self.head();
+        let head = self.head_pose();
         let eye = Point::from(head.translation.vector);
 
-        let mut signs = std::mem::take(&mut self.signs);
+        let mut heartbeats = std::mem::take(&mut self.heartbeats);
         // Who lets go of nothing need not stop the arm. Gestures before an armband are prompts: who gives them does not
         // move the arm.
-        let (idle, prompts) = (input.gesture == Gesture::NoMotion, self.parts.emg.is_some());
-        signs.retain(|sign| match sign.kind {
-            SignKind::Closed => !idle && !prompts,
-            SignKind::Commands => !prompts,
+        let (idle, prompts) = (input.command == Command::NoMotion, self.parts.emg.is_some());
+        heartbeats.retain(|sign| match sign.kind {
+            HeartbeatKind::Closed => !idle && !prompts,
+            HeartbeatKind::Command => !prompts,
             _ => true,
         });
-        let (gaze, participant) = (self.seen.take(), self.news.take());
-        let mut tick = TickInput { gaze, signs, participant, ..TickInput::default() };
+        let (gaze, participant) = (self.last_gaze.take(), self.participant_news.take());
+        let mut tick = TickInput { gaze, heartbeats, participant, ..TickInput::default() };
         match &mut self.parts.emg {
             Some(emg) => tick.emg = emg.sample_at(now, self.intention.gesture),
-            None if self.given != Some(self.intention.gesture) => {
-                tick.gesture = Some(self.intention.gesture);
-                self.given = tick.gesture;
+            None if self.last_command != Some(self.intention.gesture) => {
+                tick.command = Some(self.intention.gesture);
+                self.last_command = tick.command;
             }
             None => {}
         }
@@ -258,7 +272,7 @@ impl PersonStage {
         // A real tracker's poses go on as they come.
         tick.shoulder = self.tracked_shoulder.take();
         if now.0.is_multiple_of(TRACKING_TICKS) {
-            if self.measured.0.is_none() {
+            if self.last_tracked.0.is_none() {
                 tick.shoulder = Some(self.trunk.body().shoulder_pose(&self.trunk.posture()));
             }
             tick.limb = self.move_limb(input.arm);
@@ -267,13 +281,13 @@ impl PersonStage {
     }
 
     /// A simulated participant looks at `frame`, and acts from the next tick on.
-    pub fn see(&mut self, frame: &DisplayFrame) {
+    pub fn show_frame(&mut self, frame: &DisplayFrame) {
         if let Some(participant) = &mut self.parts.participant {
             self.intention = participant.step(frame);
             let fault = participant.fault();
             if fault != self.fault.as_deref() {
                 self.fault = fault.map(str::to_owned);
-                self.news = Some(self.fault.clone().map_or(Ok(()), Err));
+                self.participant_news = Some(self.fault.clone().map_or(Ok(()), Err));
             }
         }
     }

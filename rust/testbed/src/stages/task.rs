@@ -43,10 +43,10 @@ impl TaskStage {
     /// One tick.
     pub fn step(&mut self, now: SimTime, input: TaskStageInput<'_>) -> TaskOutput {
         let TaskStageInput { world, held } = input;
-        let asked = self.task.minds_fingertips() && held.is_some();
-        let fingertips = if asked { fingertips(&self.model, world) } else { Vec::new() };
+        let is_needed = self.task.needs_fingertips() && held.is_some();
+        let fingertips = if is_needed { fingertips(&self.model, world) } else { Vec::new() };
         let joints = &world.position[..self.model.arm_count()];
-        let hand = if self.task.minds_hand() { self.hand(world) } else { Point::origin() };
+        let hand = if self.task.needs_hand() { self.hand(world) } else { Point::origin() };
         let seen = TaskInput { objects: &world.objects, held, fingertips: &fingertips, joints, hand };
         let events = self.task.step(now, &seen);
         TaskOutput { state: self.task.state().clone(), events, placements: self.task.placements().to_vec() }
@@ -55,8 +55,8 @@ impl TaskStage {
     /// Centre of the hand's widest grasp, `world`.
     fn hand(&self, world: &PlantState) -> Point {
         let mut poses = Vec::new();
-        self.model.place_links(&world.world_from_base, &world.position, &mut poses);
-        poses[self.model.tip] * Point::from(self.model.widest_grasp().centre)
+        self.model.link_poses_into(&world.world_from_base, &world.position, &mut poses);
+        poses[self.model.tip] * Point::from(self.model.widest_grasp().center)
     }
 
     /// The result for objects as they are now.
@@ -68,7 +68,7 @@ impl TaskStage {
 /// Where the last joint of each digit is, in `world`: the nearest to its tip that a description says for certain.
 fn fingertips(model: &ArmModel, world: &PlantState) -> Vec<Point> {
     let mut poses = Vec::new();
-    model.place_links(&world.world_from_base, &world.position, &mut poses);
+    model.link_poses_into(&world.world_from_base, &world.position, &mut poses);
     let digits = model.digits();
     let is_last = |link: usize| !model.joints.iter().any(|joint| joint.parent == link);
     let tips = (0..model.links.len()).filter(|link| digits[*link].is_some() && is_last(*link));

@@ -1,10 +1,10 @@
 use crate::{
-    GraspAction, GraspChoice, GraspDetector, TestbedError, TrialConfig,
-    grasp_watch::GraspWatch,
+    GraspAction, GraspDetector, GraspSelector, TestbedError, TrialConfig,
+    grasp_failure::GraspFailureDetector,
     ports::{Plant, PlantError},
 };
 use proact_arm::{ArmModel, OPEN_POSE};
-use proact_control::{HandCommand, HandTracker};
+use proact_control::{HandCommand, HandStateEstimator};
 use proact_types::{
     BodyState, EventKind, HandView, JointVector, ObjectId, PlantCommand, PlantState, Point, Scene, SimTime,
     joints,
@@ -15,15 +15,15 @@ use std::sync::Arc;
 pub struct WorldStage {
     model: Arc<ArmModel>,
     plant: Box<dyn Plant>,
-    grasp: GraspDetector,
-    watch: GraspWatch,
-    choice: GraspChoice,
+    grasp_detector: GraspDetector,
+    grasp_failure_detector: GraspFailureDetector,
+    grasp_selector: GraspSelector,
     /// Links of the fingers on the block that is held.
-    grasped_by: Vec<String>,
-    tracker: HandTracker,
+    grasping_links: Vec<String>,
+    hand_state_estimator: HandStateEstimator,
     /// Ticks whose contacts were solved inexactly.
     unsolved_ticks: u64,
-    solved: bool,
+    contacts_solved: bool,
 }
 
 /// What enters the world in one tick.
@@ -44,9 +44,9 @@ pub struct WorldOutput {
     pub hand: HandView,
     /// The block that was attached while the physics moved, an index in `Scene::blocks`; one that the hand takes in
     /// this tick is not yet.
-    pub carried: Option<usize>,
+    pub carried_object: Option<usize>,
     /// Angles of the fingers on a block that was taken in this tick, rad: they stay there.
-    pub frozen: Option<JointVector>,
+    pub frozen_fingers: Option<JointVector>,
     /// What happened.
     pub events: Vec<EventKind>,
 }
@@ -63,13 +63,13 @@ impl WorldStage {
         plant: Box<dyn Plant>,
     ) -> Result<Self, TestbedError> {
         Ok(Self {
-            grasp: GraspDetector::new(&config.physics, &model),
-            watch: GraspWatch::new(&config.physics, &model),
-            choice: GraspChoice::new(&model, scene)?,
-            tracker: HandTracker::new(model.pose("hand", OPEN_POSE)?),
-            grasped_by: Vec::new(),
+            grasp_detector: GraspDetector::new(&config.physics, &model),
+            grasp_failure_detector: GraspFailureDetector::new(&config.physics, &model),
+            grasp_selector: GraspSelector::new(&model, scene)?,
+            hand_state_estimator: HandStateEstimator::new(model.pose("hand", OPEN_POSE)?),
+            grasping_links: Vec::new(),
             unsolved_ticks: 0,
-            solved: true,
+            contacts_solved: true,
             plant,
             model,
         })
@@ -93,10 +93,10 @@ impl WorldStage {
     /// The hand after the last tick.
     pub fn hand(&self) -> HandView {
         let holds = self.plant.state().attached.map(|(object, _)| ObjectId::new(object));
-        HandView { state: self.tracker.state(), holds }
+        HandView { state: self.hand_state_estimator.state(), held_object: holds }
     }
 
-    /// Puts a block somewhere, see [`Plant::place`].
+    /// Puts a block somewhere, see [`Plant::place_point`].
     ///
     /// # Errors
     /// What the physics refuse; the block is then where it was.
@@ -119,43 +119,52 @@ impl WorldStage {
     pub fn step(&mut self, now: SimTime, input: WorldInput<'_>) -> Result<WorldOutput, TestbedError> {
         let refused = |source| TestbedError::Plant { time: now, source };
         if let Some(command) = input.hand {
-            self.tracker.note(command);
+            self.hand_state_estimator.set_command(command);
         }
         self.plant.step(input.command).map_err(refused)?;
         let state = self.plant.state();
         let carried = state.attached.map(|(block, _)| block);
         let arm = self.model.arm_count();
         let fingers = &state.position[arm..];
-        let hand = self.tracker.step(fingers, &state.velocity[arm..], input.hand_moving);
-        let action = self.grasp.step(&self.model, state, hand, self.tracker.command());
-        let mut output = WorldOutput { carried, ..WorldOutput::default() };
-        let solved = self.plant.solved();
+        let hand = self.hand_state_estimator.step(fingers, &state.velocity[arm..], input.hand_moving);
+        let action = self.grasp_detector.step(&self.model, state, hand, self.hand_state_estimator.command());
+        let mut output = WorldOutput { carried_object: carried, ..WorldOutput::default() };
+        let solved = self.plant.contacts_solved();
         self.unsolved_ticks += u64::from(!solved);
-        if self.solved && !solved {
+        if self.contacts_solved && !solved {
             output.events.push(EventKind::ContactsUnsolved);
         }
-        self.solved = solved;
-        let place = |block: usize| Point::from(state.objects[block].pose.translation.vector);
+        self.contacts_solved = solved;
+        let block_position = |block: usize| Point::from(state.objects[block].pose.translation.vector);
         match action {
             Some(GraspAction::Attach(block)) => {
-                self.grasped_by = self.grasp.fingers_on(&self.model, &state.contacts, block);
-                let (links, place) = (self.grasped_by.clone(), place(block));
-                output.events.push(EventKind::GraspMade { object: ObjectId::new(block), links, place });
-                output.frozen = Some(joints(fingers));
+                self.grasping_links = self.grasp_detector.fingers_on(&self.model, &state.contacts, block);
+                let (links, block_position) = (self.grasping_links.clone(), block_position(block));
+                output.events.push(EventKind::GraspMade {
+                    object: ObjectId::new(block),
+                    links,
+                    place: block_position,
+                });
+                output.frozen_fingers = Some(joints(fingers));
                 self.plant.attach(block, self.model.tip).map_err(refused)?;
             }
             Some(GraspAction::Release) => {
                 if let Some(block) = carried {
-                    let (links, place) = (std::mem::take(&mut self.grasped_by), place(block));
-                    output.events.push(EventKind::GraspEnded { object: ObjectId::new(block), links, place });
+                    let (links, block_position) =
+                        (std::mem::take(&mut self.grasping_links), block_position(block));
+                    output.events.push(EventKind::GraspEnded {
+                        object: ObjectId::new(block),
+                        links,
+                        place: block_position,
+                    });
                 }
                 self.plant.release();
             }
             None => {}
         }
         let state = self.plant.state();
-        let near = || self.choice.nearest(state);
-        output.events.extend(self.watch.step(
+        let near = || self.grasp_selector.nearest(state);
+        output.events.extend(self.grasp_failure_detector.step(
             input.hand,
             hand,
             &state.contacts,

@@ -3,11 +3,12 @@
 
 use proact_participants::Participant;
 use proact_testbed::{
-    Parts, PersonParts, Session, Setup, SpanDigest, Step, Testbed, TestbedError, TrialConfig,
+    PersonParts, RunningTrial, Setup, SpanDigest, Testbed, TestbedError, TestbedParts, TrialConfig,
+    TrialStep,
     doubles::{self, ScriptedGaze},
     replay,
 };
-use proact_types::{DisplayFrame, Event, EventKind, Gesture, Intention, SimTime, TickInput, TrunkPosture};
+use proact_types::{Command, DisplayFrame, Event, EventKind, Intention, SimTime, TickInput, TrunkPosture};
 use std::error::Error;
 
 pub type Outcome<T = ()> = Result<T, Box<dyn Error>>;
@@ -22,17 +23,17 @@ pub fn config(method: &str, limit_secs: f64) -> TrialConfig {
 pub struct Starer {
     pub block: usize,
     /// From which millisecond on which gesture is made; ascending.
-    pub script: Vec<(u64, Gesture)>,
+    pub script: Vec<(u64, Command)>,
 }
 
 impl Participant for Starer {
     fn step(&mut self, frame: &DisplayFrame) -> Intention {
         let eye = frame.world_from_head.translation.vector;
-        let looked_at = frame.objects[self.block].translation.vector;
+        let fixation_point = frame.objects[self.block].translation.vector;
         let made = self.script.iter().rev().find(|(from, _)| frame.time.0 >= *from);
         Intention {
-            gesture: made.map_or(Gesture::NoMotion, |(_, gesture)| *gesture),
-            gaze_direction: (looked_at - eye).normalize(),
+            gesture: made.map_or(Command::NoMotion, |(_, command)| *command),
+            gaze_direction: (fixation_point - eye).normalize(),
             eyes_open: true,
             trunk: TrunkPosture::default(),
             limb: None,
@@ -41,24 +42,24 @@ impl Participant for Starer {
 }
 
 /// A trial of `config` in which a [`Starer`] at block 0 follows `script`, measured by `gaze`.
-pub fn stare(config: TrialConfig, script: Vec<(u64, Gesture)>, gaze: ScriptedGaze) -> Outcome<Session> {
-    let parts = doubles::parts(&config);
+pub fn stare(config: TrialConfig, script: Vec<(u64, Command)>, gaze: ScriptedGaze) -> Outcome<RunningTrial> {
+    let parts = doubles::testbed_parts(&config);
     stare_with(config, parts, script, gaze)
 }
 
 /// [`stare`] with other parts.
 pub fn stare_with(
     config: TrialConfig,
-    parts: Parts,
-    script: Vec<(u64, Gesture)>,
+    parts: TestbedParts,
+    script: Vec<(u64, Command)>,
     gaze: ScriptedGaze,
-) -> Outcome<Session> {
+) -> Outcome<RunningTrial> {
     let person = PersonParts {
         participant: Some(Box::new(Starer { block: 0, script })),
         emg: None,
         gaze: Some(Box::new(gaze)),
     };
-    Ok(Session::new(Testbed::new(config, parts)?, person))
+    Ok(RunningTrial::new(Testbed::new(config, parts)?, person))
 }
 
 /// What happened in a trial.
@@ -74,17 +75,17 @@ pub struct Run {
 }
 
 impl Run {
-    /// Runs `session` for `ticks`, or to its end.
-    pub fn of(session: &mut Session, ticks: u64) -> Outcome<Self> {
+    /// Runs `trial` for `ticks`, or to its end.
+    pub fn of(trial: &mut RunningTrial, ticks: u64) -> Outcome<Self> {
         let mut run = Self::default();
         for tick in 1..=ticks {
-            let Step { time, input, output, frame } = session.step(tick == ticks)?;
+            let TrialStep { time, input, output, frame } = trial.step(tick == ticks)?;
             run.inputs.push((time, *input));
-            run.spans.extend(output.span);
+            run.spans.extend(output.span_digest);
             run.events.extend(output.events);
             run.highlights
                 .extend(frame.map(|frame| (time, frame.target.object.map(|object| object.index()))));
-            run.shoulder.push(session.testbed().plant().state().position[0]);
+            run.shoulder.push(trial.testbed().plant().state().position[0]);
             if output.finished {
                 break;
             }
@@ -114,7 +115,8 @@ pub fn replayed(
     config: &TrialConfig,
     inputs: &[(SimTime, TickInput)],
 ) -> Result<Vec<SpanDigest>, TestbedError> {
-    let parts = Parts { plans: Box::new(proact_testbed::LoggedPlans), ..doubles::parts(config) };
+    let parts =
+        TestbedParts { plans: Box::new(proact_testbed::LoggedPlans), ..doubles::testbed_parts(config) };
     let mut testbed = Testbed::new(config.clone(), parts)?;
     let last = inputs.last().map_or(SimTime(0), |(time, _)| *time);
     replay(&mut testbed, inputs.iter().cloned().map(Ok::<_, TestbedError>), last)

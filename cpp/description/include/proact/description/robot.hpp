@@ -29,7 +29,7 @@ struct Visual {
   Pose pose;
   Shape shape;
   /// Red, green, blue, alpha, 0 to 1; light grey when the description gives none.
-  std::array<double, 4> colour{};
+  std::array<double, 4> color{};
 };
 
 struct Link {

@@ -93,28 +93,28 @@ struct Options {
   /// Share of a joint's angle error that the position control takes away in one second.
   double position_gain = 200.0;
   /// The control may ask for this many times the joint's highest speed, to catch up.
-  double catch_up = 1.25;
+  double catch_up_factor = 1.25;
   /// A gear is not turned much faster than its motor can: from this many times the joint's highest speed on it brakes a joint
   /// that contacts turn, in engine reduced, by so many times the motor's limit for each highest speed more.
-  double gear_speed = 1.5;
+  double gear_speed_factor = 1.5;
   double gear_brake = 40.0;
   /// Commands of joints that are driven by gains are followed no faster than this, rad/s.
-  double gains_command_speed = 0.5;
-  /// Joints of the hand whose command has been constant and reached for hold_ticks become rigid, until the
+  double gain_command_speed_rad_per_s = 0.5;
+  /// Joints of the hand whose command has been constant and reached for lock_ticks become rigid, until the
   /// command changes: a body for each phalanx costs most of a tick.
-  bool hold_still_hand = true;
-  int hold_ticks = 50;
-  double hold_error = 2e-3;  ///< rad
-  double hold_speed = 2e-2;  ///< rad/s
+  bool lock_idle_hand = true;
+  int lock_ticks = 50;
+  double lock_error_rad = 2e-3;        ///< rad
+  double lock_speed_rad_per_s = 2e-2;  ///< rad/s
   /// Fastest motion of the base that is followed; at a faster one it stays where it is.
-  double base_speed = 5.0;       ///< m/s
-  double base_turn_speed = 20.0; ///< rad/s
+  double max_base_speed_m_per_s = 5.0;        ///< m/s
+  double max_base_turn_rate_rad_per_s = 20.0; ///< rad/s
   /// Penetration at which a contact pushes with full force, and its spring and damper in ODE's terms.
   double contact_erp = 0.2;
   double contact_cfm = 1e-3;
-  double surface_layer = 5e-5;        ///< m, resting contacts keep this overlap
-  double correcting_speed = 0.5;      ///< m/s, so that overlap is not thrown apart
-  double arm_correcting_speed = 0.05; ///< the same of the arm in fixed objects, in engine reduced
+  double surface_layer = 5e-5;                    ///< m, resting contacts keep this overlap
+  double max_correcting_speed_m_per_s = 0.5;      ///< m/s, so that overlap is not thrown apart
+  double max_arm_correcting_speed_m_per_s = 0.05; ///< the same of the arm in fixed objects, in engine reduced
   double joint_erp = 0.2;
   double joint_cfm = 1e-7;
   /// Of round blocks on fixed objects: decelerating torque over weight and radius. Assumed, as of hard plastic on
@@ -123,17 +123,17 @@ struct Options {
   /// Resting blocks fall asleep.
   bool sleep = true;
   /// Islands of more blocks than this are solved by sweeps (LargeIslands): at most so many there and back a tick, until no
-  /// speed at a contact changes by more than sweep_speed, m/s, or by this share of the blocks' mean speed. Fewer while the
-  /// blocks' mean speed is above `motion`, m/s: a tick of what moves corrects the one before.
+  /// speed at a contact changes by more than sweep_tolerance_m_per_s or by this share of the blocks' mean speed. Fewer
+  /// while the blocks' mean speed is above `motion_speed_m_per_s`: a tick of what moves corrects the one before.
   std::size_t large_island = 4;
   int sweeps = 20;
   int sweeps_in_motion = 6;
-  double motion = 0.01;
-  double sweep_speed = 2e-5;
-  double sweep_share = 1e-3;
+  double motion_speed_m_per_s = 0.01;
+  double sweep_tolerance_m_per_s = 2e-5;
+  double sweep_tolerance_ratio = 1e-3;
   /// A carried block shares the body of the link that holds it; else ODE holds it there by a fixed joint, which only
   /// Engine::ode can do.
-  bool merge_carried = true;
+  bool merge_attached = true;
 };
 
 struct Model {

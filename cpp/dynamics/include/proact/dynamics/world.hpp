@@ -61,7 +61,7 @@ class World {
   /// Torque of the position control, N m. A joint at its stop shows the stop's torque, one held rigid zero.
   const std::vector<double>& efforts() const noexcept;
   /// What stops and braking gears bear beside the motors, N m.
-  const std::vector<double>& borne() const noexcept;
+  const std::vector<double>& limit_effort() const noexcept;
   const Pose& world_from_base() const noexcept;
   /// Whether the base stood still in the last tick because it was told to jump.
   bool base_held() const noexcept;
@@ -92,9 +92,9 @@ class World {
   /// Bodies that the arm consists of at present, the base included.
   std::size_t arm_body_count() const noexcept;
   /// Complaints of ODE's solver since the start, such as a contact problem solved inexactly.
-  std::uint64_t solver_complaints() const noexcept;
+  std::uint64_t solver_warnings() const noexcept;
   /// ODE's words in the latest of them; empty if there was none, or if it was our own solver's.
-  const std::string& last_complaint() const noexcept;
+  const std::string& last_solver_warning() const noexcept;
 
   static constexpr std::size_t contact_capacity = 64;
 

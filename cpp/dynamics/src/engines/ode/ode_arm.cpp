@@ -22,7 +22,7 @@ dMass link_mass(const Link& link, const Pose& frame_from_link) {
 }
 
 /// Angular acceleration of a free body about `axis` by a torque of 1 N m about it, 1/(kg m^2).
-double turning_ease(dBodyID body, const Vec3& axis) {
+double inverse_inertia_about(dBodyID body, const Vec3& axis) {
   dMass mass;
   dBodyGetMass(body, &mass);
   dMatrix3 inverse_inertia;
@@ -36,7 +36,7 @@ double turning_ease(dBodyID body, const Vec3& axis) {
 
 }  // namespace
 
-OdeArm::OdeArm(const ArmSurroundings& surroundings)
+OdeArm::OdeArm(const ArmContext& surroundings)
     : Arm(surroundings.model.links.size()),
       model_(surroundings.model),
       world_(surroundings.world),
@@ -49,7 +49,7 @@ OdeArm::OdeArm(const ArmSurroundings& surroundings)
       contact_joints_(surroundings.contact_joints),
       islands_(surroundings.islands),
       motions_(surroundings.model.links.size()),
-      hanging_(surroundings.blocks.count(), false) {}
+      arm_connected_(surroundings.blocks.count(), false) {}
 
 /// Finds poses and twists of all links at `positions` and the present speeds. Expects that of the base.
 void OdeArm::place_links(const std::vector<double>& positions) {
@@ -59,8 +59,8 @@ void OdeArm::place_links(const std::vector<double>& positions) {
     FrameMotion& child = motions_[k + 1];
     child.pose = parent.pose * joint.origin;
     child.angular = parent.angular;
-    if (const std::size_t moving = joints_.moving_of(k); moving != no_index) {
-      child.pose = turned(child.pose, joint.axis, positions[moving]);
+    if (const std::size_t moving = joints_.moving_index(k); moving != no_index) {
+      child.pose = joint_pose(child.pose, joint.axis, positions[moving]);
       child.angular = child.angular + rotate(child.pose.rotation, joint.axis) * joints_.velocities()[moving];
     }
     child.linear = parent.linear + cross(parent.angular, child.pose.position - parent.pose.position);
@@ -93,7 +93,7 @@ void OdeArm::set_masses() {
       dBodySetKinematic(bodies_[body]);
       continue;
     }
-    add_carried_mass(body, total);
+    add_attached_mass(body, total);
     const Vec3 centre = to_vec(total.c);
     dMassTranslate(&total, -centre.x, -centre.y, -centre.z);
     // Rounding leaves a remainder, and ODE asks for exactly zero.
@@ -108,8 +108,8 @@ void OdeArm::set_masses() {
 }
 
 /// Adds the carried block to the mass of a body that it is part of.
-void OdeArm::add_carried_mass(std::size_t body, dMass& total) const {
-  if (!carrying_.merged()) return;
+void OdeArm::add_attached_mass(std::size_t body, dMass& total) const {
+  if (!carrying_.is_merged()) return;
   const Attachment& attachment = *carrying_.attached();
   if (links_.body_of(attachment.link) != body) return;
   dMass mass;
@@ -137,42 +137,42 @@ void OdeArm::make_hinges() {
     const Vec3 axis = rotate(pose.rotation, joint.axis);
     dJointSetHingeAnchor(hinge, pose.position.x, pose.position.y, pose.position.z);
     dJointSetHingeAxis(hinge, axis.x, axis.y, axis.z);
-    double yielding = turning_ease(child, axis);
-    if (parent != 0) yielding += turning_ease(bodies_[parent], axis);
-    hinges_.push_back({hinge, joints_.moving_of(k), 1.0 / yielding, {}});
+    double yielding = inverse_inertia_about(child, axis);
+    if (parent != 0) yielding += inverse_inertia_about(bodies_[parent], axis);
+    hinges_.push_back({hinge, joints_.moving_index(k), 1.0 / yielding, {}});
   }
   // ODE keeps the addresses, so they are given once the vector has stopped growing.
   for (Hinge& hinge : hinges_) dJointSetFeedback(hinge.joint, &hinge.feedback);
 }
 
 /// Hangs the arm's and the blocks' shapes on their bodies.
-void OdeArm::hang_geoms() {
+void OdeArm::attach_geoms() {
   for (const Geom& geom : geoms_.links) {
-    geom.hang(bodies_[links_.body_of(geom.owner)], links_.body_from_link(geom.owner) * geom.owner_from_shape);
+    geom.attach(bodies_[links_.body_of(geom.owner)], links_.body_from_link(geom.owner) * geom.owner_from_shape);
   }
   for (const Geom& geom : geoms_.blocks) {
-    if (carrying_.merges(geom.owner)) {
+    if (carrying_.is_merged_block(geom.owner)) {
       const Attachment& attachment = *carrying_.attached();
-      geom.hang(bodies_[links_.body_of(attachment.link)],
-                links_.body_from_link(attachment.link) * attachment.link_from_block);
+      geom.attach(bodies_[links_.body_of(attachment.link)],
+                  links_.body_from_link(attachment.link) * attachment.link_from_block);
     } else {
-      geom.hang(blocks_.body(geom.owner), Pose{});
+      geom.attach(blocks_.body(geom.owner), Pose{});
     }
   }
 }
 
 /// Gives a carried block that has a body of its own a fixed joint. ODE takes the present places for those to keep, so the
 /// block is put for a moment where it belongs.
-void OdeArm::hold_carried_block() {
-  if (!carrying_.apart()) return;
+void OdeArm::attach_block() {
+  if (!carrying_.is_separate()) return;
   const Attachment& attachment = *carrying_.attached();
   const dBodyID block = blocks_.body(attachment.block);
   const dBodyID body = bodies_[links_.body_of(attachment.link)];
   const Pose present = body_pose(block);
   set_body_pose(block, body_pose(body) * links_.body_from_link(attachment.link) * attachment.link_from_block);
-  holding_ = dJointCreateFixed(world_, nullptr);
-  dJointAttach(holding_, block, body);
-  dJointSetFixed(holding_);
+  attachment_joint_ = dJointCreateFixed(world_, nullptr);
+  dJointAttach(attachment_joint_, block, body);
+  dJointSetFixed(attachment_joint_);
   set_body_pose(block, present);
 }
 
@@ -181,8 +181,8 @@ void OdeArm::build_at(const Pose& world_from_base) {
   const std::vector<dBodyID> old_bodies = bodies_;
   for (const Hinge& hinge : hinges_) dJointDestroy(hinge.joint);
   hinges_.clear();
-  if (holding_ != nullptr) dJointDestroy(holding_);
-  holding_ = nullptr;
+  if (attachment_joint_ != nullptr) dJointDestroy(attachment_joint_);
+  attachment_joint_ = nullptr;
 
   links_.join(model_, joints_);
   bodies_.clear();
@@ -195,7 +195,7 @@ void OdeArm::build_at(const Pose& world_from_base) {
   const std::vector<double>& positions = joints_.positions();
   std::vector<double> zeros(positions.size(), 0.0);
   for (std::size_t k = 0; k < model_.joints.size(); ++k) {
-    const std::size_t moving = joints_.moving_of(k);
+    const std::size_t moving = joints_.moving_index(k);
     if (moving != no_index && joints_.rigid(k)) zeros[moving] = positions[moving];
   }
   motions_[0] = base_.motion();
@@ -216,18 +216,18 @@ void OdeArm::build_at(const Pose& world_from_base) {
   // Infinitesimal rotation would leave the base behind its command by the square of the turn.
   dBodySetFiniteRotationMode(bodies_[0], 1);
 
-  hold_carried_block();
-  hang_geoms();
+  attach_block();
+  attach_geoms();
   for (const dBodyID body : old_bodies) dBodyDestroy(body);
 }
 
 /// A motor at its speed yields by the world's softness; one that is driven by gains by their inverse, which makes ODE
 /// solve for their torque at the end of the tick: torque - slope * speed.
 void OdeArm::set_motor(dJointID hinge, const Motor& motor) const {
-  const bool gains = motor.slope > 0.0;
-  dJointSetHingeParam(hinge, dParamVel, gains ? motor.torque / motor.slope : motor.speed);
+  const bool gains = motor.gain_damping > 0.0;
+  dJointSetHingeParam(hinge, dParamVel, gains ? motor.torque / motor.gain_damping : motor.speed);
   dJointSetHingeParam(hinge, dParamFMax, gains ? dInfinity : motor.limit);
-  dJointSetHingeParam(hinge, dParamCFM, gains ? 1.0 / motor.slope : model_.options.joint_cfm);
+  dJointSetHingeParam(hinge, dParamCFM, gains ? 1.0 / motor.gain_damping : model_.options.joint_cfm);
 }
 
 /// Damping and friction act as they do at the end of the tick (implicit Euler, of each joint by itself): taken from
@@ -239,7 +239,7 @@ void OdeArm::drive(const double* position, const double* velocity) {
     const std::size_t k = hinge.moving;
     const Motor motor = control_.motor(k, position[k], velocity[k]);
     set_motor(hinge.joint, motor);
-    const double rubbing = motor.rubbing - motor.slope;
+    const double rubbing = motor.damping - motor.gain_damping;
     const double torque = -rubbing * joints_.velocities()[k] / (1.0 + tick_secs * rubbing / hinge.inertia);
     dJointAddHingeTorque(hinge.joint, torque);
   }
@@ -252,31 +252,31 @@ void OdeArm::place_geoms() {
 
 /// Blocks that hang together with the arm by contacts stay awake: ODE wakes them, but one that the arm pushes slowly
 /// would be put to sleep again in each tick, and lose its speed there.
-void OdeArm::keep_awake(const std::vector<Touch>& touches) {
-  std::fill(hanging_.begin(), hanging_.end(), false);
-  const auto moves = [&](const Side& side) {
-    return side.block == no_index ? side.body != nullptr : static_cast<bool>(hanging_[side.block]);
+void OdeArm::keep_awake(const std::vector<ContactConstraint>& touches) {
+  std::fill(arm_connected_.begin(), arm_connected_.end(), false);
+  const auto moves = [&](const ContactSide& side) {
+    return side.block == no_index ? side.body != nullptr : static_cast<bool>(arm_connected_[side.block]);
   };
-  const auto hang = [&](const Side& side) {
-    if (side.block == no_index || hanging_[side.block]) return false;
-    hanging_[side.block] = true;
+  const auto hang = [&](const ContactSide& side) {
+    if (side.block == no_index || arm_connected_[side.block]) return false;
+    arm_connected_[side.block] = true;
     blocks_.keep_awake(side.block);
     return true;
   };
   for (bool grown = true; grown;) {
     grown = false;
-    for (const Touch& touch : touches) {
+    for (const ContactConstraint& touch : touches) {
       if (moves(touch.first)) grown = hang(touch.second) || grown;
       if (moves(touch.second)) grown = hang(touch.first) || grown;
     }
   }
 }
 
-bool OdeArm::push(Collisions&) {
-  keep_awake(islands_.others());
-  for (const Touch& touch : islands_.others()) contact_joints_.push(touch);
-  islands_.begin();
-  islands_.settle();
+bool OdeArm::resolve_contacts(Collisions&) {
+  keep_awake(islands_.remaining_constraints());
+  for (const ContactConstraint& touch : islands_.remaining_constraints()) contact_joints_.add(touch);
+  islands_.begin_solve();
+  islands_.solve();
   return true;
 }
 
@@ -294,8 +294,8 @@ void OdeArm::finish() {
     dJointGetHingeAxis(hinge.joint, axis_at);
     const Vec3 lever = to_vec(anchor_at) - to_vec(dBodyGetPosition(dJointGetBody(hinge.joint, 0)));
     const double effort = dot(to_vec(axis_at), to_vec(hinge.feedback.t1) - cross(lever, to_vec(hinge.feedback.f1)));
-    const double borne = control_.borne(hinge.moving, effort);
-    joints_.move(hinge.moving, angle, rate, effort - borne, borne);
+    const double borne = control_.limit_effort(hinge.moving, effort);
+    joints_.set_state(hinge.moving, angle, rate, effort - borne, borne);
   }
 }
 
@@ -310,7 +310,7 @@ bool OdeArm::all_finite() const {
 
 Arm::State OdeArm::state() const {
   State state{built_base_, std::vector<int>(model_.moving.size(), 0), {}};
-  for (const dBodyID body : bodies_) state.bodies.push_back(BodyBits::of(body));
+  for (const dBodyID body : bodies_) state.bodies.push_back(OdeBodyState::capture(body));
   return state;
 }
 
@@ -318,7 +318,7 @@ void OdeArm::restore(const State& state) {
   // Where the base was when the bodies were last built decides how their shape was rounded. Their places are saved
   // beside the angles, because they carry the small errors of ODE's joints.
   build_at(state.built_base);
-  for (std::size_t k = 0; k < bodies_.size(); ++k) state.bodies[k].put(bodies_[k]);
+  for (std::size_t k = 0; k < bodies_.size(); ++k) state.bodies[k].restore(bodies_[k]);
 }
 
 }  // namespace proact::dynamics

@@ -21,14 +21,16 @@ namespace proact::dynamics {
 
 class OdeArm final : public Arm {
  public:
-  explicit OdeArm(const ArmSurroundings& surroundings);
+  explicit OdeArm(const ArmContext& surroundings);
 
   void build() override { build_at(base_.pose()); }
   void drive(const double* position, const double* velocity) override;
   void place_geoms() override;
-  bool push(Collisions& collisions) override;
+  bool resolve_contacts(Collisions& collisions) override;
   void finish() override;
-  Side side_of_link(std::size_t link) const override { return {bodies_[links_.body_of(link)], no_index, no_index}; }
+  ContactSide contact_side(std::size_t link) const override {
+    return {bodies_[links_.body_of(link)], no_index, no_index};
+  }
   FrameMotion motion(std::size_t body) const override;
   bool moved_by_ode() const override { return true; }
   bool all_finite() const override;
@@ -47,12 +49,12 @@ class OdeArm final : public Arm {
   void place_links(const std::vector<double>& positions);
   void place_bodies();
   void set_masses();
-  void add_carried_mass(std::size_t body, dMass& total) const;
+  void add_attached_mass(std::size_t body, dMass& total) const;
   void make_hinges();
   void set_motor(dJointID hinge, const Motor& motor) const;
-  void hold_carried_block();
-  void hang_geoms();
-  void keep_awake(const std::vector<Touch>& touches);
+  void attach_block();
+  void attach_geoms();
+  void keep_awake(const std::vector<ContactConstraint>& touches);
 
   const Model& model_;
   dWorldID world_;
@@ -60,7 +62,7 @@ class OdeArm final : public Arm {
   ArmJoints& joints_;
   JointControl& control_;
   BlockBodies& blocks_;
-  const Carrying& carrying_;
+  const BlockAttachment& carrying_;
   Geoms& geoms_;
   ContactJoints& contact_joints_;
   LargeIslands& islands_;
@@ -68,10 +70,10 @@ class OdeArm final : public Arm {
   // ODE's world destroys bodies and joints.
   std::vector<dBodyID> bodies_;        ///< the first is the base
   std::vector<Hinge> hinges_;
-  dJointID holding_ = nullptr;         ///< holds the carried block, if it has a body of its own
-  Pose built_base_;                    ///< the base when the bodies were last built
-  std::vector<FrameMotion> motions_;   ///< by link, scratch
-  std::vector<bool> hanging_;          ///< by block, scratch: hangs together with the arm by contacts in this tick
+  dJointID attachment_joint_ = nullptr;   ///< holds the carried block, if it has a body of its own
+  Pose built_base_;                       ///< the base when the bodies were last built
+  std::vector<FrameMotion> motions_;      ///< by link, scratch
+  std::vector<bool> arm_connected_;       ///< by block, scratch: hangs together with the arm by contacts in this tick
 };
 
 }  // namespace proact::dynamics

@@ -7,13 +7,13 @@ namespace proact::dynamics {
 namespace {
 
 /// `parent` and the hinge give the child's place.
-Pose behind(const Pose& parent, const ArmTree::Body& body, double angle) {
-  return turned(parent * body.parent_from_hinge, body.axis, angle);
+Pose child_pose(const Pose& parent, const ArmTree::Body& body, double angle) {
+  return joint_pose(parent * body.parent_from_hinge, body.axis, angle);
 }
 
 }  // namespace
 
-Symmetric rotated(const Quat& q, const Symmetric& m) {
+SymmetricMatrix3 rotated(const Quat& q, const SymmetricMatrix3& m) {
   const Vec3 x = rotate(q, {1.0, 0.0, 0.0});
   const Vec3 y = rotate(q, {0.0, 1.0, 0.0});
   const Vec3 z = cross(x, y);
@@ -25,13 +25,13 @@ Symmetric rotated(const Quat& q, const Symmetric& m) {
           a.y * x.y + b.y * y.y + c.y * z.y, a.y * x.z + b.y * y.z + c.y * z.z, a.z * x.z + b.z * y.z + c.z * z.z};
 }
 
-Pose moved(const Pose& pose, const Vec3& linear, const Vec3& angular, double secs) {
+Pose integrate_pose(const Pose& pose, const Vec3& linear, const Vec3& angular, double secs) {
   const double speed = norm(angular);
   const Quat turn = speed > 0.0 ? about_axis(angular * (1.0 / speed), speed * secs) : Quat{};
   return {pose.position + linear * secs, normalized(turn * pose.rotation)};
 }
 
-Symmetric point_inertia(double mass, const Vec3& r) {
+SymmetricMatrix3 point_inertia(double mass, const Vec3& r) {
   return {mass * (r.y * r.y + r.z * r.z), -mass * r.x * r.y, -mass * r.x * r.z,
           mass * (r.x * r.x + r.z * r.z), -mass * r.y * r.z, mass * (r.x * r.x + r.y * r.y)};
 }
@@ -46,10 +46,10 @@ void ArmTree::place(const Pose& world_from_base, const std::vector<double>& posi
   placed_[0].pose = world_from_base;
   for (std::size_t k = 1; k < bodies.size(); ++k) {
     const Body& body = bodies[k];
-    Placed& placed = placed_[k];
-    placed.pose = behind(placed_[body.parent].pose, body, positions[body.moving]);
+    PlacedBody& placed = placed_[k];
+    placed.pose = child_pose(placed_[body.parent].pose, body, positions[body.moving]);
     placed.axis = rotate(placed.pose.rotation, body.axis);
-    placed.centre = rotate(placed.pose.rotation, body.centre);
+    placed.center = rotate(placed.pose.rotation, body.center);
     placed.inertia = rotated(placed.pose.rotation, body.inertia);
   }
 }
@@ -60,7 +60,7 @@ FrameMotion ArmTree::motion(std::size_t body, const FrameMotion& base, const std
   const Body& own = bodies[body];
   const FrameMotion parent = motion(own.parent, base, positions, velocities);
   FrameMotion out;
-  out.pose = behind(parent.pose, own, positions[own.moving]);
+  out.pose = child_pose(parent.pose, own, positions[own.moving]);
   out.angular = parent.angular + rotate(out.pose.rotation, own.axis) * velocities[own.moving];
   out.linear = parent.linear + cross(parent.angular, out.pose.position - parent.pose.position);
   return out;
@@ -74,7 +74,7 @@ void ArmTree::inverse_dynamics(const BaseMotion& base, const Vec3& gravity, cons
   motions_[0].acceleration = base.linear_acceleration - gravity;
   for (std::size_t k = 1; k < bodies.size(); ++k) {
     const Body& body = bodies[k];
-    const Placed& placed = placed_[k];
+    const PlacedBody& placed = placed_[k];
     const Motion& parent = motions_[body.parent];
     Motion& own = motions_[k];
     const Vec3 turning = placed.axis * velocity[k - 1];
@@ -84,11 +84,11 @@ void ArmTree::inverse_dynamics(const BaseMotion& base, const Vec3& gravity, cons
     const Vec3 arm = placed.pose.position - placed_[body.parent].pose.position;
     own.acceleration = parent.acceleration + cross(parent.angular_acceleration, arm) +
                        cross(parent.angular, cross(parent.angular, arm));
-    const Vec3 centre = own.acceleration + cross(own.angular_acceleration, placed.centre) +
-                        cross(own.angular, cross(own.angular, placed.centre));
+    const Vec3 centre = own.acceleration + cross(own.angular_acceleration, placed.center) +
+                        cross(own.angular, cross(own.angular, placed.center));
     own.force = centre * body.mass;
     own.moment = placed.inertia * own.angular_acceleration + cross(own.angular, placed.inertia * own.angular) +
-                 cross(placed.centre, own.force);
+                 cross(placed.center, own.force);
   }
   for (std::size_t k = bodies.size() - 1; k > 0; --k) {
     const Motion& own = motions_[k];
@@ -104,9 +104,9 @@ void ArmTree::inverse_dynamics(const BaseMotion& base, const Vec3& gravity, cons
 void ArmTree::mass_matrix(std::vector<double>& out) {
   const std::size_t n = hinge_count();
   for (std::size_t k = 1; k < bodies.size(); ++k) {
-    const Placed& placed = placed_[k];
-    composites_[k] = {bodies[k].mass, placed.centre * bodies[k].mass,
-                      placed.inertia + point_inertia(bodies[k].mass, placed.centre)};
+    const PlacedBody& placed = placed_[k];
+    composites_[k] = {bodies[k].mass, placed.center * bodies[k].mass,
+                      placed.inertia + point_inertia(bodies[k].mass, placed.center)};
   }
   for (std::size_t k = bodies.size() - 1; k > 0; --k) {
     const std::size_t parent = bodies[k].parent;
@@ -114,18 +114,18 @@ void ArmTree::mass_matrix(std::vector<double>& out) {
     const Composite& own = composites_[k];
     Composite& sum = composites_[parent];
     const Vec3 r = placed_[k].pose.position - placed_[parent].pose.position;
-    const Vec3& h = own.first;
+    const Vec3& h = own.first_moment;
     const double both = 2.0 * dot(r, h);
-    sum.second = sum.second + own.second + point_inertia(own.mass, r) +
-                 Symmetric{both - 2.0 * r.x * h.x, -(r.x * h.y + r.y * h.x), -(r.x * h.z + r.z * h.x),
-                           both - 2.0 * r.y * h.y, -(r.y * h.z + r.z * h.y), both - 2.0 * r.z * h.z};
-    sum.first = sum.first + h + r * own.mass;
+    sum.second_moment = sum.second_moment + own.second_moment + point_inertia(own.mass, r) +
+                        SymmetricMatrix3{both - 2.0 * r.x * h.x, -(r.x * h.y + r.y * h.x), -(r.x * h.z + r.z * h.x),
+                                         both - 2.0 * r.y * h.y, -(r.y * h.z + r.z * h.y), both - 2.0 * r.z * h.z};
+    sum.first_moment = sum.first_moment + h + r * own.mass;
     sum.mass += own.mass;
   }
   std::fill(out.begin(), out.begin() + static_cast<std::ptrdiff_t>(n * n), 0.0);
   for (std::size_t k = 1; k < bodies.size(); ++k) {
-    const Vec3 force = cross(placed_[k].axis, composites_[k].first);
-    Vec3 moment = composites_[k].second * placed_[k].axis;
+    const Vec3 force = cross(placed_[k].axis, composites_[k].first_moment);
+    Vec3 moment = composites_[k].second_moment * placed_[k].axis;
     out[(k - 1) * n + k - 1] = dot(placed_[k].axis, moment);
     for (std::size_t j = k; bodies[j].parent != 0;) {
       const std::size_t parent = bodies[j].parent;

@@ -11,7 +11,7 @@
 namespace proact::dynamics {
 
 /// A symmetric matrix, such as an inertia, kg m^2.
-struct Symmetric {
+struct SymmetricMatrix3 {
   double xx = 0.0;
   double xy = 0.0;
   double xz = 0.0;
@@ -20,20 +20,20 @@ struct Symmetric {
   double zz = 0.0;
 };
 
-inline Symmetric operator+(const Symmetric& a, const Symmetric& b) {
+inline SymmetricMatrix3 operator+(const SymmetricMatrix3& a, const SymmetricMatrix3& b) {
   return {a.xx + b.xx, a.xy + b.xy, a.xz + b.xz, a.yy + b.yy, a.yz + b.yz, a.zz + b.zz};
 }
-inline Vec3 operator*(const Symmetric& m, const Vec3& v) {
+inline Vec3 operator*(const SymmetricMatrix3& m, const Vec3& v) {
   return {m.xx * v.x + m.xy * v.y + m.xz * v.z, m.xy * v.x + m.yy * v.y + m.yz * v.z,
           m.xz * v.x + m.yz * v.y + m.zz * v.z};
 }
 /// The same matrix in the axes that `q` turns its own into.
-Symmetric rotated(const Quat& q, const Symmetric& m);
+SymmetricMatrix3 rotated(const Quat& q, const SymmetricMatrix3& m);
 /// Inertia of `mass` at `r` about the origin.
-Symmetric point_inertia(double mass, const Vec3& r);
+SymmetricMatrix3 point_inertia(double mass, const Vec3& r);
 
 /// Where a frame is after `secs` at a constant twist.
-Pose moved(const Pose& pose, const Vec3& linear, const Vec3& angular, double secs);
+Pose integrate_pose(const Pose& pose, const Vec3& linear, const Vec3& angular, double secs);
 
 class ArmTree {
  public:
@@ -44,21 +44,21 @@ class ArmTree {
     Pose parent_from_hinge;
     Vec3 axis;               ///< own axes
     double mass = 0.0;
-    Vec3 centre;             ///< of mass, own frame
-    Symmetric inertia;       ///< about the centre of mass, own axes
+    Vec3 center;                    ///< of mass, own frame
+    SymmetricMatrix3 inertia;       ///< about the centre of mass, own axes
   };
   /// A body as it stands.
-  struct Placed {
+  struct PlacedBody {
     Pose pose;
     Vec3 axis;
-    Vec3 centre;        ///< of mass, from the body's origin
-    Symmetric inertia;  ///< about the centre of mass
+    Vec3 center;               ///< of mass, from the body's origin
+    SymmetricMatrix3 inertia;  ///< about the centre of mass
   };
 
   std::vector<Body> bodies;
 
   std::size_t hinge_count() const { return bodies.size() - 1; }
-  const std::vector<Placed>& placed() const { return placed_; }
+  const std::vector<PlacedBody>& placed() const { return placed_; }
 
   /// Takes over the number of bodies.
   void resize();
@@ -85,11 +85,11 @@ class ArmTree {
   /// A body with all that it carries, about the body's origin.
   struct Composite {
     double mass;
-    Vec3 first;  ///< mass times centre
-    Symmetric second;
+    Vec3 first_moment;  ///< mass times centre
+    SymmetricMatrix3 second_moment;
   };
 
-  std::vector<Placed> placed_;
+  std::vector<PlacedBody> placed_;
   std::vector<Motion> motions_;
   std::vector<Composite> composites_;
 };

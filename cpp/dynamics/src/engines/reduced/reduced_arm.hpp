@@ -23,8 +23,8 @@
 
 #include "arm.hpp"
 #include "engines/reduced/arm_tree.hpp"
-#include "engines/reduced/engaged_blocks.hpp"
-#include "engines/reduced/near_links.hpp"
+#include "engines/reduced/coupled_blocks.hpp"
+#include "engines/reduced/link_broad_phase.hpp"
 #include "engines/reduced/velocity_problem.hpp"
 
 #include <array>
@@ -37,14 +37,14 @@ namespace proact::dynamics {
 /// without damping keeps its energy. What it touches is found halfway.
 class ReducedArm final : public Arm {
  public:
-  explicit ReducedArm(const ArmSurroundings& surroundings);
+  explicit ReducedArm(const ArmContext& surroundings);
 
   void build() override;
   void drive(const double* position, const double* velocity) override;
   void place_geoms() override;
-  bool push(Collisions& collisions) override;
+  bool resolve_contacts(Collisions& collisions) override;
   void finish() override;
-  Side side_of_link(std::size_t link) const override { return {nullptr, no_index, links_.body_of(link)}; }
+  ContactSide contact_side(std::size_t link) const override { return {nullptr, no_index, links_.body_of(link)}; }
   FrameMotion motion(std::size_t body) const override;
   bool moved_by_ode() const override { return false; }
   bool all_finite() const override { return true; }
@@ -54,16 +54,16 @@ class ReducedArm final : public Arm {
  private:
   void join_links();
   void sum_masses();
-  void add_mass(std::size_t body, double mass, const Vec3& centre, const Symmetric& about_centre);
-  void make_room();
-  void hang_blocks();
-  bool drive_freely();
+  void add_mass(std::size_t body, double mass, const Vec3& centre, const SymmetricMatrix3& about_centre);
+  void resize_scratch();
+  void attach_block_shapes();
+  bool step_without_contacts();
   bool solve_with_contacts(Collisions& collisions, bool shared);
   void set_up_hinges();
-  bool settle_speeds(int rounds);
-  bool settle_in_turns();
-  void add_contact(const Touch& touch);
-  void add_side(const Side& side, double sign, const std::array<Vec3, 3>& directions, const Vec3& point);
+  bool iterate_velocities(int rounds);
+  bool iterate_with_heap();
+  void add_contact(const ContactConstraint& touch);
+  void add_side(const ContactSide& side, double sign, const std::array<Vec3, 3>& directions, const Vec3& point);
   std::size_t moving(std::size_t hinge) const { return tree_.bodies[hinge + 1].moving; }
 
   const Model& model_;
@@ -71,17 +71,17 @@ class ReducedArm final : public Arm {
   ArmJoints& joints_;
   JointControl& control_;
   const BlockBodies& blocks_;
-  const Carrying& carrying_;
+  const BlockAttachment& carrying_;
   Geoms& geoms_;
   LargeIslands& islands_;
 
   ArmTree tree_;
   VelocityProblem problem_;
-  NearLinks near_links_;
-  EngagedBlocks engaged_;
-  std::vector<int> motor_states_;        ///< by moving joint: 0, or +-1 where the control gave its limit
-  std::vector<Motor> motors_;            ///< by hinge of tree_, of this tick
-  std::vector<double> halfway_;          ///< joint angles in the middle of the tick
+  LinkBroadPhase broad_phase_;
+  CoupledBlocks coupled_blocks_;
+  std::vector<int> motor_states_;                 ///< by moving joint: 0, or +-1 where the control gave its limit
+  std::vector<Motor> motors_;                     ///< by hinge of tree_, of this tick
+  std::vector<double> midpoint_positions_;        ///< joint angles in the middle of the tick
   std::vector<std::vector<std::size_t>> chains_;  ///< by body of tree_: its hinges from the base on
   std::vector<double> speeds_;           ///< scratch, by hinge
   std::vector<double> accelerations_;

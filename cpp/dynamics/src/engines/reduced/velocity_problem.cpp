@@ -1,6 +1,6 @@
 #include "engines/reduced/velocity_problem.hpp"
 
-#include "engines/reduced/rows.hpp"
+#include "engines/reduced/vector_ops.hpp"
 #include "proact/dynamics/model.hpp"
 
 #include <algorithm>
@@ -12,77 +12,80 @@ namespace proact::dynamics {
 namespace {
 
 // Three to six steps are usual.
-constexpr int most_steps = 60;
+constexpr int max_newton_steps = 60;
 // From this round on the bound of friction goes half the way, lest it swings to and fro.
-constexpr int cautious_bounds = 12;
+constexpr int undamped_bound_rounds = 12;
 // Friction has settled when no bound changes by more than this share of the largest.
-constexpr double settled_share = 1e-4;
+constexpr double bound_tolerance = 1e-4;
 // A step that changes no speed by more than this (rad/s, m/s) is none.
-constexpr double still = 1e-12;
+constexpr double step_tolerance = 1e-12;
 // The same while something slips, whose direction turns a little with each step.
-constexpr double still_slipping = 1e-10;
+constexpr double sliding_step_tolerance = 1e-10;
 // The factors of a step that left no more than this share of the slope along it serve the next one as well.
-constexpr double led_on = 0.1;
+constexpr double factor_reuse_ratio = 0.1;
 // Along a step the slope is zero when no more than this share of it is left.
-constexpr double found_share = 1e-3;
-constexpr int most_places = 20;
+constexpr double line_search_tolerance = 1e-3;
+constexpr int max_line_search_steps = 20;
 // Steps whose bounds follow: five are usual, and one that is longer than the one before ends the try.
-constexpr int most_following = 12;
+constexpr int max_coupled_steps = 12;
 
-int side_of(double value, double limit) { return value > limit ? 1 : (value < -limit ? -1 : 0); }
+int saturation_side(double value, double limit) { return value > limit ? 1 : (value < -limit ? -1 : 0); }
 
 /// Impulse of a gear that brakes beyond a speed.
-double braked(const VelocityProblem::Hinge& hinge, double speed) {
-  return hinge.brake * (std::clamp(speed, -hinge.fastest, hinge.fastest) - speed);
+double brake_impulse(const VelocityProblem::Hinge& hinge, double speed) {
+  return hinge.brake_gain * (std::clamp(speed, -hinge.max_speed, hinge.max_speed) - speed);
 }
 
 /// Impulse of a contact whose gap is so wide: along its normal, and against the slip within the bound of friction.
 std::array<double, 3> impulse_of(const VelocityProblem::Contact& contact, const std::array<double, 3>& wanted) {
   const double sideways = std::sqrt(wanted[1] * wanted[1] + wanted[2] * wanted[2]);
-  const double share = sideways > contact.bound ? contact.bound / sideways : 1.0;
+  const double share = sideways > contact.friction_bound ? contact.friction_bound / sideways : 1.0;
   return {std::max(0.0, wanted[0]), share * wanted[1], share * wanted[2]};
 }
 
 }  // namespace
 
-std::array<double, 3> VelocityProblem::wanted(const Contact& contact, double way) const {
+std::array<double, 3> VelocityProblem::unclamped_impulse(const Contact& contact, double way) const {
   std::array<double, 3> impulse{};
-  for (std::size_t row = 0; row < 3; ++row) impulse[row] = stiffness(row) * (contact.gap[row] + way * contact.change[row]);
+  for (std::size_t row = 0; row < 3; ++row) {
+    impulse[row] = stiffness(contact, row) * (contact.velocity_error[row] + way * contact.velocity_error_change[row]);
+  }
   return impulse;
 }
 
-double VelocityProblem::stiffness(std::size_t row) const {
-  return tick_secs / (row == 0 ? normal_softness : friction_softness);
+double VelocityProblem::stiffness(const Contact& contact, std::size_t row) const {
+  return tick_secs / (row == 0 ? normal_softness * contact.softness : friction_softness);
 }
 
-void VelocityProblem::find_gaps() {
+void VelocityProblem::compute_velocity_errors() {
   for (Contact& contact : contacts) {
-    contact.gap = contact.speed;
+    contact.velocity_error = contact.speed;
     for (std::size_t c = contact.first; c < contact.last; ++c) {
       const double v = velocity[columns[c].index];
-      for (std::size_t row = 0; row < 3; ++row) contact.gap[row] -= columns[c].value[row] * v;
+      for (std::size_t row = 0; row < 3; ++row) contact.velocity_error[row] -= columns[c].value[row] * v;
     }
   }
 }
 
 /// Finds who is at a limit, and the impulses; true if it is the same as before. Expects the gaps.
-bool VelocityProblem::judge() {
+bool VelocityProblem::update_active_set() {
   bool same = true;
   for (std::size_t k = 0; k < hinges.size(); ++k) {
     Hinge& hinge = hinges[k];
     const double wanted = tick_secs / motor_softness * (hinge.speed - velocity[k]);
-    const int state = side_of(wanted, hinge.limit);
-    const int braking = side_of(velocity[k], hinge.fastest);
-    same = same && state == hinge.state && braking == hinge.braking;
-    hinge.state = state;
+    const int state = saturation_side(wanted, hinge.limit);
+    const int braking = saturation_side(velocity[k], hinge.max_speed);
+    same = same && state == hinge.saturation && braking == hinge.braking;
+    hinge.saturation = state;
     hinge.braking = braking;
     hinge.impulse = std::clamp(wanted, -hinge.limit, hinge.limit);
-    hinge.braked = braked(hinge, velocity[k]);
+    hinge.brake_impulse = brake_impulse(hinge, velocity[k]);
   }
   for (Contact& contact : contacts) {
-    const std::array<double, 3> impulse = wanted(contact, 0.0);
+    const std::array<double, 3> impulse = unclamped_impulse(contact, 0.0);
     const bool touching = impulse[0] > 0.0;
-    const bool slipping = impulse[1] * impulse[1] + impulse[2] * impulse[2] > contact.bound * contact.bound;
+    const bool slipping =
+        impulse[1] * impulse[1] + impulse[2] * impulse[2] > contact.friction_bound * contact.friction_bound;
     same = same && touching == contact.touching && slipping == contact.slipping;
     contact.touching = touching;
     contact.slipping = slipping;
@@ -92,61 +95,64 @@ bool VelocityProblem::judge() {
 }
 
 /// Whether friction at its bound pushes anything: its direction follows the speeds, so that no step is exact.
-bool VelocityProblem::slips() const {
-  return std::any_of(contacts.begin(), contacts.end(), [](const Contact& contact) { return contact.slipping && contact.bound > 0.0; });
+bool VelocityProblem::has_sliding() const {
+  return std::any_of(contacts.begin(), contacts.end(),
+                     [](const Contact& contact) { return contact.slipping && contact.friction_bound > 0.0; });
 }
 
 /// Slope of the convex function: what momentum lacks. Expects the impulses.
-void VelocityProblem::find_slope() {
+void VelocityProblem::compute_gradient() {
   const std::size_t hinge_count = hinges.size();
-  slope_.resize(velocity.size());
+  gradient_.resize(velocity.size());
   for (std::size_t k = 0; k < hinge_count; ++k) {
-    slope_[k] = product(&mass[k * hinge_count], velocity.data(), hinge_count) - hinges[k].momentum - hinges[k].impulse - hinges[k].braked;
+    gradient_[k] = dot_product(&mass[k * hinge_count], velocity.data(), hinge_count) - hinges[k].momentum -
+                   hinges[k].impulse - hinges[k].brake_impulse;
   }
   for (std::size_t b = 0; b < blocks.size(); ++b) {
     const double* const v = &velocity[hinge_count + 6 * b];
     const Vec3 linear = Vec3{v[0], v[1], v[2]} * blocks[b].mass - blocks[b].linear_momentum;
     const Vec3 angular = blocks[b].inertia * Vec3{v[3], v[4], v[5]} - blocks[b].angular_momentum;
     const double numbers[6] = {linear.x, linear.y, linear.z, angular.x, angular.y, angular.z};
-    std::copy(std::begin(numbers), std::end(numbers), slope_.begin() + static_cast<std::ptrdiff_t>(hinge_count + 6 * b));
+    std::copy(std::begin(numbers), std::end(numbers),
+              gradient_.begin() + static_cast<std::ptrdiff_t>(hinge_count + 6 * b));
   }
   for (const Contact& contact : contacts) {
     for (std::size_t c = contact.first; c < contact.last; ++c) {
       const Column& column = columns[c];
-      for (std::size_t row = 0; row < 3; ++row) slope_[column.index] -= column.value[row] * contact.impulse[row];
+      for (std::size_t row = 0; row < 3; ++row) gradient_[column.index] -= column.value[row] * contact.impulse[row];
     }
   }
 }
 
 /// Adds to factors_ a spring between the two sides of a contact.
 void VelocityProblem::add_spring(const Contact& contact, double strength, const std::array<double, 3>& along) {
-  along_.clear();
+  spring_columns_.clear();
   for (std::size_t c = contact.first; c < contact.last; ++c) {
     const std::array<double, 3>& value = columns[c].value;
-    along_.push_back(along[0] * value[0] + along[1] * value[1] + along[2] * value[2]);
+    spring_columns_.push_back(along[0] * value[0] + along[1] * value[1] + along[2] * value[2]);
   }
   const Column* const own = columns.data() + contact.first;
-  for (std::size_t a = 0; a < along_.size(); ++a) {
-    const double scaled = strength * along_[a];
+  for (std::size_t a = 0; a < spring_columns_.size(); ++a) {
+    const double scaled = strength * spring_columns_[a];
     double* const into = &factors_[own[a].index * velocity.size()];
-    for (std::size_t b = 0; b <= a; ++b) into[own[b].index] += scaled * along_[b];
+    for (std::size_t b = 0; b <= a; ++b) into[own[b].index] += scaled * spring_columns_[b];
   }
 }
 
 /// Puts the mass matrix with the springs of motors that are not at a limit into factors_.
-void VelocityProblem::place_masses() {
+void VelocityProblem::assemble_mass_matrix() {
   const std::size_t n = velocity.size();
   const std::size_t hinge_count = hinges.size();
   factors_.assign(n * n, 0.0);
   for (std::size_t i = 0; i < hinge_count; ++i) {
     std::copy_n(&mass[i * hinge_count], i + 1, &factors_[i * n]);
-    if (hinges[i].state == 0) factors_[i * n + i] += tick_secs / motor_softness;
-    if (hinges[i].braking != 0) factors_[i * n + i] += hinges[i].brake;
+    if (hinges[i].saturation == 0) factors_[i * n + i] += tick_secs / motor_softness;
+    if (hinges[i].braking != 0) factors_[i * n + i] += hinges[i].brake_gain;
   }
   for (std::size_t b = 0; b < blocks.size(); ++b) {
     const std::size_t at = hinge_count + 6 * b;
     const auto set = [&](std::size_t i, std::size_t j, double value) { factors_[(at + i) * n + at + j] = value; };
-    const Symmetric& inertia = blocks[b].inertia;
+    const SymmetricMatrix3& inertia = blocks[b].inertia;
     for (std::size_t k = 0; k < 3; ++k) set(k, k, blocks[b].mass);
     set(3, 3, inertia.xx);
     set(4, 3, inertia.xy);
@@ -159,16 +165,18 @@ void VelocityProblem::place_masses() {
 
 /// Cholesky's factors of the masses with the springs of motors and contacts that are not at a limit. Friction at its
 /// bound resists a change of its direction only.
-void VelocityProblem::factor() {
-  place_masses();
+void VelocityProblem::factorize() {
+  assemble_mass_matrix();
   for (const Contact& contact : contacts) {
-    if (contact.touching) add_spring(contact, stiffness(0), {1.0, 0.0, 0.0});
+    if (contact.touching) add_spring(contact, stiffness(contact, 0), {1.0, 0.0, 0.0});
     if (!contact.slipping) {
-      add_spring(contact, stiffness(1), {0.0, 1.0, 0.0});
-      add_spring(contact, stiffness(2), {0.0, 0.0, 1.0});
-    } else if (contact.bound > 0.0) {
-      const double slip = std::sqrt(contact.gap[1] * contact.gap[1] + contact.gap[2] * contact.gap[2]);
-      add_spring(contact, contact.bound / slip, {0.0, -contact.gap[2] / slip, contact.gap[1] / slip});
+      add_spring(contact, stiffness(contact, 1), {0.0, 1.0, 0.0});
+      add_spring(contact, stiffness(contact, 2), {0.0, 0.0, 1.0});
+    } else if (contact.friction_bound > 0.0) {
+      const double slip = std::sqrt(contact.velocity_error[1] * contact.velocity_error[1] +
+                                    contact.velocity_error[2] * contact.velocity_error[2]);
+      add_spring(contact, contact.friction_bound / slip,
+                 {0.0, -contact.velocity_error[2] / slip, contact.velocity_error[1] / slip});
     }
   }
   const std::size_t n = velocity.size();
@@ -176,7 +184,7 @@ void VelocityProblem::factor() {
     double* const row = &factors_[i * n];
     for (std::size_t j = 0; j <= i; ++j) {
       const double* const other = &factors_[j * n];
-      const double sum = row[j] - product(row, other, j);
+      const double sum = row[j] - dot_product(row, other, j);
       if (j < i) {
         row[j] = sum * other[j];
       } else if (sum > 0.0) {
@@ -187,153 +195,157 @@ void VelocityProblem::factor() {
       }
     }
   }
-  factors_for_ = FactorsFor::fixed_bounds;
-  exact_ = !slips();
+  factors_for_ = FactorKind::fixed_bounds;
+  factors_exact_ = !has_sliding();
 }
 
 /// Adds to factors_ and upper_ what a contact resists while its bound of friction follows its normal force: what slips is
 /// braked more the harder it is pressed, but not pressed harder the more it slips, so that this is not symmetric.
-void VelocityProblem::add_following(const Contact& contact) {
+void VelocityProblem::add_coupled_contact(const Contact& contact) {
   if (!contact.touching) return;
   const std::size_t n = velocity.size();
-  double resisted[3][3] = {{stiffness(0), 0.0, 0.0}, {0.0, stiffness(1), 0.0}, {0.0, 0.0, stiffness(2)}};
+  double resisted[3][3] = {{stiffness(contact, 0), 0.0, 0.0}, {0.0, stiffness(contact, 1), 0.0}, {0.0, 0.0, stiffness(contact, 2)}};
   if (contact.slipping) {
-    const double slip = std::sqrt(contact.gap[1] * contact.gap[1] + contact.gap[2] * contact.gap[2]);
-    const double along[2] = {contact.gap[1] / slip, contact.gap[2] / slip};
-    const double strength = contact.bound / slip;
+    const double slip = std::sqrt(contact.velocity_error[1] * contact.velocity_error[1] +
+                                  contact.velocity_error[2] * contact.velocity_error[2]);
+    const double along[2] = {contact.velocity_error[1] / slip, contact.velocity_error[2] / slip};
+    const double strength = contact.friction_bound / slip;
     resisted[1][1] = strength * along[1] * along[1];
     resisted[1][2] = resisted[2][1] = -strength * along[0] * along[1];
     resisted[2][2] = strength * along[0] * along[0];
-    resisted[1][0] = contact.friction * stiffness(0) * along[0];
-    resisted[2][0] = contact.friction * stiffness(0) * along[1];
+    resisted[1][0] = contact.friction * stiffness(contact, 0) * along[0];
+    resisted[2][0] = contact.friction * stiffness(contact, 0) * along[1];
   }
   for (std::size_t b = contact.first; b < contact.last; ++b) {
     double by_unit[3];
-    for (std::size_t row = 0; row < 3; ++row) by_unit[row] = product(resisted[row], columns[b].value.data(), 3);
+    for (std::size_t row = 0; row < 3; ++row) by_unit[row] = dot_product(resisted[row], columns[b].value.data(), 3);
     for (std::size_t a = contact.first; a < contact.last; ++a) {
       const std::size_t i = columns[a].index;
       const std::size_t j = columns[b].index;
       double& into = j <= i ? factors_[i * n + j] : upper_[j * n + i];
-      into += product(columns[a].value.data(), by_unit, 3);
+      into += dot_product(columns[a].value.data(), by_unit, 3);
     }
   }
 }
 
 /// Crout's factors, in factors_ and the transpose upper_, of the masses and what resists while the bounds follow. False if
 /// they need an exchange of rows, which only happens far from what is wanted.
-bool VelocityProblem::factor_following() {
-  place_masses();
+bool VelocityProblem::factorize_coupled() {
+  assemble_mass_matrix();
   upper_ = factors_;
-  for (const Contact& contact : contacts) add_following(contact);
+  for (const Contact& contact : contacts) add_coupled_contact(contact);
   const std::size_t n = velocity.size();
   for (std::size_t i = 0; i < n; ++i) {
     double* const lower = &factors_[i * n];
     double* const upper = &upper_[i * n];
     for (std::size_t j = 0; j < i; ++j) {
-      lower[j] -= product(lower, &upper_[j * n], j);
-      upper[j] = (upper[j] - product(upper, &factors_[j * n], j)) * factors_[j * n + j];
+      lower[j] -= dot_product(lower, &upper_[j * n], j);
+      upper[j] = (upper[j] - dot_product(upper, &factors_[j * n], j)) * factors_[j * n + j];
     }
-    const double pivot = lower[i] - product(lower, upper, i);
+    const double pivot = lower[i] - dot_product(lower, upper, i);
     if (!(pivot > 0.0)) return false;
     lower[i] = 1.0 / pivot;
   }
-  factors_for_ = FactorsFor::following_bounds;
+  factors_for_ = FactorKind::following_bounds;
   return true;
 }
 
 /// The first half of a step: the lower factors undone.
-void VelocityProblem::undo_lower() {
+void VelocityProblem::forward_substitute() {
   const std::size_t n = velocity.size();
   step_.resize(n);
   for (std::size_t i = 0; i < n; ++i) {
     const double* const row = &factors_[i * n];
-    step_[i] = (-slope_[i] - product(row, step_.data(), i)) * row[i];
+    step_[i] = (-gradient_[i] - dot_product(row, step_.data(), i)) * row[i];
   }
 }
 
 /// Newton's step while the bounds follow; gives its largest change of a speed.
-double VelocityProblem::find_following_step() {
-  undo_lower();
+double VelocityProblem::compute_coupled_step() {
+  forward_substitute();
   const std::size_t n = velocity.size();
   double largest = 0.0;
   for (std::size_t i = n; i-- > 0;) {
     const double* const row = &upper_[i * n];
-    take_off(step_.data(), row, step_[i], i);
+    subtract_scaled(step_.data(), row, step_[i], i);
     largest = std::max(largest, std::fabs(step_[i]));
   }
   return largest;
 }
 
 /// Newton's step, and what it does to the gaps.
-void VelocityProblem::find_step() {
-  undo_lower();
+void VelocityProblem::compute_newton_step() {
+  forward_substitute();
   const std::size_t n = velocity.size();
   for (std::size_t i = n; i-- > 0;) {
     const double* const row = &factors_[i * n];
     step_[i] *= row[i];
-    take_off(step_.data(), row, step_[i], i);
+    subtract_scaled(step_.data(), row, step_[i], i);
   }
   for (Contact& contact : contacts) {
-    contact.change = {};
+    contact.velocity_error_change = {};
     for (std::size_t c = contact.first; c < contact.last; ++c) {
-      for (std::size_t row = 0; row < 3; ++row) contact.change[row] -= columns[c].value[row] * step_[columns[c].index];
+      for (std::size_t row = 0; row < 3; ++row) {
+        contact.velocity_error_change[row] -= columns[c].value[row] * step_[columns[c].index];
+      }
     }
   }
 }
 
 /// Goes so much of the step.
-void VelocityProblem::go(double way) {
+void VelocityProblem::take_step(double way) {
   for (std::size_t k = 0; k < velocity.size(); ++k) velocity[k] += way * step_[k];
 }
 
 /// The slope along the step without motors and contacts, which are known at any place along it.
-void VelocityProblem::find_slope_along() {
+void VelocityProblem::compute_line_gradient() {
   const std::size_t hinge_count = hinges.size();
-  slope_start_ = 0.0;
-  slope_growth_ = 0.0;
+  line_gradient_start_ = 0.0;
+  line_curvature_ = 0.0;
   for (std::size_t k = 0; k < hinge_count; ++k) {
     const double* const row = &mass[k * hinge_count];
-    slope_start_ += step_[k] * (product(row, velocity.data(), hinge_count) - hinges[k].momentum);
-    slope_growth_ += step_[k] * product(row, step_.data(), hinge_count);
+    line_gradient_start_ += step_[k] * (dot_product(row, velocity.data(), hinge_count) - hinges[k].momentum);
+    line_curvature_ += step_[k] * dot_product(row, step_.data(), hinge_count);
   }
   for (std::size_t b = 0; b < blocks.size(); ++b) {
     const double* const v = &velocity[hinge_count + 6 * b];
     const double* const d = &step_[hinge_count + 6 * b];
     const Vec3 linear{d[0], d[1], d[2]};
     const Vec3 angular{d[3], d[4], d[5]};
-    slope_start_ += dot(linear, Vec3{v[0], v[1], v[2]} * blocks[b].mass - blocks[b].linear_momentum) +
+    line_gradient_start_ += dot(linear, Vec3{v[0], v[1], v[2]} * blocks[b].mass - blocks[b].linear_momentum) +
                     dot(angular, blocks[b].inertia * Vec3{v[3], v[4], v[5]} - blocks[b].angular_momentum);
-    slope_growth_ += blocks[b].mass * dot(linear, linear) + dot(angular, blocks[b].inertia * angular);
+    line_curvature_ += blocks[b].mass * dot(linear, linear) + dot(angular, blocks[b].inertia * angular);
   }
 }
 
-/// Slope of the convex function along the step, after so much of it. Expects find_slope_along().
-double VelocityProblem::slope_along(double way) const {
-  double slope = slope_start_ + way * slope_growth_;
+/// Slope of the convex function along the step, after so much of it. Expects compute_line_gradient().
+double VelocityProblem::line_gradient(double way) const {
+  double slope = line_gradient_start_ + way * line_curvature_;
   for (std::size_t k = 0; k < hinges.size(); ++k) {
     const double wanted = tick_secs / motor_softness * (hinges[k].speed - velocity[k] - way * step_[k]);
-    const double impulse = std::clamp(wanted, -hinges[k].limit, hinges[k].limit) + braked(hinges[k], velocity[k] + way * step_[k]);
+    const double impulse =
+        std::clamp(wanted, -hinges[k].limit, hinges[k].limit) + brake_impulse(hinges[k], velocity[k] + way * step_[k]);
     slope -= step_[k] * impulse;
   }
   for (const Contact& contact : contacts) {
-    const std::array<double, 3> impulse = impulse_of(contact, wanted(contact, way));
-    for (std::size_t row = 0; row < 3; ++row) slope += contact.change[row] * impulse[row];
+    const std::array<double, 3> impulse = impulse_of(contact, unclamped_impulse(contact, way));
+    for (std::size_t row = 0; row < 3; ++row) slope += contact.velocity_error_change[row] * impulse[row];
   }
   return slope;
 }
 
 /// Where along the step the slope is zero. Between the places where somebody comes to or off a limit it is a line, or,
 /// while something slips, a smooth curve. The stretch in which a motor is at no limit can be as short as 1e-8 of the step.
-double VelocityProblem::find_way() {
+double VelocityProblem::line_search() {
   kinks_.clear();
   const auto add = [&](double way) {
     if (way > 0.0 && way < 1.0) kinks_.push_back(way);
   };
   for (std::size_t k = 0; k < hinges.size(); ++k) {
     if (step_[k] == 0.0) continue;
-    if (hinges[k].brake > 0.0) {
-      add((hinges[k].fastest - velocity[k]) / step_[k]);
-      add((-hinges[k].fastest - velocity[k]) / step_[k]);
+    if (hinges[k].brake_gain > 0.0) {
+      add((hinges[k].max_speed - velocity[k]) / step_[k]);
+      add((-hinges[k].max_speed - velocity[k]) / step_[k]);
     }
     if (hinges[k].limit <= 0.0) continue;
     const double gap = hinges[k].speed - velocity[k];
@@ -342,13 +354,13 @@ double VelocityProblem::find_way() {
     add((gap + bend) / step_[k]);
   }
   for (const Contact& contact : contacts) {
-    const std::array<double, 3>& gap = contact.gap;
-    const std::array<double, 3>& change = contact.change;
+    const std::array<double, 3>& gap = contact.velocity_error;
+    const std::array<double, 3>& change = contact.velocity_error_change;
     if (change[0] != 0.0) add(-gap[0] / change[0]);
     // Where the slip passes the width within which the contact sticks.
     const double square = change[1] * change[1] + change[2] * change[2];
-    if (square == 0.0 || contact.bound <= 0.0) continue;
-    const double width = contact.bound / stiffness(1);
+    if (square == 0.0 || contact.friction_bound <= 0.0) continue;
+    const double width = contact.friction_bound / stiffness(contact, 1);
     const double half = (gap[1] * change[1] + gap[2] * change[2]) / square;
     const double rest = half * half - (gap[1] * gap[1] + gap[2] * gap[2] - width * width) / square;
     if (rest <= 0.0) continue;
@@ -359,11 +371,11 @@ double VelocityProblem::find_way() {
   // The first bend beyond the zero, by halving the list.
   kinks_.push_back(1.0);
   double low = 0.0;
-  double at_low = slope_along(low);
+  double at_low = line_gradient(low);
   double at_high = infinity;
-  const double small = found_share * std::fabs(at_low);
+  const double small = line_search_tolerance * std::fabs(at_low);
   const auto beyond = std::partition_point(kinks_.begin(), kinks_.end() - 1, [&](double way) {
-    const double slope = slope_along(way);
+    const double slope = line_gradient(way);
     if (!(slope < 0.0)) {
       at_high = slope;
       return false;
@@ -373,14 +385,14 @@ double VelocityProblem::find_way() {
     return true;
   });
   double high = *beyond;
-  if (at_high == infinity) at_high = slope_along(high);
+  if (at_high == infinity) at_high = line_gradient(high);
   if (at_high <= 0.0 || at_low >= 0.0) return high;
   // False position; an end that stays counts half (the Illinois rule), so that both ends come nearer. A line needs one.
   double way = low;
-  for (int place = 0; place < most_places; ++place) {
+  for (int place = 0; place < max_line_search_steps; ++place) {
     const int before = way > low ? 1 : (place > 0 ? -1 : 0);
     way = low - at_low * (high - low) / (at_high - at_low);
-    const double slope = slope_along(way);
+    const double slope = line_gradient(way);
     if (std::fabs(slope) <= small) break;
     if (slope < 0.0) {
       if (before == -1) at_high *= 0.5;
@@ -396,105 +408,109 @@ double VelocityProblem::find_way() {
 }
 
 /// The minimum for the present bounds of friction; false if it was not reached.
-bool VelocityProblem::settle_velocity() {
-  find_gaps();
-  if (!judge()) factors_for_ = FactorsFor::nothing;
-  find_slope();
-  const auto slope_at_end = [&] { return product(slope_.data(), step_.data(), step_.size()); };
-  for (int round = 0; round < most_steps; ++round) {
-    if (factors_for_ != FactorsFor::fixed_bounds) factor();
-    find_step();
-    const double small = slips() ? still_slipping : still;
+bool VelocityProblem::minimize_velocity() {
+  compute_velocity_errors();
+  if (!update_active_set()) factors_for_ = FactorKind::nothing;
+  compute_gradient();
+  const auto slope_at_end = [&] { return dot_product(gradient_.data(), step_.data(), step_.size()); };
+  for (int round = 0; round < max_newton_steps; ++round) {
+    if (factors_for_ != FactorKind::fixed_bounds) factorize();
+    compute_newton_step();
+    const double small = has_sliding() ? sliding_step_tolerance : step_tolerance;
     const bool tiny = std::all_of(step_.begin(), step_.end(), [small](double change) { return std::fabs(change) <= small; });
     const double slope = std::fabs(slope_at_end());
 
     // The whole step first: if nobody comes to or off a limit and nothing slips, it leads to the minimum.
-    go(1.0);
-    find_gaps();
-    const bool same = judge();
-    if (tiny || (same && exact_ && !slips())) return true;
-    if (slips()) {
-      find_slope();
+    take_step(1.0);
+    compute_velocity_errors();
+    const bool same = update_active_set();
+    if (tiny || (same && factors_exact_ && !has_sliding())) return true;
+    if (has_sliding()) {
+      compute_gradient();
       const double left = slope_at_end();
-      const bool leads_on = same && std::fabs(left) <= led_on * slope;
-      if (!leads_on) factors_for_ = FactorsFor::nothing;
+      const bool leads_on = same && std::fabs(left) <= factor_reuse_ratio * slope;
+      if (!leads_on) factors_for_ = FactorKind::nothing;
       if (left <= 0.0 || leads_on) continue;
     }
-    factors_for_ = FactorsFor::nothing;
+    factors_for_ = FactorKind::nothing;
 
     // Back, and to the lowest place along the step.
-    go(-1.0);
-    find_gaps();
-    find_slope_along();
-    go(find_way());
-    find_gaps();
-    judge();
-    find_slope();
+    take_step(-1.0);
+    compute_velocity_errors();
+    compute_line_gradient();
+    take_step(line_search());
+    compute_velocity_errors();
+    update_active_set();
+    compute_gradient();
   }
   return false;
 }
 
 /// Gives every contact the bound of friction that belongs to its normal force.
-void VelocityProblem::follow_bounds() {
-  find_gaps();
-  for (Contact& contact : contacts) contact.bound = contact.friction * std::max(0.0, stiffness(0) * contact.gap[0]);
+void VelocityProblem::update_bounds() {
+  compute_velocity_errors();
+  for (Contact& contact : contacts) {
+    contact.friction_bound = contact.friction * std::max(0.0, stiffness(contact, 0) * contact.velocity_error[0]);
+  }
 }
 
 /// Newton's method on all laws at once, the bounds following the normal forces: few steps from nearby, and no function
 /// that would lead there from afar. False, and speeds and bounds are as before, if the steps do not become shorter.
-bool VelocityProblem::settle_following() {
-  before_ = velocity;
-  for (Contact& contact : contacts) contact.bound_before = contact.bound;
+bool VelocityProblem::solve_coupled_newton() {
+  saved_velocity_ = velocity;
+  for (Contact& contact : contacts) contact.saved_friction_bound = contact.friction_bound;
   double last = infinity;
-  for (int round = 0; round < most_following; ++round) {
-    follow_bounds();
-    const bool same = judge();
-    find_slope();
-    if ((!same || factors_for_ != FactorsFor::following_bounds) && !factor_following()) break;
-    const double largest = find_following_step();
+  for (int round = 0; round < max_coupled_steps; ++round) {
+    update_bounds();
+    const bool same = update_active_set();
+    compute_gradient();
+    if ((!same || factors_for_ != FactorKind::following_bounds) && !factorize_coupled()) break;
+    const double largest = compute_coupled_step();
     if (!(largest < last)) break;
-    go(1.0);
-    if (same && largest <= still_slipping) {
-      follow_bounds();
-      judge();
+    take_step(1.0);
+    if (same && largest <= sliding_step_tolerance) {
+      update_bounds();
+      update_active_set();
       return true;
     }
-    if (largest > led_on * last) factors_for_ = FactorsFor::nothing;
+    if (largest > factor_reuse_ratio * last) factors_for_ = FactorKind::nothing;
     last = largest;
   }
-  velocity = before_;
-  for (Contact& contact : contacts) contact.bound = contact.bound_before;
-  find_gaps();
-  judge();
-  factors_for_ = FactorsFor::nothing;
+  velocity = saved_velocity_;
+  for (Contact& contact : contacts) contact.friction_bound = contact.saved_friction_bound;
+  compute_velocity_errors();
+  update_active_set();
+  factors_for_ = FactorKind::nothing;
   return false;
 }
 
 /// Whether the bounds of what slips belong to the normal forces.
-bool VelocityProblem::bounds_settled() const {
+bool VelocityProblem::bounds_converged() const {
   double largest = 0.0;
   double changed = 0.0;
   for (const Contact& contact : contacts) {
     const double bound = contact.friction * contact.impulse[0];
     largest = std::max(largest, bound);
-    const double sideways = stiffness(1) * std::hypot(contact.gap[1], contact.gap[2]);
-    if (sideways > std::min(bound, contact.bound)) changed = std::max(changed, std::fabs(bound - contact.bound));
+    const double sideways = stiffness(contact, 1) * std::hypot(contact.velocity_error[1], contact.velocity_error[2]);
+    if (sideways > std::min(bound, contact.friction_bound)) {
+      changed = std::max(changed, std::fabs(bound - contact.friction_bound));
+    }
   }
-  return changed <= settled_share * largest;
+  return changed <= bound_tolerance * largest;
 }
 
 bool VelocityProblem::solve() {
-  if (factors_for_ == FactorsFor::following_bounds && settle_following()) return true;
-  if (factors_for_ == FactorsFor::nothing) follow_bounds();
-  for (int round = 0; round < most_bounds; ++round) {
-    if (!settle_velocity()) return false;
-    if (bounds_settled() || settle_following()) return true;
+  if (factors_for_ == FactorKind::following_bounds && solve_coupled_newton()) return true;
+  if (factors_for_ == FactorKind::nothing) update_bounds();
+  for (int round = 0; round < max_bound_iterations; ++round) {
+    if (!minimize_velocity()) return false;
+    if (bounds_converged() || solve_coupled_newton()) return true;
     for (Contact& contact : contacts) {
       const double bound = contact.friction * contact.impulse[0];
-      contact.bound = round < cautious_bounds ? bound : 0.5 * (bound + contact.bound);
+      contact.friction_bound = round < undamped_bound_rounds ? bound : 0.5 * (bound + contact.friction_bound);
     }
   }
-  return most_bounds < all_bounds;
+  return max_bound_iterations < max_bound_rounds;
 }
 
 }  // namespace proact::dynamics

@@ -32,21 +32,21 @@ namespace proact::dynamics {
 class VelocityProblem {
  public:
   static constexpr double infinity = std::numeric_limits<double>::infinity();
-  static constexpr int all_bounds = 60;
+  static constexpr int max_bound_rounds = 60;
   struct Hinge {
     double momentum = 0.0;  ///< of the start and of all known torques, kg m^2/s
     double speed = 0.0;     ///< wanted, rad/s
     double limit = 0.0;     ///< of the motor's impulse, N m s
-    double fastest = infinity;  ///< beyond this speed the gear brakes, rad/s
-    double brake = 0.0;         ///< how much, N m s^2/rad
-    int state = 0;              ///< found: 0, or +-1 where the motor gives its limit
-    int braking = 0;            ///< found: 0, or +-1 where the gear brakes a joint that turns that way
-    double impulse = 0.0;       ///< of the motor, found
-    double braked = 0.0;        ///< impulse of the gear, found
+    double max_speed = infinity;  ///< beyond this speed the gear brakes, rad/s
+    double brake_gain = 0.0;      ///< how much, N m s^2/rad
+    int saturation = 0;           ///< found: 0, or +-1 where the motor gives its limit
+    int braking = 0;              ///< found: 0, or +-1 where the gear brakes a joint that turns that way
+    double impulse = 0.0;         ///< of the motor, found
+    double brake_impulse = 0.0;   ///< impulse of the gear, found
   };
   struct BlockPart {
     double mass = 0.0;
-    Symmetric inertia;
+    SymmetricMatrix3 inertia;
     Vec3 linear_momentum;
     Vec3 angular_momentum;
   };
@@ -55,13 +55,14 @@ class VelocityProblem {
     std::size_t last = 0;
     std::array<double, 3> speed{};  ///< wanted along the normal and the two tangents, m/s
     double friction = 0.0;
-    double bound = 0.0;               ///< of friction, N s
-    double bound_before = 0.0;        ///< to which a try that fails goes back
-    std::array<double, 3> gap{};      ///< speed that lacks
-    std::array<double, 3> change{};   ///< of the gap in a step
-    bool touching = false;            ///< found: it pushes
-    bool slipping = false;            ///< found: its friction is at the bound
-    std::array<double, 3> impulse{};  ///< found
+    double friction_bound = 0.0;                    ///< of friction, N s
+    double saved_friction_bound = 0.0;              ///< to which a try that fails goes back
+    double softness = 1.0;                          ///< along the normal, as a share of normal_softness
+    std::array<double, 3> velocity_error{};         ///< speed that lacks
+    std::array<double, 3> velocity_error_change{};  ///< of the gap in a step
+    bool touching = false;                          ///< found: it pushes
+    bool slipping = false;                          ///< found: its friction is at the bound
+    std::array<double, 3> impulse{};                ///< found
   };
   struct Column {
     std::size_t index;
@@ -77,51 +78,52 @@ class VelocityProblem {
   double motor_softness = 1e-7;   ///< rad/s that a motor lags for each N m
   double normal_softness = 1e-3;  ///< m/s by which a contact gives way for each N
   double friction_softness = 1e-6;  ///< the same sideways
-  int most_bounds = all_bounds;   ///< repetitions of the bounds of friction; to stop at fewer than all is no failure
+  /// Repetitions of the bounds of friction; to stop at fewer than all is no failure.
+  int max_bound_iterations = max_bound_rounds;
 
   /// False if the laws could not all be met in a bounded number of steps; velocity is then the last try. Throws
   /// std::runtime_error if the masses are no masses.
   bool solve();
   /// Forgets the factors of an earlier solve: to be called when more than the momenta has changed.
-  void renew() { factors_for_ = FactorsFor::nothing; }
+  void invalidate_factors() { factors_for_ = FactorKind::nothing; }
 
  private:
-  enum class FactorsFor { nothing, fixed_bounds, following_bounds };
+  enum class FactorKind { nothing, fixed_bounds, following_bounds };
 
-  bool settle_velocity();
-  bool settle_following();
-  bool bounds_settled() const;
-  void follow_bounds();
-  bool judge();
-  bool slips() const;
-  void find_gaps();
-  void find_slope();
-  void place_masses();
-  void factor();
-  bool factor_following();
-  void add_following(const Contact& contact);
+  bool minimize_velocity();
+  bool solve_coupled_newton();
+  bool bounds_converged() const;
+  void update_bounds();
+  bool update_active_set();
+  bool has_sliding() const;
+  void compute_velocity_errors();
+  void compute_gradient();
+  void assemble_mass_matrix();
+  void factorize();
+  bool factorize_coupled();
+  void add_coupled_contact(const Contact& contact);
   void add_spring(const Contact& contact, double strength, const std::array<double, 3>& along);
-  void undo_lower();
-  void find_step();
-  double find_following_step();
-  void go(double way);
-  void find_slope_along();
-  double slope_along(double way) const;
-  double find_way();
-  double stiffness(std::size_t row) const;
-  std::array<double, 3> wanted(const Contact& contact, double way) const;
+  void forward_substitute();
+  void compute_newton_step();
+  double compute_coupled_step();
+  void take_step(double way);
+  void compute_line_gradient();
+  double line_gradient(double way) const;
+  double line_search();
+  double stiffness(const Contact& contact, std::size_t row) const;
+  std::array<double, 3> unclamped_impulse(const Contact& contact, double way) const;
 
-  std::vector<double> factors_;  ///< lower triangle, square
-  std::vector<double> along_;    ///< columns of a contact along a spring
-  std::vector<double> upper_;    ///< the other triangle, transposed, where it is not the same
-  std::vector<double> before_;   ///< speeds to which a try that fails goes back
-  std::vector<double> slope_;    ///< of the convex function
+  std::vector<double> factors_;         ///< lower triangle, square
+  std::vector<double> spring_columns_;  ///< columns of a contact along a spring
+  std::vector<double> upper_;           ///< the other triangle, transposed, where it is not the same
+  std::vector<double> saved_velocity_;  ///< speeds to which a try that fails goes back
+  std::vector<double> gradient_;        ///< of the convex function
   std::vector<double> step_;
   std::vector<double> kinks_;    ///< along the step
-  FactorsFor factors_for_ = FactorsFor::nothing;
-  bool exact_ = false;  ///< the factors hold as long as nobody comes to or off a limit
-  double slope_start_ = 0.0;  ///< along the step, without motors and contacts
-  double slope_growth_ = 0.0;
+  FactorKind factors_for_ = FactorKind::nothing;
+  bool factors_exact_ = false;  ///< the factors hold as long as nobody comes to or off a limit
+  double line_gradient_start_ = 0.0;  ///< along the step, without motors and contacts
+  double line_curvature_ = 0.0;
 };
 
 }  // namespace proact::dynamics

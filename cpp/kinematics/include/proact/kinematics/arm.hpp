@@ -62,7 +62,7 @@ class Arm {
                         const std::array<double, 3>& gravity, double* torque);
 
   /// Puts `body` into the hand, fixed to the tip, or takes it away. Changes inverse dynamics only.
-  void carry(const std::optional<Inertial>& body);
+  void set_payload(const std::optional<Inertial>& body);
 
   /// Angles within the limits at which the tip is at `base_from_tip`, searched from `seed` and, should
   /// that fail, from a fixed sequence of starts around it and then all over the range.
@@ -106,7 +106,7 @@ class Arm {
   KDL::JntArray tree_qdd_;
   KDL::JntArray tree_torque_;
   std::vector<KDL::Frame> frames_;
-  std::optional<KDL::Segment> carried_;
+  std::optional<KDL::Segment> payload_;
   std::unique_ptr<Dynamics> dynamics_;
 };
 

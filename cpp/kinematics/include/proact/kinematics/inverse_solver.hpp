@@ -29,7 +29,7 @@ class InverseSolver {
   static constexpr double kPositionTolerance = 1e-8;
   static constexpr double kRotationTolerance = 1e-8;
   /// Solutions closer than this in every joint, rad, count as one.
-  static constexpr double kDistinct = 0.1;
+  static constexpr double kDistinctAngle = 0.1;
 
   /// `chain` must outlive the solver. Limits in radians, one per joint.
   InverseSolver(const KDL::Chain& chain, std::vector<double> lower, std::vector<double> upper);
@@ -41,8 +41,8 @@ class InverseSolver {
   std::vector<double> solve_all(const KDL::Frame& target, std::size_t starts, std::uint64_t random_seed);
 
  private:
-  bool descend(const KDL::Frame& target);
-  void measure(const KDL::Frame& target, const KDL::JntArray& q);
+  bool minimize(const KDL::Frame& target);
+  void evaluate_error(const KDL::Frame& target, const KDL::JntArray& q);
   void step(double damping);
   double uniform();
 
@@ -54,8 +54,8 @@ class InverseSolver {
   KDL::JntArray q_;
   KDL::JntArray trial_;
   KDL::Jacobian jacobian_;
-  Eigen::Matrix<double, 6, Eigen::Dynamic> free_;
-  Eigen::VectorXd change_;
+  Eigen::Matrix<double, 6, Eigen::Dynamic> free_jacobian_;
+  Eigen::VectorXd step_;
   std::vector<bool> frozen_;
   // The error of the last configuration measured: weighted for the descent, plain for the tolerances.
   Eigen::Matrix<double, 6, 1> error_;

@@ -54,7 +54,7 @@ struct JointQuery {
   /// best of all paths by how long each takes and its length.
   unsigned int more_searches = 0;
   /// Attempts to shorten the path.
-  unsigned int shortcuts = 20;
+  unsigned int shortcut_attempts = 20;
   Resolution resolution;
   /// What PRM begins with, if it is set. Nothing in it is taken for free: the milestones and motions that a way
   /// uses are looked at in the scene as it is now.

@@ -62,7 +62,7 @@ struct Arm {
   std::vector<std::size_t> hand;
   std::size_t tip = 0;
   /// Pairs of links that may touch.
-  std::vector<std::pair<std::size_t, std::size_t>> allowed;
+  std::vector<std::pair<std::size_t, std::size_t>> allowed_collisions;
 };
 
 /// A named shape: an obstacle in `world`, or the carried object in the tip's frame.

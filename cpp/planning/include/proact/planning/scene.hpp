@@ -80,7 +80,7 @@ class Scene {
   void allow_contact(const std::string& member, const std::string& obstacle);
 
   /// Withdraws everything allowed with allow_contact.
-  void forget_allowed_contacts();
+  void clear_allowed_contacts();
 
   /// Pairs of names in collision at arm angles q[joint_count()]; empty when free.
   std::vector<NamePair> collisions(const double* q);
@@ -105,7 +105,7 @@ class Scene {
 
   /// Largest distance, in metres, that any point of the arm travels along the straight joint motion dq: an
   /// upper bound over all configurations.
-  double travel(const double* dq) const;
+  double max_travel(const double* dq) const;
 
   /// Number of states asked about since construction.
   std::size_t state_checks() const noexcept { return state_checks_; }
@@ -126,9 +126,9 @@ class Scene {
     Transform link_from_shape = Transform::Identity();
     Transform body_from_shape = Transform::Identity();
     /// Radius of a ball around the shape.
-    double ball = 0.0;
+    double bounding_radius = 0.0;
     /// Where the shape is and a box around it; wrong until this state's question needed them.
-    bool posed = false;
+    bool is_posed = false;
     Transform world_from_shape = Transform::Identity();
     Box box;
   };
@@ -137,15 +137,15 @@ class Scene {
     std::vector<Member> members;
     Transform world_from_body = Transform::Identity();
     /// A ball around all members: its centre in the body's frame and in `world`, and its radius.
-    Vector body_centre = Vector::Zero();
-    Vector centre = Vector::Zero();
-    double ball = 0.0;
+    Vector body_center = Vector::Zero();
+    Vector center = Vector::Zero();
+    double bounding_radius = 0.0;
     /// Farthest point of any member from the body's origin.
-    double radius = 0.0;
+    double reach = 0.0;
     /// Of the members' balls: centres in `world`, a column each, and radii; false until this state's question needed them.
-    Eigen::Array<double, Eigen::Dynamic, 3> centres;
-    Eigen::ArrayXd balls;
-    bool centred = false;
+    Eigen::Array<double, Eigen::Dynamic, 3> centers;
+    Eigen::ArrayXd bounding_radii;
+    bool centers_valid = false;
   };
 
   struct ChainJoint {
@@ -171,28 +171,30 @@ class Scene {
   };
 
   /// How far a body can travel in t: at most any * t, and on a straight joint motion at most now * t + bend * t^2.
-  struct Rate {
-    double any = 0.0;
-    double now = 0.0;
-    double bend = 0.0;
+  struct TravelBound {
+    double max_rate = 0.0;
+    double initial_rate = 0.0;
+    double rate_growth = 0.0;
 
     /// Metres in t.
-    double travel(double t) const { return std::min(any * t, (now + bend * t) * t); }
+    double travel(double t) const { return std::min(max_rate * t, (initial_rate + rate_growth * t) * t); }
     /// A t in which it travels no farther than that many metres.
     double time(double metres) const {
-      return std::max(metres / any, 2.0 * metres / (now + std::sqrt(now * now + 4.0 * bend * metres)));
+      return std::max(
+          metres / max_rate,
+          2.0 * metres / (initial_rate + std::sqrt(initial_rate * initial_rate + 4.0 * rate_growth * metres)));
     }
   };
 
   /// Two shapes of which balls alone do not tell how far a motion may go on.
-  struct Near {
+  struct NearPair {
     const Solid* first;
     const Transform* first_pose;
     const Solid* second;
     const Transform* second_pose;
     /// Distance of their boxes, metres, and how the two can close in.
     double gap;
-    const Rate* rate;
+    const TravelBound* rate;
   };
 
   void place_hand();
@@ -201,15 +203,15 @@ class Scene {
   void list_boxes();
   void update_radii();
   void pose_bodies(const double* q);
-  static void centre_members(Body& body);
+  static void center_members(Body& body);
   static void pose_member(const Body& body, Member& member);
   double clearance(const double* q, const double* dq, double enough, bool straight);
   void set_rates(const double* dq, double span, bool straight);
-  static void consider(double gap, const Rate& rate, double& least);
+  static void tighten_bound(double gap, const TravelBound& rate, double& least);
   void list_pairs();
   void list_near_bodies(std::size_t a, std::size_t b, double& least);
   void list_near_obstacles(std::size_t b, double& least);
-  bool is_apart(const Near& pair, double& least);
+  bool check_pair(const NearPair& pair, double& least);
   bool contact_allowed(std::size_t owner, std::size_t obstacle) const;
   bool links_allowed(std::size_t a, std::size_t b) const;
   const std::string& owner_name(std::size_t owner) const;
@@ -229,15 +231,15 @@ class Scene {
   Pose base_;
   Transform world_from_base_ = Transform::Identity();
   double padding_ = 0.0;
-  std::vector<double> lever_;         // [joint][body]: metres per radian, in any configuration
-  std::vector<Rate> rates_;           // [body][body], of the second as the first sees it
-  std::vector<Vector> axes_;          // [joint]: in `world`, in the state that is looked at
-  std::vector<Near> near_;            // of that state
+  std::vector<double> lever_;              // [joint][body]: metres per radian, in any configuration
+  std::vector<TravelBound> rates_;         // [body][body], of the second as the first sees it
+  std::vector<Vector> axes_;               // [joint]: in `world`, in the state that is looked at
+  std::vector<NearPair> near_;             // of that state
   Eigen::Array<double, Eigen::Dynamic, 3> low_;   // [obstacle]: corners of their boxes
   Eigen::Array<double, Eigen::Dynamic, 3> high_;
-  Eigen::ArrayXd far_;                // scratch: squared distances of a body from the obstacles
-  Eigen::ArrayXd squares_;            // scratch: squared distances of a body's members from an obstacle
-  std::vector<double> still_;         // [joint]: zeros
+  Eigen::ArrayXd squared_distances_;         // scratch: squared distances of a body from the obstacles
+  Eigen::ArrayXd squares_;                   // scratch: squared distances of a body's members from an obstacle
+  std::vector<double> zeros_;                // [joint]: zeros
   std::size_t state_checks_ = 0;
 };
 

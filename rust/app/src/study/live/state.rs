@@ -3,15 +3,15 @@
 use crate::{
     TrialInputs,
     study::conductor::{Conductor, StudyError},
-    use_log::UseLog,
+    usage_log::UsageLog,
 };
 use proact_bridge::{
-    ClientInput, GivenAnswer, NowWhat, PageServer, ParticipantScreen, RefusedAnswer, StudyAction,
+    AnswerInput, ClientInput, PageServer, ParticipantScreen, RefusedAnswer, StepActivity, StudyAction,
     StudyButton, StudyRequest, StudyScreen,
 };
-use proact_study::{Spot, StudyEvent};
+use proact_study::{StepId, StudyEvent};
 use proact_testbed::TrialResult;
-use proact_types::{DisplayFrame, EventKind, Gesture, GestureName};
+use proact_types::{Command, DisplayFrame, EventKind, Gesture};
 use std::{
     sync::{
         atomic::{AtomicBool, Ordering},
@@ -21,19 +21,19 @@ use std::{
 };
 
 /// How often requests are looked at outside trials.
-const LOOK: Duration = Duration::from_millis(20);
+const POLL_PERIOD: Duration = Duration::from_millis(20);
 /// Screens go out at least so often: times go on. While a prompt moves, more often.
 const SCREEN_PERIOD: Duration = Duration::from_millis(500);
 const PROMPT_PERIOD: Duration = Duration::from_millis(50);
 /// Longest note or reason, characters.
-const MOST_WORDS: usize = 2000;
+const MAX_NOTE_CHARS: usize = 2000;
 
 /// Sees each screen, and the number of the last event on the disk.
-pub type OnScreen<'a> = Box<dyn FnMut(&StudyScreen, i64) + 'a>;
+pub type ScreenObserver<'a> = Box<dyn FnMut(&StudyScreen, i64) + 'a>;
 
 /// Whose session is under way.
 #[derive(Clone, Debug)]
-pub(super) struct UnderWay {
+pub(super) struct ActiveSession {
     pub(super) participant: usize,
     pub(super) session: String,
     pub(super) notes: Vec<String>,
@@ -41,53 +41,53 @@ pub(super) struct UnderWay {
 
 /// The step that is to be done, or is being done.
 #[derive(Clone, Debug)]
-pub(super) struct Now {
-    pub(super) spot: Spot,
+pub(super) struct CurrentStep {
+    pub(super) step_id: StepId,
     pub(super) running: bool,
     pub(super) since: Instant,
-    pub(super) what: NowWhat,
+    pub(super) content: StepActivity,
     pub(super) participant: ParticipantScreen,
-    pub(super) can: Vec<StudyButton>,
+    pub(super) buttons: Vec<StudyButton>,
 }
 
 /// What a step has to decide about.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Wish {
+pub(super) enum ConductRequest {
     /// Something that whoever conducts the study asks for.
-    Ask(StudyRequest),
+    Experimenter(StudyRequest),
     /// The questionnaire is filled in.
-    Submit(usize),
+    SubmitForm(usize),
     /// Keys make this gesture from now on.
-    Gesture(Gesture),
+    Gesture(Command),
 }
 
 pub(super) struct StudyState<'a> {
     pub(super) conductor: Conductor,
     pub(super) page: &'a PageServer,
     pub(super) console: Option<Receiver<ClientInput>>,
-    pub(super) on_screen: OnScreen<'a>,
+    pub(super) screen_observer: ScreenObserver<'a>,
     pub(super) interrupted: &'a AtomicBool,
-    pub(super) under: Option<UnderWay>,
-    pub(super) now: Option<Now>,
-    pub(super) told: String,
-    pub(super) refused: Option<RefusedAnswer>,
+    pub(super) active_session: Option<ActiveSession>,
+    pub(super) current_step: Option<CurrentStep>,
+    pub(super) message: String,
+    pub(super) rejected_answer: Option<RefusedAnswer>,
     /// The journal cannot be written to any more.
-    pub(super) failed: Option<StudyError>,
-    pub(super) gaze: Option<GazeMeasured>,
+    pub(super) journal_error: Option<StudyError>,
+    pub(super) gaze_check: Option<GazeCheckResult>,
     /// Objects that were let go in the trial or practice under way.
-    pub(super) carried: usize,
-    shown: Instant,
+    pub(super) transferred_count: usize,
+    last_shown_at: Instant,
     /// A session has just ended, and its participant may still sit there.
-    pub(super) thanks: bool,
+    pub(super) session_just_ended: bool,
     /// There is news to show.
-    pub(super) news: bool,
+    pub(super) needs_refresh: bool,
     /// The log of use; none that is kept.
-    pub(super) use_log: Option<UseLog>,
+    pub(super) use_log: Option<UsageLog>,
 }
 
 /// How well the gaze follows, and when that was measured.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct GazeMeasured {
+pub(super) struct GazeCheckResult {
     pub(super) at: Instant,
     pub(super) error_deg: Option<f64>,
     pub(super) calibrated: bool,
@@ -98,25 +98,25 @@ impl<'a> StudyState<'a> {
         conductor: Conductor,
         page: &'a PageServer,
         console: Option<Receiver<ClientInput>>,
-        on_screen: OnScreen<'a>,
+        on_screen: ScreenObserver<'a>,
         interrupted: &'a AtomicBool,
     ) -> Self {
         Self {
             conductor,
             page,
             console,
-            on_screen,
+            screen_observer: on_screen,
             interrupted,
-            under: None,
-            now: None,
-            told: String::new(),
-            refused: None,
-            failed: None,
-            gaze: None,
-            carried: 0,
-            shown: Instant::now(),
-            thanks: false,
-            news: true,
+            active_session: None,
+            current_step: None,
+            message: String::new(),
+            rejected_answer: None,
+            journal_error: None,
+            gaze_check: None,
+            transferred_count: 0,
+            last_shown_at: Instant::now(),
+            session_just_ended: false,
+            needs_refresh: true,
             use_log: None,
         }
     }
@@ -128,87 +128,88 @@ impl<'a> StudyState<'a> {
     /// Writes an event; a journal that cannot be written to ends the run.
     pub(super) fn write(&mut self, event: StudyEvent) {
         let written = self.conductor.write(event).map(drop);
-        self.keep(written);
+        self.handle_write_result(written);
     }
 
     /// What came of something that wrote to the journal; false if it was refused.
-    pub(super) fn keep(&mut self, written: Result<(), StudyError>) -> bool {
+    pub(super) fn handle_write_result(&mut self, written: Result<(), StudyError>) -> bool {
         match written {
             Ok(()) => true,
             Err(StudyError::Journal(error)) => {
-                self.told = error.to_string();
-                self.failed = Some(error.into());
+                self.message = error.to_string();
+                self.journal_error = Some(error.into());
                 false
             }
             Err(error) => {
-                self.told = error.to_string();
+                self.message = error.to_string();
                 false
             }
         }
     }
 
     /// Everything that came in since the last call: notes and answers are dealt with, what is not for a trial is left out.
-    fn take(&mut self) -> (Vec<ClientInput>, Vec<Wish>) {
+    fn drain_requests(&mut self) -> (Vec<ClientInput>, Vec<ConductRequest>) {
         if let Some(log) = &mut self.use_log {
-            log.look(Instant::now(), self.page.client_count() > 0);
+            log.update_connection(Instant::now(), self.page.client_count() > 0);
         }
         let mut came = self.page.drain_inputs();
         came.extend(self.console.iter().flat_map(Receiver::try_iter));
-        let (mut inputs, mut wishes) = (Vec::new(), Vec::new());
-        let asks = |input: &ClientInput| {
+        let (mut inputs, mut requests) = (Vec::new(), Vec::new());
+        let is_request = |input: &ClientInput| {
             matches!(input, ClientInput::Conduct(_) | ClientInput::Answer(_) | ClientInput::Submit { .. })
         };
-        self.news |= came.iter().any(asks);
+        self.needs_refresh |= came.iter().any(is_request);
         for input in came {
             match input {
                 ClientInput::Conduct(StudyRequest::Note { text }) => self.note(&text),
                 ClientInput::Conduct(request) => {
                     // What came of the request before is old news.
-                    self.told.clear();
-                    wishes.push(Wish::Ask(request));
+                    self.message.clear();
+                    requests.push(ConductRequest::Experimenter(request));
                 }
                 ClientInput::Answer(given) => self.answer(given),
                 ClientInput::Submit { step } => {
-                    self.told.clear();
-                    wishes.push(Wish::Submit(step));
+                    self.message.clear();
+                    requests.push(ConductRequest::SubmitForm(step));
                 }
                 // The plan says which trial is next.
                 ClientInput::Restart { .. } | ClientInput::After(_) => {}
                 input => {
-                    if let ClientInput::Gesture(gesture) = input {
-                        wishes.push(Wish::Gesture(gesture));
+                    if let ClientInput::Gesture(command) = input {
+                        requests.push(ConductRequest::Gesture(command));
                     }
                     inputs.push(input);
                 }
             }
         }
-        (inputs, wishes)
+        (inputs, requests)
     }
 
     fn note(&mut self, text: &str) {
-        let text = clean(text);
+        let text = sanitize_text(text);
         if text.is_empty() {
             return;
         }
-        let spot = self.now.as_ref().map(|now| now.spot.clone());
-        let event = StudyEvent::Noted { spot, text: text.clone() };
+        let step_id = self.current_step.as_ref().map(|now| now.step_id.clone());
+        let event = StudyEvent::Noted { step_id, text: text.clone() };
         let written = self.conductor.write(event).map(drop);
-        if self.keep(written) {
-            self.told = "the note is kept".to_owned();
-            self.under.iter_mut().for_each(|under| under.notes.push(text.clone()));
+        if self.handle_write_result(written) {
+            self.message = "the note is kept".to_owned();
+            self.active_session.iter_mut().for_each(|under| under.notes.push(text.clone()));
         }
     }
 
-    fn answer(&mut self, GivenAnswer { step, key, answer }: GivenAnswer) {
-        let Some(spot) = self.now.as_ref().map(|now| now.spot.clone()).filter(|spot| spot.step == step)
+    fn answer(&mut self, AnswerInput { step, key, answer }: AnswerInput) {
+        let Some(step_id) =
+            self.current_step.as_ref().map(|now| now.step_id.clone()).filter(|step_id| step_id.step == step)
         else {
-            self.told = format!("an answer to step {step} came too late and is not kept");
+            self.message = format!("an answer to step {step} came too late and is not kept");
             return;
         };
-        match self.conductor.answer(&spot, &key, answer) {
-            Ok(_) => self.refused = None,
-            Err(error @ StudyError::Journal(_)) => drop(self.keep(Err(error))),
-            Err(error) => self.refused = Some(RefusedAnswer { key, reason: error.to_string() }),
+        match self.conductor.answer(&step_id, &key, answer) {
+            Ok(_) => self.rejected_answer = None,
+            Err(error @ StudyError::Journal(_)) => drop(self.handle_write_result(Err(error))),
+            Err(error) => self.rejected_answer = Some(RefusedAnswer { key, reason: error.to_string() }),
         }
     }
 
@@ -216,132 +217,142 @@ impl<'a> StudyState<'a> {
     ///
     /// # Errors
     /// The journal cannot be written to.
-    pub(super) fn wait(&mut self) -> Result<Vec<Wish>, StudyError> {
-        let (_, wishes) = self.take();
-        match self.failed.take() {
+    pub(super) fn wait(&mut self) -> Result<Vec<ConductRequest>, StudyError> {
+        let (_, requests) = self.drain_requests();
+        match self.journal_error.take() {
             Some(error) => Err(error),
             None => {
-                let prompts = matches!(self.now, Some(Now { what: NowWhat::Train(_), .. }));
+                let prompts =
+                    matches!(self.current_step, Some(CurrentStep { content: StepActivity::Train(_), .. }));
                 let period = if prompts { PROMPT_PERIOD } else { SCREEN_PERIOD };
-                if self.news || self.shown.elapsed() >= period {
+                if self.needs_refresh || self.last_shown_at.elapsed() >= period {
                     self.show();
                     // What these wishes lead to is news once more.
-                    self.news = !wishes.is_empty();
+                    self.needs_refresh = !requests.is_empty();
                 }
-                std::thread::sleep(LOOK);
-                Ok(wishes)
+                std::thread::sleep(POLL_PERIOD);
+                Ok(requests)
             }
         }
     }
 
     /// Shows where the study is. The server keeps to itself what is no news.
     pub(super) fn show(&mut self) {
-        (self.shown, self.news) = (Instant::now(), false);
+        (self.last_shown_at, self.needs_refresh) = (Instant::now(), false);
         let screen = self.screen();
         self.page.publish_study(&screen);
-        (self.on_screen)(&screen, self.conductor.last_id());
+        (self.screen_observer)(&screen, self.conductor.last_id());
     }
 }
 
 /// A note or a reason as it is kept: without control characters, of bounded length.
-pub(super) fn clean(text: &str) -> String {
+pub(super) fn sanitize_text(text: &str) -> String {
     let plain = |c: char| if c.is_control() { ' ' } else { c };
-    text.trim().chars().map(plain).take(MOST_WORDS).collect()
+    text.trim().chars().map(plain).take(MAX_NOTE_CHARS).collect()
 }
 
 /// What comes in while a trial, a practice or a demonstration goes on.
-pub(super) struct SceneInputs<'s, 'a> {
+pub(super) struct StudyTrialInputs<'s, 'a> {
     pub(super) state: &'s mut StudyState<'a>,
     /// "Next" ends it.
-    pub(super) next_ends: bool,
+    pub(super) ends_on_next: bool,
     /// The participant's page is asked to calibrate the gaze as soon as the scene is there.
-    pub(super) calibrates: bool,
+    pub(super) requests_gaze_calibration: bool,
     /// What is still wanted when it is over.
-    pub(super) left: Option<StudyRequest>,
+    pub(super) pending_request: Option<StudyRequest>,
     /// The gesture of a relaxed hand where the participant drives, for the log of use; none where a simulated one shows how.
-    pub(super) rest: Option<GestureName>,
+    pub(super) rest_gesture: Option<Gesture>,
 }
 
-impl SceneInputs<'_, '_> {
-    fn wish(&mut self, wish: Wish, inputs: &mut Vec<ClientInput>) {
-        match wish {
-            Wish::Ask(StudyRequest::Next {}) if self.next_ends => {
+impl StudyTrialInputs<'_, '_> {
+    fn handle_request(&mut self, conduct_request: ConductRequest, inputs: &mut Vec<ClientInput>) {
+        match conduct_request {
+            ConductRequest::Experimenter(StudyRequest::Next {}) if self.ends_on_next => {
                 inputs.push(ClientInput::Study(StudyAction::Abort))
             }
-            Wish::Ask(request @ (StudyRequest::Skip { .. } | StudyRequest::Leave {})) if self.next_ends => {
-                self.left = Some(request);
+            ConductRequest::Experimenter(request @ (StudyRequest::Skip { .. } | StudyRequest::Leave {}))
+                if self.ends_on_next =>
+            {
+                self.pending_request = Some(request);
                 inputs.push(ClientInput::Study(StudyAction::Abort));
             }
-            Wish::Ask(StudyRequest::Next {}) => {}
-            Wish::Ask(_) => self.state.told = "the trial goes on: end it first".to_owned(),
-            Wish::Submit(_) | Wish::Gesture(_) => {}
+            ConductRequest::Experimenter(StudyRequest::Next {}) => {}
+            ConductRequest::Experimenter(_) => {
+                self.state.message = "the trial goes on: end it first".to_owned()
+            }
+            ConductRequest::SubmitForm(_) | ConductRequest::Gesture(_) => {}
         }
     }
 }
 
-impl TrialInputs for SceneInputs<'_, '_> {
+impl TrialInputs for StudyTrialInputs<'_, '_> {
     fn drain(&mut self) -> Vec<ClientInput> {
-        let (mut inputs, wishes) = self.state.take();
-        wishes.into_iter().for_each(|wish| self.wish(wish, &mut inputs));
-        if std::mem::take(&mut self.calibrates) {
+        let (mut inputs, requests) = self.state.drain_requests();
+        requests.into_iter().for_each(|conduct_request| self.handle_request(conduct_request, &mut inputs));
+        if std::mem::take(&mut self.requests_gaze_calibration) {
             inputs.push(ClientInput::Study(StudyAction::CalibrateGaze));
         }
-        let spot = self.state.now.as_ref().map(|now| now.spot.clone());
+        let step_id = self.state.current_step.as_ref().map(|now| now.step_id.clone());
         for input in &inputs {
-            match (input, &spot) {
-                (ClientInput::Study(StudyAction::Pause), Some(spot)) => self.state.pause(spot, true),
-                (ClientInput::Study(StudyAction::Resume), Some(spot)) => self.state.pause(spot, false),
+            match (input, &step_id) {
+                (ClientInput::Study(StudyAction::Pause), Some(step_id)) => self.state.pause(step_id, true),
+                (ClientInput::Study(StudyAction::Resume), Some(step_id)) => self.state.pause(step_id, false),
                 // The participant reads a dialog: time stands still as in a pause, and is told like one.
-                (ClientInput::Hold(on), Some(spot)) => self.state.pause(spot, *on),
-                (ClientInput::GazeCheck(check), Some(spot)) => {
+                (ClientInput::Hold(on), Some(step_id)) => self.state.pause(step_id, *on),
+                (ClientInput::GazeCheck(check), Some(step_id)) => {
                     let errors: Vec<f64> =
                         check.points.iter().filter_map(|point| point.accuracy_deg).collect();
                     let error_deg =
                         (!errors.is_empty()).then(|| errors.iter().sum::<f64>() / errors.len() as f64);
                     let calibrated = check.correction_deg.is_some();
-                    self.state.gaze = Some(GazeMeasured { at: Instant::now(), error_deg, calibrated });
-                    self.state.write(StudyEvent::GazeChecked { spot: spot.clone(), error_deg, calibrated });
+                    self.state.gaze_check =
+                        Some(GazeCheckResult { at: Instant::now(), error_deg, calibrated });
+                    self.state.write(StudyEvent::GazeChecked {
+                        step_id: step_id.clone(),
+                        error_deg,
+                        calibrated,
+                    });
                 }
                 _ => {}
             }
         }
         // What was acknowledged is on the disk; what cannot be any more ends the trial.
-        if self.state.failed.is_some() {
+        if self.state.journal_error.is_some() {
             inputs.push(ClientInput::Study(StudyAction::Abort));
         }
-        if self.state.news || self.state.shown.elapsed() > SCREEN_PERIOD {
-            self.state.show_scene();
+        if self.state.needs_refresh || self.state.last_shown_at.elapsed() > SCREEN_PERIOD {
+            self.state.publish_activity_screen();
         }
         inputs
     }
 
-    fn shown(&mut self, frame: &DisplayFrame) {
+    fn frame_shown(&mut self, frame: &DisplayFrame) {
         let released = |event: &&proact_types::Event| matches!(event.kind, EventKind::ObjectReleased { .. });
-        self.state.carried += frame.events.iter().filter(released).count();
-        if let (Some(log), Some(rest)) = (&mut self.state.use_log, self.rest) {
-            log.see(frame, rest);
+        self.state.transferred_count += frame.events.iter().filter(released).count();
+        if let (Some(log), Some(rest)) = (&mut self.state.use_log, self.rest_gesture) {
+            log.record_frame(frame, rest);
         }
     }
 
-    fn ended(&mut self, result: &TrialResult) {
+    fn trial_ended(&mut self, result: &TrialResult) {
         // What "Next" ends is a practice or a calibration, and no trial.
-        if let (Some(log), false) = (&mut self.state.use_log, self.next_ends) {
+        if let (Some(log), false) = (&mut self.state.use_log, self.ends_on_next) {
             log.end_trial(result.score);
         }
     }
 }
 
 impl StudyState<'_> {
-    fn pause(&mut self, spot: &Spot, on: bool) {
-        self.write(StudyEvent::Paused { spot: spot.clone(), on });
+    fn pause(&mut self, step_id: &StepId, on: bool) {
+        self.write(StudyEvent::Paused { step_id: step_id.clone(), paused: on });
     }
 
-    fn show_scene(&mut self) {
-        let (gaze, carried) = (self.gaze, self.carried);
-        if let Some(now) = &mut self.now {
-            match &mut now.what {
-                NowWhat::Practise { carried: shown, .. } => *shown = carried,
-                NowWhat::CalibrateGaze { error_deg } => {
+    fn publish_activity_screen(&mut self) {
+        let (gaze, carried) = (self.gaze_check, self.transferred_count);
+        if let Some(now) = &mut self.current_step {
+            match &mut now.content {
+                StepActivity::Practise { transferred: shown, .. } => *shown = carried,
+                StepActivity::CalibrateGaze { error_deg } => {
                     *error_deg = gaze.filter(|gaze| gaze.at >= now.since).and_then(|gaze| gaze.error_deg);
                 }
                 _ => {}

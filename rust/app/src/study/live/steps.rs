@@ -2,13 +2,13 @@
 
 use super::{
     LiveStudy, StepEnd,
-    scenes::Scene,
-    state::{Now, Wish, clean},
+    arm_activities::ArmActivity,
+    state::{ConductRequest, CurrentStep, sanitize_text},
     training::{TrainingPlan, is_next},
 };
-use proact_bridge::{NowWhat, ParticipantScreen, PromptScreen, StudyButton, StudyRequest};
+use proact_bridge::{ParticipantScreen, PromptScreen, StepActivity, StudyButton, StudyRequest};
 use proact_study::{
-    Deviation, Happening, PlannedStep, PlannedTrial, ProtocolStep, Spot, StepOutcome, StudyEvent,
+    Deviation, PlannedStep, PlannedTrial, ProtocolStep, SessionItem, StepId, StepOutcome, StudyEvent,
 };
 use std::{
     error::Error,
@@ -23,94 +23,97 @@ impl LiveStudy<'_> {
     ///
     /// # Errors
     /// As [`LiveStudy::run`].
-    pub(super) fn step(&mut self, spot: &Spot) -> Result<(), Box<dyn Error>> {
-        let Some(happening) = self.state.conductor.progress().happening(spot).cloned() else { return Ok(()) };
-        let condition = happening.condition().map(str::to_owned);
-        let end = match &happening {
-            Happening::Trial(trial) => self.trial(spot, trial)?,
-            Happening::Step(PlannedStep { step, .. }) => {
-                self.protocol_step(spot, step, condition.as_deref())?
+    pub(super) fn step(&mut self, step_id: &StepId) -> Result<(), Box<dyn Error>> {
+        let Some(item) = self.state.conductor.progress().item(step_id).cloned() else { return Ok(()) };
+        let condition = item.condition().map(str::to_owned);
+        let end = match &item {
+            SessionItem::Trial(trial) => self.trial(step_id, trial)?,
+            SessionItem::Step(PlannedStep { step, .. }) => {
+                self.protocol_step(step_id, step, condition.as_deref())?
             }
         };
-        self.end(spot, end)
+        self.end(step_id, end)
     }
 
     /// Writes down how a step ended.
-    fn end(&mut self, spot: &Spot, end: StepEnd) -> Result<(), Box<dyn Error>> {
+    fn end(&mut self, step_id: &StepId, end: StepEnd) -> Result<(), Box<dyn Error>> {
         let outcome = match &end {
             StepEnd::Done => StepOutcome::Done,
             StepEnd::Aborted => StepOutcome::Aborted,
             StepEnd::Skipped(reason) => {
                 let deviation = Deviation::LeftOut;
                 self.state.conductor.write(StudyEvent::Deviated {
-                    spot: spot.clone(),
+                    step_id: step_id.clone(),
                     deviation,
                     reason: reason.clone(),
                 })?;
                 // What never began ends here too.
-                self.state.conductor.begin(spot)?;
+                self.state.conductor.begin(step_id)?;
                 StepOutcome::Skipped
             }
-            StepEnd::Redone(_) | StepEnd::Left | StepEnd::Interrupted => StepOutcome::Interrupted,
+            StepEnd::RedoPrevious(_) | StepEnd::Postponed | StepEnd::Interrupted => StepOutcome::Interrupted,
         };
-        if self.state.conductor.progress().step(spot).open {
-            self.state.conductor.end(spot, outcome)?;
+        if self.state.conductor.progress().step(step_id).open {
+            self.state.conductor.end(step_id, outcome)?;
         }
         match end {
-            StepEnd::Redone(reason) => {
-                let again = self.state.under.as_ref().and_then(|under| {
+            StepEnd::RedoPrevious(reason) => {
+                let again = self.state.active_session.as_ref().and_then(|under| {
                     let progress = self.state.conductor.progress();
                     progress.last_trial(progress.session(under.participant, &under.session)?)
                 });
-                if let Some(spot) = again {
-                    self.state.conductor.write(StudyEvent::Repeated { spot, reason })?;
+                if let Some(step_id) = again {
+                    self.state.conductor.write(StudyEvent::Repeated { step_id, reason })?;
                 }
             }
-            StepEnd::Left => {
-                self.state.told = "the session can be taken up again at any time".to_owned();
-                self.state.under = None;
+            StepEnd::Postponed => {
+                self.state.message = "the session can be taken up again at any time".to_owned();
+                self.state.active_session = None;
             }
             _ => {}
         }
-        self.state.now = None;
-        self.state.refused = None;
+        self.state.current_step = None;
+        self.state.rejected_answer = None;
         Ok(())
     }
 
     /// What a wish means to a step that `next` may end. Those that need more are dealt with by the step.
-    pub(super) fn step_end(&mut self, wish: &Wish, next: bool) -> Option<StepEnd> {
-        let Wish::Ask(request) = wish else { return None };
+    pub(super) fn step_end(&mut self, conduct_request: &ConductRequest, next: bool) -> Option<StepEnd> {
+        let ConductRequest::Experimenter(request) = conduct_request else { return None };
         match request {
             request if is_next(request) => next.then_some(StepEnd::Done),
-            StudyRequest::Skip { reason } => self.reasoned(reason).map(StepEnd::Skipped),
+            StudyRequest::Skip { reason } => self.require_reason(reason).map(StepEnd::Skipped),
             StudyRequest::Redo { reason } => {
-                let reason = self.reasoned(reason)?;
-                if !self.may_redo() {
-                    self.state.told = "there is no trial of this session to do again".to_owned();
+                let reason = self.require_reason(reason)?;
+                if !self.can_redo() {
+                    self.state.message = "there is no trial of this session to do again".to_owned();
                     return None;
                 }
-                Some(StepEnd::Redone(reason))
+                Some(StepEnd::RedoPrevious(reason))
             }
-            StudyRequest::Leave {} => Some(StepEnd::Left),
+            StudyRequest::Leave {} => Some(StepEnd::Postponed),
             _ => None,
         }
     }
 
     /// A reason, if one was given.
-    fn reasoned(&mut self, reason: &str) -> Option<String> {
-        let reason = clean(reason);
+    fn require_reason(&mut self, reason: &str) -> Option<String> {
+        let reason = sanitize_text(reason);
         if reason.is_empty() {
-            self.state.told = "this departs from the plan: a reason is needed".to_owned();
+            self.state.message = "this departs from the plan: a reason is needed".to_owned();
             return None;
         }
         Some(reason)
     }
 
     /// Whether a trial of the session is over that can be done again.
-    fn may_redo(&self) -> bool {
+    fn can_redo(&self) -> bool {
         let progress = self.state.conductor.progress();
-        let session =
-            self.state.under.as_ref().and_then(|under| progress.session(under.participant, &under.session));
+        let session = self
+            .state
+            .active_session
+            .as_ref()
+            .and_then(|under| progress.session(under.participant, &under.session));
         session.is_some_and(|session| progress.last_trial(session).is_some())
     }
 
@@ -118,28 +121,35 @@ impl LiveStudy<'_> {
     fn buttons(&self, own: &[StudyButton]) -> Vec<StudyButton> {
         let mut can = own.to_vec();
         can.extend([StudyButton::Skip, StudyButton::Retrain, StudyButton::Recalibrate, StudyButton::Leave]);
-        can.extend(self.may_redo().then_some(StudyButton::Redo));
+        can.extend(self.can_redo().then_some(StudyButton::Redo));
         can.sort();
         can
     }
 
-    fn now(
+    fn set_current_step(
         &mut self,
-        spot: &Spot,
+        step_id: &StepId,
         running: bool,
-        what: NowWhat,
+        what: StepActivity,
         participant: ParticipantScreen,
         own: &[StudyButton],
     ) {
         let can = self.buttons(own);
         let since = Instant::now();
-        self.state.news = true;
-        self.state.now = Some(Now { spot: spot.clone(), running, since, what, participant, can });
+        self.state.needs_refresh = true;
+        self.state.current_step = Some(CurrentStep {
+            step_id: step_id.clone(),
+            running,
+            since,
+            content: what,
+            participant,
+            buttons: can,
+        });
     }
 
     fn protocol_step(
         &mut self,
-        spot: &Spot,
+        step_id: &StepId,
         step: &ProtocolStep,
         condition: Option<&str>,
     ) -> Result<StepEnd, Box<dyn Error>> {
@@ -147,126 +157,163 @@ impl LiveStudy<'_> {
         match step {
             ProtocolStep::Say { text, .. } => {
                 let text = self.state.conductor.study.plan.texts.get(text).cloned().unwrap_or_default();
-                self.state.conductor.begin(spot)?;
-                self.now(spot, true, NowWhat::Say { text }, ParticipantScreen::Listen, next);
-                self.until_next(spot, |_| {})
+                self.state.conductor.begin(step_id)?;
+                self.set_current_step(
+                    step_id,
+                    true,
+                    StepActivity::Say { text },
+                    ParticipantScreen::Listen,
+                    next,
+                );
+                self.wait_for_next(step_id, |_| {})
             }
-            ProtocolStep::Rest { minutes } => {
+            ProtocolStep::Break { minutes } => {
                 let planned = 60.0 * minutes;
-                self.state.conductor.begin(spot)?;
-                let rest = NowWhat::Rest { left_secs: planned };
-                self.now(spot, true, rest, ParticipantScreen::Rest { left_secs: planned }, next);
-                self.until_next(spot, move |now| {
+                self.state.conductor.begin(step_id)?;
+                let rest = StepActivity::Rest { remaining_secs: planned };
+                self.set_current_step(
+                    step_id,
+                    true,
+                    rest,
+                    ParticipantScreen::Rest { remaining_secs: planned },
+                    next,
+                );
+                self.wait_for_next(step_id, move |now| {
                     let left_secs = (planned - now.since.elapsed().as_secs_f64()).max(0.0);
-                    now.what = NowWhat::Rest { left_secs };
-                    now.participant = ParticipantScreen::Rest { left_secs };
+                    now.content = StepActivity::Rest { remaining_secs: left_secs };
+                    now.participant = ParticipantScreen::Rest { remaining_secs: left_secs };
                 })
             }
-            ProtocolStep::Form { .. } => self.form_step(spot),
-            ProtocolStep::Train { repetitions, hold_secs, pass_runs, .. } => {
-                self.state.conductor.begin(spot)?;
+            ProtocolStep::Form { .. } => self.form_step(step_id),
+            ProtocolStep::Train { repetitions, hold_secs, consecutive_correct_runs: pass_runs, .. } => {
+                self.state.conductor.begin(step_id)?;
                 let prompt = PromptScreen::default();
-                self.now(spot, true, NowWhat::Train(prompt.clone()), ParticipantScreen::Train(prompt), next);
-                let plan =
-                    TrainingPlan { repetitions: *repetitions, hold_secs: *hold_secs, pass_runs: *pass_runs };
-                self.train(spot, plan)
+                self.set_current_step(
+                    step_id,
+                    true,
+                    StepActivity::Train(prompt.clone()),
+                    ParticipantScreen::Train(prompt),
+                    next,
+                );
+                let plan = TrainingPlan {
+                    repetitions: *repetitions,
+                    hold_secs: *hold_secs,
+                    consecutive_correct_runs: *pass_runs,
+                };
+                self.train(step_id, plan)
             }
             ProtocolStep::CalibrateGaze { .. } => {
-                self.state.conductor.begin(spot)?;
-                self.scene_step(spot, Scene::Gaze, condition)
+                self.state.conductor.begin(step_id)?;
+                self.activity_step(step_id, ArmActivity::GazeCalibration, condition)
             }
-            ProtocolStep::Demonstrate { .. } => self.scene_step(spot, Scene::Demonstration, condition),
-            ProtocolStep::Practise { transfers, .. } => {
-                self.scene_step(spot, Scene::Practice { transfers: *transfers }, condition)
+            ProtocolStep::Demonstrate { .. } => {
+                self.activity_step(step_id, ArmActivity::Demonstration, condition)
+            }
+            ProtocolStep::Practice { transfers, .. } => {
+                self.activity_step(step_id, ArmActivity::Practice { transfers: *transfers }, condition)
             }
         }
     }
 
     /// Waits until the step is done, or departs from the plan.
-    fn until_next(
+    fn wait_for_next(
         &mut self,
-        spot: &Spot,
-        mut refresh: impl FnMut(&mut Now),
+        step_id: &StepId,
+        mut refresh: impl FnMut(&mut CurrentStep),
     ) -> Result<StepEnd, Box<dyn Error>> {
         while !self.state.interrupted() {
-            self.state.now.iter_mut().for_each(&mut refresh);
-            for wish in self.state.wait()? {
-                if let Some(end) = self.step_end(&wish, true) {
+            self.state.current_step.iter_mut().for_each(&mut refresh);
+            for request in self.state.wait()? {
+                if let Some(end) = self.step_end(&request, true) {
                     return Ok(end);
                 }
-                self.beside(spot, &wish)?;
+                self.retrain_or_recalibrate(step_id, &request)?;
             }
         }
         Ok(StepEnd::Interrupted)
     }
 
     /// Training or calibration once more, in the middle of a session.
-    fn beside(&mut self, spot: &Spot, wish: &Wish) -> Result<(), Box<dyn Error>> {
-        let (reason, deviation) = match wish {
-            Wish::Ask(StudyRequest::Retrain { reason }) => (reason, Deviation::Retrained),
-            Wish::Ask(StudyRequest::Recalibrate { reason }) => (reason, Deviation::Recalibrated),
+    fn retrain_or_recalibrate(
+        &mut self,
+        step_id: &StepId,
+        request: &ConductRequest,
+    ) -> Result<(), Box<dyn Error>> {
+        let (reason, deviation) = match request {
+            ConductRequest::Experimenter(StudyRequest::Retrain { reason }) => (reason, Deviation::Retrained),
+            ConductRequest::Experimenter(StudyRequest::Recalibrate { reason }) => {
+                (reason, Deviation::Recalibrated)
+            }
             _ => return Ok(()),
         };
-        let Some(reason) = self.reasoned(reason) else { return Ok(()) };
-        self.state.conductor.write(StudyEvent::Deviated { spot: spot.clone(), deviation, reason })?;
-        let before = self.state.now.clone();
-        if let Some(now) = &mut self.state.now {
-            (now.can, now.running, now.since) =
+        let Some(reason) = self.require_reason(reason) else { return Ok(()) };
+        self.state.conductor.write(StudyEvent::Deviated { step_id: step_id.clone(), deviation, reason })?;
+        let before = self.state.current_step.clone();
+        if let Some(now) = &mut self.state.current_step {
+            (now.buttons, now.running, now.since) =
                 (vec![StudyButton::Next, StudyButton::Leave], true, Instant::now());
         }
         if deviation == Deviation::Retrained {
-            self.retrain(spot)?;
+            self.retrain(step_id)?;
         } else {
-            if let Some(now) = &mut self.state.now {
-                now.what = NowWhat::CalibrateGaze { error_deg: None };
+            if let Some(now) = &mut self.state.current_step {
+                now.content = StepActivity::CalibrateGaze { error_deg: None };
             }
             let condition = self
                 .state
                 .conductor
                 .progress()
-                .happening(spot)
+                .item(step_id)
                 .and_then(|step| step.condition().map(str::to_owned));
-            self.run_scene(spot, Scene::Gaze, condition.as_deref())?;
+            self.run_activity(step_id, ArmActivity::GazeCalibration, condition.as_deref())?;
         }
-        (self.state.now, self.state.news) = (before, true);
+        (self.state.current_step, self.state.needs_refresh) = (before, true);
         Ok(())
     }
 
-    fn form_step(&mut self, spot: &Spot) -> Result<StepEnd, Box<dyn Error>> {
-        self.state.conductor.begin(spot)?;
-        let Some(form) = self.state.form(spot) else { return Ok(StepEnd::Done) };
+    fn form_step(&mut self, step_id: &StepId) -> Result<StepEnd, Box<dyn Error>> {
+        self.state.conductor.begin(step_id)?;
+        let Some(form) = self.state.form(step_id) else { return Ok(StepEnd::Done) };
         let name = form.form.name.clone();
         let next = &[StudyButton::Next];
-        self.now(spot, true, NowWhat::Form(form.clone()), ParticipantScreen::Form(form), next);
+        self.set_current_step(
+            step_id,
+            true,
+            StepActivity::Form(form.clone()),
+            ParticipantScreen::Form(form),
+            next,
+        );
         while !self.state.interrupted() {
-            for wish in self.state.wait()? {
-                let submits = match &wish {
-                    Wish::Submit(step) => *step == spot.step,
-                    Wish::Ask(request) => is_next(request),
-                    Wish::Gesture(_) => false,
+            for conduct_request in self.state.wait()? {
+                let submits = match &conduct_request {
+                    ConductRequest::SubmitForm(step) => *step == step_id.step,
+                    ConductRequest::Experimenter(request) => is_next(request),
+                    ConductRequest::Gesture(_) => false,
                 };
                 if submits {
-                    let answers = self.state.conductor.progress().step(spot).answers;
+                    let answers = self.state.conductor.progress().step(step_id).answers;
                     let form = &self.state.conductor.study.forms[&name];
                     let missing = form.missing(&answers);
                     if form.lacks_consent(&answers) {
-                        self.state.told = "without consent the session cannot go on".to_owned();
-                    } else if let (Wish::Submit(_), Some(first)) = (&wish, missing.first()) {
-                        self.state.told =
+                        self.state.message = "without consent the session cannot go on".to_owned();
+                    } else if let (ConductRequest::SubmitForm(_), Some(first)) =
+                        (&conduct_request, missing.first())
+                    {
+                        self.state.message =
                             format!("{} questions have no answer, the first is {first}", missing.len());
                     } else {
                         // Whoever conducts the study may go on with what there is; the tables say what is missing.
                         return Ok(StepEnd::Done);
                     }
                 }
-                match self.step_end(&wish, false) {
+                match self.step_end(&conduct_request, false) {
                     Some(StepEnd::Skipped(_))
                         if self.state.conductor.study.forms[&name].asks_for_consent() =>
                     {
-                        self.state.told = "without consent the session cannot go on".to_owned();
+                        self.state.message = "without consent the session cannot go on".to_owned();
                     }
                     Some(end) => return Ok(end),
-                    None => self.beside(spot, &wish)?,
+                    None => self.retrain_or_recalibrate(step_id, &conduct_request)?,
                 }
             }
         }
@@ -274,36 +321,42 @@ impl LiveStudy<'_> {
     }
 
     /// A practice or a demonstration: it begins when it is asked for, unless it was begun already.
-    fn scene_step(
+    fn activity_step(
         &mut self,
-        spot: &Spot,
-        scene: Scene,
+        step_id: &StepId,
+        scene: ArmActivity,
         condition: Option<&str>,
     ) -> Result<StepEnd, Box<dyn Error>> {
-        self.now(spot, false, scene.what(), ParticipantScreen::Wait, &[StudyButton::Next]);
-        while !self.state.conductor.progress().step(spot).open {
+        self.set_current_step(
+            step_id,
+            false,
+            scene.screen_content(),
+            ParticipantScreen::Wait,
+            &[StudyButton::Next],
+        );
+        while !self.state.conductor.progress().step(step_id).open {
             if self.state.interrupted() {
                 return Ok(StepEnd::Interrupted);
             }
-            for wish in self.state.wait()? {
-                match self.step_end(&wish, true) {
-                    Some(StepEnd::Done) => drop(self.state.conductor.begin(spot)?),
+            for request in self.state.wait()? {
+                match self.step_end(&request, true) {
+                    Some(StepEnd::Done) => drop(self.state.conductor.begin(step_id)?),
                     Some(end) => return Ok(end),
-                    None => self.beside(spot, &wish)?,
+                    None => self.retrain_or_recalibrate(step_id, &request)?,
                 }
             }
         }
-        self.run_scene(spot, scene, condition)
+        self.run_activity(step_id, scene, condition)
     }
 
-    fn trial(&mut self, spot: &Spot, trial: &PlannedTrial) -> Result<StepEnd, Box<dyn Error>> {
-        let number = self.number(spot);
-        let before = self.before.clone();
-        let what = |checks| NowWhat::Trial { checks, number, before: before.clone() };
+    fn trial(&mut self, step_id: &StepId, trial: &PlannedTrial) -> Result<StepEnd, Box<dyn Error>> {
+        let number = self.number(step_id);
+        let before = self.last_trial_summary.clone();
+        let what = |checks| StepActivity::Trial { checks, number, previous_result: before.clone() };
         let checks = self.checks();
-        self.now(spot, false, what(checks), ParticipantScreen::Wait, &[StudyButton::Next]);
+        self.set_current_step(step_id, false, what(checks), ParticipantScreen::Wait, &[StudyButton::Next]);
         // The scene of this trial, with the blocks where they will stand, is built before it is asked for.
-        self.prepare(trial)?;
+        self.preview_trial(trial)?;
         let mut checked: Option<Instant> = None;
         loop {
             if checked.is_none_or(|at| at.elapsed() > CHECK_PERIOD) {
@@ -311,77 +364,81 @@ impl LiveStudy<'_> {
                 let ready = checks.iter().all(|check| check.ready);
                 let start = if ready { StudyButton::Next } else { StudyButton::StartAnyway };
                 let can = self.buttons(&[start]);
-                if let Some(now) = &mut self.state.now {
-                    (now.what, now.can) = (what(checks), can);
+                if let Some(now) = &mut self.state.current_step {
+                    (now.content, now.buttons) = (what(checks), can);
                 }
                 checked = Some(Instant::now());
             }
             if self.state.interrupted() {
                 return Ok(StepEnd::Interrupted);
             }
-            for wish in self.state.wait()? {
-                let anyway = match &wish {
-                    Wish::Ask(StudyRequest::Next {}) => None,
-                    Wish::Ask(StudyRequest::StartAnyway { reason }) => match self.reasoned(reason) {
-                        Some(reason) => Some(reason),
-                        None => continue,
-                    },
+            for request in self.state.wait()? {
+                let anyway = match &request {
+                    ConductRequest::Experimenter(StudyRequest::Next {}) => None,
+                    ConductRequest::Experimenter(StudyRequest::StartAnyway { reason }) => {
+                        match self.require_reason(reason) {
+                            Some(reason) => Some(reason),
+                            None => continue,
+                        }
+                    }
                     _ => {
-                        match self.step_end(&wish, false) {
+                        match self.step_end(&request, false) {
                             Some(end) => return Ok(end),
-                            None => self.beside(spot, &wish)?,
+                            None => self.retrain_or_recalibrate(step_id, &request)?,
                         }
                         continue;
                     }
                 };
                 let checks = self.checks();
-                let lacking: Vec<&str> =
+                let failed_checks: Vec<&str> =
                     checks.iter().filter(|check| !check.ready).map(|check| check.name.as_str()).collect();
                 if self.equipment.source.is_some() && self.equipment.armband.is_none() {
-                    self.state.told = "the gestures are not trained: a trial needs a model".to_owned();
+                    self.state.message = "the gestures are not trained: a trial needs a model".to_owned();
                     continue;
                 }
-                if !lacking.is_empty() && anyway.is_none() {
-                    self.state.told =
-                        format!("not ready: {}; start anyway with a reason", lacking.join(", "));
+                if !failed_checks.is_empty() && anyway.is_none() {
+                    self.state.message =
+                        format!("not ready: {}; start anyway with a reason", failed_checks.join(", "));
                     continue;
                 }
-                if let Some(reason) = anyway.filter(|_| !lacking.is_empty()) {
-                    let reason = format!("{reason} ({})", lacking.join(", "));
+                if let Some(reason) = anyway.filter(|_| !failed_checks.is_empty()) {
+                    let reason = format!("{reason} ({})", failed_checks.join(", "));
                     let deviation = Deviation::NotReady;
                     self.state.conductor.write(StudyEvent::Deviated {
-                        spot: spot.clone(),
+                        step_id: step_id.clone(),
                         deviation,
                         reason,
                     })?;
                 }
-                self.state.conductor.write(StudyEvent::Checked { spot: spot.clone(), checks })?;
-                return self.run_trial(spot, trial);
+                self.state.conductor.write(StudyEvent::Checked { step_id: step_id.clone(), checks })?;
+                return self.run_trial(step_id, trial);
             }
         }
     }
 
     /// Number of a trial among those of its session, and how many there are.
-    fn number(&self, spot: &Spot) -> [usize; 2] {
+    fn number(&self, step_id: &StepId) -> [usize; 2] {
         let progress = self.state.conductor.progress();
-        let Some(session) = progress.session(spot.participant, &spot.session) else { return [0, 0] };
+        let Some(session) = progress.session(step_id.participant, &step_id.session) else { return [0, 0] };
         let trials =
-            session.happenings.iter().enumerate().filter(|(_, step)| matches!(step, Happening::Trial(_)));
+            session.items.iter().enumerate().filter(|(_, step)| matches!(step, SessionItem::Trial(_)));
         let indices: Vec<usize> = trials.map(|(index, _)| index + 1).collect();
-        [indices.iter().filter(|index| **index <= spot.step).count(), indices.len()]
+        [indices.iter().filter(|index| **index <= step_id.step).count(), indices.len()]
     }
 
     /// The training that the session plans first, or the paper's.
     pub(super) fn planned_training(&self) -> TrainingPlan {
         let sessions = &self.state.conductor.progress().schedule().sessions;
-        let steps = sessions.iter().flat_map(|session| &session.happenings);
-        let planned = steps.filter_map(|happening| match happening {
-            Happening::Step(PlannedStep {
-                step: ProtocolStep::Train { repetitions, hold_secs, pass_runs, .. },
+        let steps = sessions.iter().flat_map(|session| &session.items);
+        let planned = steps.filter_map(|item| match item {
+            SessionItem::Step(PlannedStep {
+                step: ProtocolStep::Train { repetitions, hold_secs, consecutive_correct_runs: pass_runs, .. },
                 ..
-            }) => {
-                Some(TrainingPlan { repetitions: *repetitions, hold_secs: *hold_secs, pass_runs: *pass_runs })
-            }
+            }) => Some(TrainingPlan {
+                repetitions: *repetitions,
+                hold_secs: *hold_secs,
+                consecutive_correct_runs: *pass_runs,
+            }),
             _ => None,
         });
         planned.into_iter().next().unwrap_or_default()

@@ -1,25 +1,25 @@
 //! What the columns of the tables are: the codebook.
 
-use proact_analysis::table::Column;
+use proact_analysis::table::TableColumn;
 
 const fn column(
     name: &'static str,
     unit: &'static str,
     meaning: &'static str,
     source: &'static str,
-) -> Column {
-    Column { name, unit, meaning, source }
+) -> TableColumn {
+    TableColumn { name, unit, meaning, source }
 }
 
-const PARTICIPANT: Column = column("participant", "", "place in the plan, from 1", "plan");
-const ID: Column = column("id", "", "pseudonym", "journal");
-const SESSION: Column = column("session", "", "name of the session", "plan");
-const CONDITION: Column = column("condition", "", "what is compared", "plan");
-const TRIAL: Column =
+const PARTICIPANT: TableColumn = column("participant", "", "place in the plan, from 1", "plan");
+const ID: TableColumn = column("id", "", "pseudonym", "journal");
+const SESSION: TableColumn = column("session", "", "name of the session", "plan");
+const CONDITION: TableColumn = column("condition", "", "what is compared", "plan");
+const TRIAL: TableColumn =
     column("trial", "", "number among the participant's trials of the condition, from 1", "plan");
-const SIMULATED: Column =
+const SIMULATED: TableColumn =
     column("simulated", "", "1 if participant and answers are simulated, 0 for a person", "journal");
-const DEPARTURES: Column = column(
+const DEVIATION_MARKS: TableColumn = column(
     "deviations",
     "",
     "kinds of departure from the plan, with commas between; see deviations",
@@ -27,24 +27,25 @@ const DEPARTURES: Column = column(
 );
 
 /// Last in each table of what records hold.
-pub(crate) const FLAW: Column = column(
+pub(crate) const FLAW: TableColumn = column(
     "flaw",
     "",
     "what is wrong with the record, with commas between; empty if nothing is. cut: a bag that breaks off, so that outcomes and score \
-     are missing; bag_only: a bag without the record of a trial; foreign: this program cannot compute the record again, its bag is \
-     scored; diverged: the trial computed again is not the recorded one; interrupted: the trial was broken off",
+     are missing; gap: a bag that lacks messages in between; bag_only: a bag without the record of a trial; foreign: this program cannot compute the record again, its bag is \
+     scored; diverged: the trial computed again is not the recorded one, or has another result; interrupted: the trial was broken off, so that \
+     outcomes and score are missing",
     "computed from the record",
 );
 
 /// The columns that name a trial.
-pub(crate) const TRIAL_KEY: [Column; 5] = [PARTICIPANT, ID, SESSION, CONDITION, TRIAL];
+pub(crate) const TRIAL_KEY: [TableColumn; 5] = [PARTICIPANT, ID, SESSION, CONDITION, TRIAL];
 
 /// The columns that name a trial, then the table's own.
 macro_rules! of_a_trial {
     ($($own:expr),* $(,)?) => { &[PARTICIPANT, ID, SESSION, CONDITION, TRIAL, $($own),*] };
 }
 
-pub(crate) const PARTICIPANTS: &[Column] = &[
+pub(crate) const PARTICIPANTS: &[TableColumn] = &[
     PARTICIPANT,
     ID,
     SIMULATED,
@@ -54,10 +55,10 @@ pub(crate) const PARTICIPANTS: &[Column] = &[
     column("sessions_planned", "", "sessions of the plan", "plan"),
     column("trials_over", "", "trials that count or were left out", "journal"),
     column("trials_planned", "", "trials of the plan", "plan"),
-    DEPARTURES,
+    DEVIATION_MARKS,
 ];
 
-pub(crate) const SESSIONS: &[Column] = &[
+pub(crate) const SESSIONS: &[TableColumn] = &[
     PARTICIPANT,
     ID,
     SESSION,
@@ -66,10 +67,10 @@ pub(crate) const SESSIONS: &[Column] = &[
     column("days", "", "days on which there was something of it, with commas between", "journal"),
     column("steps_over", "", "steps that are over, trials included", "journal"),
     column("steps_planned", "", "steps of the plan", "plan"),
-    DEPARTURES,
+    DEVIATION_MARKS,
 ];
 
-pub(crate) const TRIALS: &[Column] = of_a_trial![
+pub(crate) const TRIALS: &[TableColumn] = of_a_trial![
     column("position", "", "place of the condition in the participant's order, from 1", "plan"),
     column("arrangement", "", "where the objects stood, by the task's name", "plan"),
     column("seed", "", "of every random stream of the trial", "plan"),
@@ -77,7 +78,7 @@ pub(crate) const TRIALS: &[Column] = of_a_trial![
     column("task", "", "the task", "record"),
     column("arm", "", "the arm", "record"),
     column("setup", "", "where person and box were", "record"),
-    column("ended", "", "what ended it: task, abort", "record"),
+    column("ended", "", "what ended it: task, failed, abort, restart or interrupt", "record"),
     column("attempt", "", "which attempt counts, from 1; all are in attempts", "journal"),
     column(
         "mark",
@@ -85,8 +86,8 @@ pub(crate) const TRIALS: &[Column] = of_a_trial![
         "* where something departed from the plan, or where the record of a trial outside a study has a flaw",
         "journal"
     ),
-    DEPARTURES,
-    column("score", "", "what counts in the task", "record"),
+    DEVIATION_MARKS,
+    column("score", "", "what counts in the task; empty if the trial failed or was broken off", "record"),
     column("score_name", "", "what the score is", "record"),
     column("seconds", "s", "length of the trial", "record"),
     column("gesture_source", "", "where the gestures came from", "record"),
@@ -102,25 +103,27 @@ pub(crate) const TRIALS: &[Column] = of_a_trial![
     FLAW,
 ];
 
-pub(crate) const ATTEMPTS: &[Column] = of_a_trial![
+pub(crate) const ATTEMPTS: &[TableColumn] = of_a_trial![
     column("attempt", "", "how often the trial was begun, this time included", "journal"),
     column("began", "", "RFC 3339, UTC", "journal"),
     column("ended", "", "RFC 3339, UTC; of an interrupted one, when the next run found it", "journal"),
     column("outcome", "", "done, aborted, interrupted or skipped", "journal"),
     column("counts", "", "1 if it is the one in trials", "journal"),
     column("record", "", "folder of the record, in the study's folder", "journal"),
+    // Of an attempt that does not count, whose record is not computed again, the journal says whether it was broken off.
+    FLAW,
 ];
 
-pub(crate) const BLOCKS: &[Column] = of_a_trial![
+pub(crate) const BLOCKS: &[TableColumn] = of_a_trial![
     column("block", "", "the object", "record"),
-    column("outcome", "", "what became of it", "record"),
+    column("outcome", "", "what became of it; empty if the trial was broken off", "record"),
     column("pick_s", "s", "from the release of the one before, or the start, to the first contact", "record"),
     column("place_s", "s", "from the last contact to the release", "record"),
     column("error_mm", "mm", "horizontal distance from its target at the end", "record"),
     FLAW,
 ];
 
-pub(crate) const ACTIONS: &[Column] = of_a_trial![
+pub(crate) const ACTIONS: &[TableColumn] = of_a_trial![
     column("time_s", "s", "since the trial's start", "record"),
     column("action", "", "what was done", "record"),
     column("object", "", "with which object", "record"),
@@ -128,7 +131,7 @@ pub(crate) const ACTIONS: &[Column] = of_a_trial![
     FLAW,
 ];
 
-pub(crate) const GAZE: &[Column] = of_a_trial![
+pub(crate) const GAZE: &[TableColumn] = of_a_trial![
     column("phase", "", "empty_hand, or holding an object", "record"),
     column("seconds", "s", "length of the phase in this trial, all its parts together", "record"),
     column("samples", "", "samples of the gaze", "record"),
@@ -139,7 +142,7 @@ pub(crate) const GAZE: &[Column] = of_a_trial![
     FLAW,
 ];
 
-pub(crate) const COMPENSATION: &[Column] = of_a_trial![
+pub(crate) const COMPENSATION: &[TableColumn] = of_a_trial![
     column(
         "shoulder_path_m",
         "m",
@@ -163,7 +166,7 @@ pub(crate) const COMPENSATION: &[Column] = of_a_trial![
     FLAW,
 ];
 
-pub(crate) const EMG_QUALITY: &[Column] = of_a_trial![
+pub(crate) const EMG_QUALITY: &[TableColumn] = of_a_trial![
     column("channel", "", "electrode, from 1", "record"),
     column("samples", "", "samples of the armband", "record"),
     column("gaps", "", "gaps in its stream", "computed from the record"),
@@ -180,7 +183,7 @@ pub(crate) const EMG_QUALITY: &[Column] = of_a_trial![
     FLAW,
 ];
 
-pub(crate) const DEVIATIONS: &[Column] = &[
+pub(crate) const DEVIATIONS: &[TableColumn] = &[
     PARTICIPANT,
     ID,
     SESSION,
@@ -192,7 +195,7 @@ pub(crate) const DEVIATIONS: &[Column] = &[
     column("at", "", "when it was noted, RFC 3339, UTC", "journal"),
 ];
 
-pub(crate) const READINESS: &[Column] = of_a_trial![
+pub(crate) const READINESS: &[TableColumn] = of_a_trial![
     column("check", "", "what was looked at", "journal"),
     column("ready", "", "1 if it was", "journal"),
     column("found", "", "what was found", "journal"),
@@ -200,7 +203,7 @@ pub(crate) const READINESS: &[Column] = of_a_trial![
     column("at", "", "RFC 3339, UTC", "journal"),
 ];
 
-pub(crate) const EVENTS: &[Column] = &[
+pub(crate) const EVENTS: &[TableColumn] = &[
     column("event", "", "number of the event, from 1 in the order in which they were written", "journal"),
     column("at", "", "when it was written, RFC 3339, UTC; by a clock that can be set", "journal"),
     PARTICIPANT,
@@ -210,7 +213,7 @@ pub(crate) const EVENTS: &[Column] = &[
     column("detail", "", "the rest, as JSON", "journal"),
 ];
 
-const ITEM_KEY: [Column; 5] = [
+const ITEM_KEY: [TableColumn; 5] = [
     PARTICIPANT,
     ID,
     SESSION,
@@ -218,7 +221,7 @@ const ITEM_KEY: [Column; 5] = [
     column("form", "", "name of the questionnaire", "plan"),
 ];
 
-pub(crate) const ANSWERS: &[Column] = &[
+pub(crate) const ANSWERS: &[TableColumn] = &[
     ITEM_KEY[0],
     ITEM_KEY[1],
     ITEM_KEY[2],
@@ -235,7 +238,7 @@ pub(crate) const ANSWERS: &[Column] = &[
     SIMULATED,
 ];
 
-pub(crate) const SCORES: &[Column] = &[
+pub(crate) const SCORES: &[TableColumn] = &[
     ITEM_KEY[0],
     ITEM_KEY[1],
     ITEM_KEY[2],
@@ -247,7 +250,7 @@ pub(crate) const SCORES: &[Column] = &[
     SIMULATED,
 ];
 
-pub(crate) const RAW_GAZE: &[Column] = of_a_trial![
+pub(crate) const RAW_GAZE: &[TableColumn] = of_a_trial![
     column("time_s", "s", "since the trial's start", "record"),
     column("origin_x", "m", "the eye, in world", "record"),
     column("origin_y", "m", "the eye, in world", "record"),
@@ -256,9 +259,10 @@ pub(crate) const RAW_GAZE: &[Column] = of_a_trial![
     column("direction_y", "", "where it looks, in world, of any length", "record"),
     column("direction_z", "", "where it looks, in world, of any length", "record"),
     column("valid", "", "1 if the tracker saw the eye", "record"),
+    FLAW,
 ];
 
-pub(crate) const RAW_SHOULDER: &[Column] = of_a_trial![
+pub(crate) const RAW_SHOULDER: &[TableColumn] = of_a_trial![
     column("time_s", "s", "since the trial's start", "record"),
     column("x", "m", "the shoulder, in world", "record"),
     column("y", "m", "the shoulder, in world", "record"),
@@ -267,4 +271,5 @@ pub(crate) const RAW_SHOULDER: &[Column] = of_a_trial![
     column("qy", "", "its attitude, a unit quaternion", "record"),
     column("qz", "", "its attitude, a unit quaternion", "record"),
     column("qw", "", "its attitude, a unit quaternion", "record"),
+    FLAW,
 ];

@@ -1,15 +1,15 @@
 //! A trial's joints in the layout of ArmSym's file `Joint_Data.csv`: 90 rows a second, with tabs between the columns.
 
-use crate::{replay::ReplayOptions, retrace};
+use crate::{recompute_record, replay::ReplayOptions};
 use proact_control::MethodRegistry;
 use proact_testbed::Testbed;
-use proact_types::{Gesture, Number, Point, Pose};
+use proact_types::{Command, Number, Point, Pose};
 use std::{error::Error, fmt::Write, path::Path};
 
 /// Rows a second.
 const RATE_HZ: u64 = 90;
 /// The columns after those of the joints, in ArmSym's order.
-const PLACES: [&str; 8] = [
+const POSE_COLUMNS: [&str; 8] = [
     "x_controller_in_space",
     "y_controller_in_space",
     "z_controller_in_space",
@@ -30,10 +30,10 @@ const PLACES: [&str; 8] = [
 /// As [`retrace`]; a trial that is not the recorded one any more.
 pub(super) fn joint_data(methods: &MethodRegistry, dir: &Path) -> Result<String, Box<dyn Error>> {
     let options =
-        ReplayOptions { other_versions: true, methods: methods.clone(), ..ReplayOptions::default() };
+        ReplayOptions { allow_other_versions: true, methods: methods.clone(), ..ReplayOptions::default() };
     let mut text = String::new();
     let mut row = 0;
-    let retraced = retrace(dir, &options, |testbed, _| {
+    let retraced = recompute_record(dir, &options, |testbed, _| {
         if row == 0 {
             heading(&mut text, testbed.model().arm_count());
         }
@@ -52,27 +52,27 @@ pub(super) fn joint_data(methods: &MethodRegistry, dir: &Path) -> Result<String,
 
 fn heading(text: &mut String, joints: usize) {
     text.push_str("Idx\tTime");
-    (1..=joints).for_each(|joint| told(text, format_args!("\tth{joint}")));
-    PLACES.iter().for_each(|name| told(text, format_args!("\t{name}")));
+    (1..=joints).for_each(|joint| write_formatted(text, format_args!("\tth{joint}")));
+    POSE_COLUMNS.iter().for_each(|name| write_formatted(text, format_args!("\t{name}")));
     text.push('\n');
 }
 
 fn write_row(text: &mut String, row: u64, testbed: &Testbed) {
     let model = testbed.model();
     let state = testbed.plant().state();
-    told(text, format_args!("{row}\t{:.3}", testbed.now().as_secs()));
+    write_formatted(text, format_args!("{row}\t{:.3}", testbed.now().as_secs()));
     for angle in &state.position[..model.arm_count()] {
-        told(text, format_args!("\t{:.4}", Number(angle.to_degrees().rem_euclid(360.0))));
+        write_formatted(text, format_args!("\t{:.4}", Number(angle.to_degrees().rem_euclid(360.0))));
     }
     let base: Pose = state.world_from_base;
     let hand = base * model.link_poses(&state.position)[model.tip];
     place(text, &hand);
-    let along = match testbed.gesture() {
-        Gesture::WristExtension => 1,
-        Gesture::WristFlexion => -1,
+    let along = match testbed.command() {
+        Command::WristExtension => 1,
+        Command::WristFlexion => -1,
         _ => 0,
     };
-    told(text, format_args!("\t0\t{along}"));
+    write_formatted(text, format_args!("\t0\t{along}"));
     place(text, &base);
     text.push('\n');
 }
@@ -80,10 +80,10 @@ fn write_row(text: &mut String, row: u64, testbed: &Testbed) {
 /// A place in ArmSym's axes.
 fn place(text: &mut String, pose: &Pose) {
     let at = Point::from(pose.translation.vector);
-    told(text, format_args!("\t{:.5}\t{:.5}\t{:.5}", Number(-at.y), Number(at.z), Number(at.x)));
+    write_formatted(text, format_args!("\t{:.5}\t{:.5}\t{:.5}", Number(-at.y), Number(at.z), Number(at.x)));
 }
 
-fn told(text: &mut String, words: std::fmt::Arguments<'_>) {
+fn write_formatted(text: &mut String, words: std::fmt::Arguments<'_>) {
     // Memory takes all.
     let _ = text.write_fmt(words);
 }

@@ -1,28 +1,29 @@
 //! What the records of the trials that count say.
 
-use super::{Counted, Told, columns, places};
+use super::{CountedTrial, StudyTables, columns, misplaced_record};
 use crate::{
     analysis::append,
-    replay::{read_trial, recorded_config},
+    record_keys::{is_fatal_for_analysis, with_path},
+    replay::recorded_config,
 };
 use proact_analysis::{
-    measures::GazeMeasure,
-    table::{Cell, Table, word},
+    gaze_measure::GazeMeasure,
+    table::{Table, TableCell, serialized_name},
 };
-use proact_emg::{Light, QualityConfig, QualityMonitor};
-use proact_recording::Trial;
+use proact_emg::{ChannelStatus, QualityConfig, QualityMonitor};
+use proact_recording::TrialRecord;
 use proact_tasks::{ObjectResult, ResultError};
 use proact_testbed::{TrialConfig, TrialResult};
 use proact_types::{Event, EventKind, ObjectId, Scene, SimTime};
 use std::error::Error;
 
 /// Millimetres in a metre.
-const MM: f64 = 1e3;
+const MM_PER_M: f64 = 1e3;
 
 /// The tables of trials, with those of raw samples if asked for. A record that cannot be read is an error, or left out and named in
 /// `unread`.
 pub(super) fn tables(
-    told: &Told<'_>,
+    study_tables: &StudyTables<'_>,
     raw: bool,
     mut unread: Option<&mut Vec<String>>,
 ) -> Result<Vec<Table>, Box<dyn Error>> {
@@ -35,12 +36,12 @@ pub(super) fn tables(
         raw_gaze: Table::new("raw_gaze", "a sample of the gaze", columns::RAW_GAZE),
         raw_shoulder: Table::new("raw_shoulder", "a pose of the shoulder", columns::RAW_SHOULDER),
     };
-    for counted in told.counted() {
-        let dir = told.study.folder.join(&counted.record);
-        if let Err(error) = tables.take(told, &counted, raw) {
-            let named = format!("{}: {error}", dir.display());
+    for counted in study_tables.counted_trials() {
+        let dir = counted.dir(study_tables);
+        if let Err(error) = tables.take(study_tables, &counted, raw) {
+            let named = with_path(&dir, &error);
             match &mut unread {
-                Some(unread) if !places::refuses_the_study(&*error) => unread.push(named),
+                Some(unread) if !is_fatal_for_analysis(&*error) => unread.push(named),
                 _ => return Err(named.into()),
             }
         }
@@ -64,27 +65,29 @@ struct TrialTables {
 }
 
 impl TrialTables {
-    fn take(&mut self, told: &Told<'_>, counted: &Counted<'_>, raw: bool) -> Result<(), Box<dyn Error>> {
-        let dir = told.study.folder.join(&counted.record);
-        let (record, result) = read_trial(&dir)?;
-        places::check(counted, &record, &result)?;
+    fn take(
+        &mut self,
+        tables: &StudyTables<'_>,
+        counted: &CountedTrial<'_>,
+        raw: bool,
+    ) -> Result<(), Box<dyn Error>> {
+        let dir = counted.dir(tables);
+        let (record, result) = misplaced_record::read_checked_record(counted, &dir)?;
         let config = recorded_config(&record)?;
-        let key = told.trial_key(counted.planned);
-        self.trial(told, counted, &result);
-        if result.failure().is_none() {
-            append(&mut self.blocks, block_rows(&key, &result.result)?);
-        }
+        let key = tables.trial_key(counted.planned);
+        self.trial(tables, counted, &result);
+        append(&mut self.blocks, counted_block_rows(&key, &result)?);
         let events = record.events()?;
-        let arm = crate::Arm::recorded(&dir, &config)?;
+        let arm = crate::Arm::from_record(&dir, &config)?;
         let task = config.build_task(arm.model())?;
         self.actions(&key, &events, task.scene())?;
         self.inputs(&key, &record, &config, &events, raw)
     }
 
-    fn trial(&mut self, told: &Told<'_>, counted: &Counted<'_>, result: &TrialResult) {
+    fn trial(&mut self, tables: &StudyTables<'_>, counted: &CountedTrial<'_>, result: &TrialResult) {
         let planned = counted.planned;
-        let departures = told.departures(std::iter::once(&counted.spot));
-        let mut row = told.trial_key(planned);
+        let departures = tables.deviation_labels(std::iter::once(&counted.spot));
+        let mut row = tables.trial_key(planned);
         row.extend([
             planned.position.into(),
             planned.arrangement.clone().into(),
@@ -94,9 +97,9 @@ impl TrialTables {
             result.task.as_str().into(),
             result.arm.as_str().into(),
             result.setup.as_str().into(),
-            word(&result.ended).into(),
+            serialized_name(&result.ended).into(),
             counted.attempt.into(),
-            if departures.is_empty() { Cell::Missing } else { "*".into() },
+            if departures.is_empty() { TableCell::Missing } else { "*".into() },
             departures.into(),
             result.counted_score().into(),
             result.score_name.as_str().into(),
@@ -105,12 +108,17 @@ impl TrialTables {
             result.unsolved_ticks.into(),
             counted.record.as_str().into(),
             result.digest.as_str().into(),
-            told.look.simulated.into(),
+            tables.view.simulated.into(),
         ]);
         append(&mut self.trials, [row]);
     }
 
-    fn actions(&mut self, key: &[Cell], events: &[Event], scene: &Scene) -> Result<(), serde_json::Error> {
+    fn actions(
+        &mut self,
+        key: &[TableCell],
+        events: &[Event],
+        scene: &Scene,
+    ) -> Result<(), serde_json::Error> {
         let name = |id: ObjectId| scene.objects.get(id.index()).map(|object| object.name.clone());
         for event in events {
             let (object, detail): (Option<String>, String) = match &event.kind {
@@ -118,11 +126,11 @@ impl TrialTables {
                 EventKind::GraspMade { object, .. } | EventKind::GraspEnded { object, .. } => {
                     (name(*object), String::new())
                 }
-                EventKind::GraspFailed { object, reason } => (object.and_then(name), word(reason)),
+                EventKind::GraspFailed { object, reason } => (object.and_then(name), serialized_name(reason)),
                 EventKind::Locked { object } => (object.and_then(name), String::new()),
                 EventKind::PlanFinished { status, reason, .. } => {
                     let why = reason.as_ref().map_or(String::new(), |reason| format!(": {reason}"));
-                    (None, word(status) + &why)
+                    (None, serialized_name(status) + &why)
                 }
                 EventKind::PlansFailed { count, reason } => (None, format!("{count} in a row: {reason}")),
                 EventKind::MethodNote { text } => (None, text.clone()),
@@ -137,9 +145,9 @@ impl TrialTables {
             let mut row = key.to_vec();
             row.extend([
                 secs(event.time).into(),
-                kind_of(event)?.into(),
+                event_name(event)?.into(),
                 object.into(),
-                if detail.is_empty() { Cell::Missing } else { detail.into() },
+                if detail.is_empty() { TableCell::Missing } else { detail.into() },
             ]);
             append(&mut self.actions, [row]);
         }
@@ -149,29 +157,29 @@ impl TrialTables {
     /// What entered the trial from outside: eyes, shoulder, muscles.
     fn inputs(
         &mut self,
-        key: &[Cell],
-        record: &Trial,
+        key: &[TableCell],
+        record: &TrialRecord,
         config: &TrialConfig,
         events: &[Event],
         raw: bool,
     ) -> Result<(), Box<dyn Error>> {
-        let mut phases = Phases::new(events);
-        let mut emg = config.emg.as_ref().map(|emg| EmgTally::new(emg.rate_hz, emg.channels));
+        let mut phases = GazeByHandState::new(events);
+        let mut emg = config.emg.as_ref().map(|emg| EmgQualityTally::new(emg.rate_hz, emg.channels));
         for input in record.inputs()? {
             let input = input?;
             let (time, input) = (input.tick, input.input);
             if let Some(gaze) = &input.gaze {
                 phases.push(time, gaze);
                 if raw {
-                    let values = gaze.origin.iter().chain(gaze.direction.iter()).map(|v| Cell::from(*v));
+                    let values = gaze.origin.iter().chain(gaze.direction.iter()).map(|v| TableCell::from(*v));
                     let row = key.iter().cloned().chain([secs(time).into()]).chain(values);
-                    self.raw_gaze.push(row.chain([gaze.valid.into()]).collect());
+                    append(&mut self.raw_gaze, [row.chain([gaze.valid.into()]).collect()]);
                 }
             }
             if let Some(pose) = input.shoulder.as_ref().filter(|_| raw) {
                 let values = pose.translation.vector.iter().chain(pose.rotation.coords.iter());
                 let row = key.iter().cloned().chain([secs(time).into()]);
-                self.raw_shoulder.push(row.chain(values.map(|v| Cell::from(*v))).collect());
+                append(&mut self.raw_shoulder, [row.chain(values.map(|v| TableCell::from(*v))).collect()]);
             }
             if let Some(emg) = &mut emg {
                 input.emg.iter().for_each(|sample| emg.push(time, sample));
@@ -187,7 +195,7 @@ impl TrialTables {
                 share(gaze.valid, gaze.samples).into(),
                 gaze.path_deg.into(),
                 gaze.fixations.into(),
-                (gaze.fixations > 0).then(|| gaze.fixated_ms as f64 / gaze.fixations as f64).into(),
+                (gaze.fixations > 0).then(|| gaze.fixation_ms as f64 / gaze.fixations as f64).into(),
             ]);
             append(&mut self.gaze, [row]);
         }
@@ -196,14 +204,33 @@ impl TrialTables {
     }
 }
 
+/// The blocks of a trial, for tasks that tell: none of one that failed. Of one that was broken off their names alone, since what
+/// becomes of an object is known at the end.
+///
+/// # Errors
+/// A key or an outcome that is unknown.
+pub(crate) fn counted_block_rows(
+    key: &[TableCell],
+    result: &TrialResult,
+) -> Result<Vec<Vec<TableCell>>, ResultError> {
+    let mut rows = match result.failure() {
+        Some(_) => Vec::new(),
+        None => block_rows(key, &result.result)?,
+    };
+    if result.is_aborted() {
+        rows.iter_mut().for_each(|row| row.truncate(key.len() + 1));
+    }
+    Ok(rows)
+}
+
 /// What became of each object, for tasks that tell.
 ///
 /// # Errors
 /// A key or an outcome that is unknown.
 pub(crate) fn block_rows(
-    key: &[Cell],
+    key: &[TableCell],
     result: &serde_json::Map<String, serde_json::Value>,
-) -> Result<Vec<Vec<Cell>>, ResultError> {
+) -> Result<Vec<Vec<TableCell>>, ResultError> {
     let row = |line: ObjectResult| {
         let mut row = key.to_vec();
         row.extend([
@@ -211,7 +238,7 @@ pub(crate) fn block_rows(
             line.outcome.as_str().into(),
             line.pick_s.into(),
             line.place_s.into(),
-            (line.distance_m * MM).into(),
+            (line.distance_m * MM_PER_M).into(),
         ]);
         row
     };
@@ -224,58 +251,60 @@ fn secs(time: SimTime) -> f64 {
 }
 
 /// The event's name, as in `events.jsonl`.
-pub(crate) fn kind_of(event: &Event) -> Result<String, serde_json::Error> {
+pub(crate) fn event_name(event: &Event) -> Result<String, serde_json::Error> {
     #[derive(serde::Deserialize)]
-    struct Named {
+    struct EventName {
         event: String,
     }
-    Ok(serde_json::from_value::<Named>(serde_json::to_value(event)?)?.event)
+    Ok(serde_json::from_value::<EventName>(serde_json::to_value(event)?)?.event)
 }
 
 /// Gazes by what the hand does meanwhile.
-struct Phases {
+struct GazeByHandState {
     /// When the hand begins and ends to hold something.
-    turns: std::collections::VecDeque<(SimTime, bool)>,
+    grasp_changes: std::collections::VecDeque<(SimTime, bool)>,
     holding: bool,
     since: SimTime,
     /// With an empty hand, and holding: milliseconds, and gazes.
-    spent: [(u64, GazeMeasure); 2],
+    totals: [(u64, GazeMeasure); 2],
 }
 
-impl Phases {
+impl GazeByHandState {
     fn new(events: &[Event]) -> Self {
         let turns = events.iter().filter_map(|event| match event.kind {
             EventKind::ObjectAttached { .. } => Some((event.time, true)),
             EventKind::ObjectReleased { .. } => Some((event.time, false)),
             _ => None,
         });
-        Self { turns: turns.collect(), holding: false, since: SimTime(0), spent: Default::default() }
+        Self { grasp_changes: turns.collect(), holding: false, since: SimTime(0), totals: Default::default() }
     }
 
-    fn turn(&mut self, until: SimTime) {
-        while let Some((time, holding)) = self.turns.front().copied().filter(|(time, _)| *time <= until) {
-            self.turns.pop_front();
-            self.spent[usize::from(self.holding)].0 += time.millis_since(self.since);
+    fn advance_to(&mut self, until: SimTime) {
+        while let Some((time, holding)) =
+            self.grasp_changes.front().copied().filter(|(time, _)| *time <= until)
+        {
+            self.grasp_changes.pop_front();
+            self.totals[usize::from(self.holding)].0 += time.millis_since(self.since);
             (self.holding, self.since) = (holding, time);
         }
     }
 
     fn push(&mut self, time: SimTime, gaze: &proact_types::GazeSample) {
-        self.turn(time);
-        self.spent[usize::from(self.holding)].1.push(time, gaze);
+        self.advance_to(time);
+        self.totals[usize::from(self.holding)].1.push(time, gaze);
     }
 
     fn finish(mut self, end: SimTime) -> [(&'static str, f64, GazeMeasure); 2] {
-        self.turn(end);
-        self.spent[usize::from(self.holding)].0 += end.millis_since(self.since);
-        let [empty, holding] = self.spent;
+        self.advance_to(end);
+        self.totals[usize::from(self.holding)].0 += end.millis_since(self.since);
+        let [empty, holding] = self.totals;
         [("empty_hand", empty), ("holding", holding)]
             .map(|(name, (millis, gaze))| (name, millis as f64 * 1e-3, gaze.finish()))
     }
 }
 
 /// How good the armband's signals were, over a whole trial.
-struct EmgTally {
+struct EmgQualityTally {
     monitor: QualityMonitor,
     samples: u64,
     verdicts: u64,
@@ -291,7 +320,7 @@ struct ChannelTally {
     amber: u64,
 }
 
-impl EmgTally {
+impl EmgQualityTally {
     fn new(rate_hz: f64, channels: usize) -> Self {
         let monitor = QualityMonitor::new(QualityConfig::default(), rate_hz, channels, &[]);
         let channels = vec![ChannelTally::default(); monitor.channels().len()];
@@ -305,32 +334,32 @@ impl EmgTally {
         }
         self.verdicts += 1;
         self.lost_sum += self.monitor.stream().lost_share;
-        for (tally, now) in self.channels.iter_mut().zip(self.monitor.channels()) {
-            tally.sd_sum += now.sd;
-            tally.mains_sum += now.mains_share;
-            tally.red += u64::from(now.light == Light::Red);
-            tally.amber += u64::from(now.light == Light::Amber);
+        for (channel_tally, now) in self.channels.iter_mut().zip(self.monitor.channels()) {
+            channel_tally.sd_sum += now.sd;
+            channel_tally.mains_sum += now.mains_share;
+            channel_tally.red += u64::from(now.status == ChannelStatus::Red);
+            channel_tally.amber += u64::from(now.status == ChannelStatus::Amber);
         }
     }
 
-    fn rows(self, key: &[Cell]) -> Vec<Vec<Cell>> {
+    fn rows(self, key: &[TableCell]) -> Vec<Vec<TableCell>> {
         if self.samples == 0 {
             return Vec::new();
         }
         let (samples, verdicts, gaps) = (self.samples, self.verdicts, self.monitor.stream().gaps);
         let mean = |sum: f64| (verdicts > 0).then(|| sum / verdicts as f64);
         let lost = mean(self.lost_sum);
-        let row = |(index, tally): (usize, &ChannelTally)| {
+        let row = |(index, channel_tally): (usize, &ChannelTally)| {
             let mut row = key.to_vec();
             row.extend([
                 (index + 1).into(),
                 samples.into(),
                 gaps.into(),
                 lost.into(),
-                mean(tally.sd_sum).into(),
-                mean(tally.mains_sum).into(),
-                mean(tally.amber as f64).into(),
-                mean(tally.red as f64).into(),
+                mean(channel_tally.sd_sum).into(),
+                mean(channel_tally.mains_sum).into(),
+                mean(channel_tally.amber as f64).into(),
+                mean(channel_tally.red as f64).into(),
             ]);
             row
         };

@@ -1,11 +1,23 @@
 // Made from the Rust types by: PROACT_BLESS=1 cargo test --release -p proact-bridge --features ts typescript
 // Metres, rad, frame `world`; quaternions x, y, z, w.
 
-/** What a person asks for after a trial that was shown. */
-export type AfterTrial = "watch_again" | "drive";
+/** A calibration that is in use. */
+export type ActiveCalibration = {
+/** `shoulder` or `headset`. */
+kind: string,
+/** Date, residual and verdict. */
+line: string,
+/** Whether a trial may rest on it. */
+usable: boolean, };
 
+/** An answer to a question of the questionnaire at `step`; none takes it back. */
+export type AnswerInput = {
+/** The step of the session. */
+step: number,
+/** Key of the item, or of the choice between two. */
+key: string,
 /** What was answered. */
-export type Answer = number | string | Array<string> | Array<Array<string>>;
+answer: FormAnswer | null, };
 
 /** The arm: immutable, shared by kinematics, planning, dynamics and display.
  *
@@ -40,7 +52,7 @@ settings: ArmSettings, };
 
 /** How an arm is shown and driven where the method's profile does not say otherwise: the file `arm.toml` of its folder.
  *
- * Joints and links are named in full, or by what follows the last `__` of their names ([`is_named`]). */
+ * Joints and links are named in full, or by what follows the last `__` of their names ([`matches_short_name`]). */
 export type ArmSettings = {
 /** As shown to people; empty is the robot's name. */
 title: string,
@@ -55,7 +67,7 @@ controllers: { [key in string]: JointGains },
 /** Links whose forces on an object the grasp rule `original` counts. */
 gripper: Array<string>,
 /** Where the base stands if nobody wears the arm. */
-stand: Stand | null, };
+stand: FixedBase | null, };
 
 /** What a person is told before a trial. It is all that a simulated participant knows of the task. */
 export type Briefing = {
@@ -79,19 +91,23 @@ limit_secs: number, };
 /** What the buttons of the page ask for. */
 export type CalibrationCommand = { "type": "begin" } | { "type": "proceed" } | { "type": "record_again",
 /** Which. */
-gesture: GestureName, } | { "type": "finish" };
-
-/** A calibration that is in use. */
-export type CalibrationInUse = {
-/** `shoulder` or `headset`. */
-kind: string,
-/** Date, residual and verdict. */
-line: string,
-/** Whether a trial may rest on it. */
-usable: boolean, };
+gesture: Gesture, } | { "type": "finish" };
 
 /** A message to the calibration page. */
 export type CalibrationMessage = { "type": "nothing" } | { "type": "error", message: string, } | CalibrationScreen;
+
+/** What the session is doing. */
+export type CalibrationPhase = { "name": "blocked",
+/** What comes next. */
+prompt: Prompt, } | { "name": "preparing",
+/** What is asked for. */
+prompt: Prompt,
+/** Seconds until the recording begins. */
+left_secs: number, } | { "name": "recording",
+/** What is asked for. */
+prompt: Prompt,
+/** Share recorded, 0 to 1. */
+share: number, } | { "name": "reviewing" } | { "name": "finished" };
 
 /** How well the repetitions fit each other: each was recognised by a classifier trained on the others. */
 export type CalibrationReport = {
@@ -102,7 +118,7 @@ accuracy: number,
 /** Windows tested. */
 windows: number,
 /** The gesture of each row and column. */
-classes: Array<GestureName>,
+classes: Array<Gesture>,
 /** `[true class][recognised class]`, numbers of windows. */
 confusion: Array<Array<number>>,
 /** Share of the windows of each class that were recognised. */
@@ -127,7 +143,7 @@ begun: boolean,
 /** An object with the result at the end; null before. */
 result: Record<string, unknown> | null, } & ({ "type": "calibration",
 /** What the session is doing. */
-phase: Phase,
+phase: CalibrationPhase,
 /** The position of the limb that is asked for; none if none is. */
 position: string | null,
 /** Complete rounds. */
@@ -135,13 +151,13 @@ rounds: number,
 /** Rounds after which no more are offered. */
 most_rounds: number,
 /** The gestures of a round. */
-gestures: Array<GestureName>,
+gestures: Array<Gesture>,
 /** Share of windows that has to be recognised, 0 to 1. */
 target_accuracy: number,
 /** R2 that each degree of freedom of a regressor has to reach, at most 1. */
 target_r2: number,
 /** The electrodes. */
-channels: Array<ChannelLight>,
+channels: Array<ElectrodeView>,
 /** The stream as a whole. */
 stream: StreamQuality,
 /** On the rounds so far; none before the second. */
@@ -151,15 +167,15 @@ reviewing: boolean, } | { "type": "ready",
 /** Which. */
 next: TestKind, } | { "type": "test",
 /** The gesture asked for. */
-prompt: GestureName | null,
+prompt: Gesture | null,
 /** The gesture in force. */
-in_force: GestureName, } & ({ "test": "sequence", "report": SequenceReport } | { "test": "trial", "report": HoldReport }) | { "type": "motion",
+in_force: Gesture, } & ({ "test": "sequence", "report": SequenceReport } | { "test": "trial", "report": HoldReport }) | { "type": "motion",
 /** The gesture asked for: rest before each motion. */
-prompt: GestureName,
+prompt: Gesture,
 /** The hand has yet to relax. */
 relaxing: boolean,
 /** The gesture in force. */
-in_force: GestureName,
+in_force: Gesture,
 /** Right decisions of this motion. */
 right: number,
 /** As many complete it. */
@@ -175,7 +191,7 @@ axes: Array<TacAxisState>,
 /** What it waits for. */
 phase: TacPhase,
 /** The gesture in force. */
-in_force: GestureName,
+in_force: Gesture,
 /** Share of the dwell time that is over, 0 to 1. */
 dwelt: number,
 /** Time that is left for the target, seconds. */
@@ -193,20 +209,13 @@ width: number,
 /** Share of the dwell time that is over, 0 to 1. */
 dwelt: number,
 /** The gesture in force. */
-in_force: GestureName,
+in_force: Gesture,
 /** How hard it is made, 0 to 1. */
 effort: number,
 /** How it goes. */
 report: CursorReport,
 /** The test is over. */
 finished: boolean, } | { "type": "end" });
-
-/** What is shown of an electrode. */
-export type ChannelLight = {
-/** The verdict. */
-light: Light,
-/** What is wrong, for the person; none if nothing is. */
-fault: string | null, };
 
 /** The power spectrum of the newest second of a channel: Welch's estimate. */
 export type ChannelSpectrum = {
@@ -217,10 +226,13 @@ step_hz: number,
 /** Power a hertz, the device's unit squared; without the mean, up to 1 kHz. */
 density: Array<number>, };
 
+/** A traffic light. */
+export type ChannelStatus = "green" | "amber" | "red";
+
 /** A message of the page on the WebSocket. */
-export type ClientMessage = { "type": "gesture", gesture: Gesture, } | { "type": "gaze", origin: [number, number, number], direction: [number, number, number], measured?: boolean, } | { "type": "trunk", forward: number, lateral: number, axial: number, } | { "type": "head", position: [number, number, number],
+export type ClientMessage = { "type": "gesture", gesture: Command, } | { "type": "gaze", origin: [number, number, number], direction: [number, number, number], measured?: boolean, } | { "type": "trunk", forward: number, lateral: number, axial: number, } | { "type": "head", position: [number, number, number],
 /** x, y, z, w. */
-quaternion: [number, number, number, number], } | { "type": "controller" } & ControllerPose | { "type": "restart", method?: string, again?: boolean, } | { "type": "study", action: StudyAction, } | { "type": "gaze_check" } & GazeCheck | { "type": "join", name: string, } | { "type": "take_over", } | { "type": "drawn", } | { "type": "hold", on: boolean, } | { "type": "watch", signals: boolean, } | { "type": "after", ask: AfterTrial, } | { "type": "conduct" } & StudyRequest | { "type": "answer" } & GivenAnswer | { "type": "submit", step: number, } | { "type": "alive", } | { "type": "seen", frames: Array<SeenFrame>, } | { "type": "ping", id: number, };
+quaternion: [number, number, number, number], } | { "type": "controller" } & ControllerPose | { "type": "restart", method?: string, again?: boolean, } | { "type": "study", action: StudyAction, } | { "type": "gaze_check" } & GazeCheck | { "type": "join", name: string, } | { "type": "take_over", } | { "type": "drawn", } | { "type": "hold", on: boolean, } | { "type": "watch", signals: boolean, } | { "type": "after", ask: PostTrialAction, } | { "type": "conduct" } & StudyRequest | { "type": "answer" } & AnswerInput | { "type": "submit", step: number, } | { "type": "alive", } | { "type": "seen", frames: Array<DisplayedFrame>, } | { "type": "ping", id: number, };
 
 /** A collision shape of a link. */
 export type CollisionShape = {
@@ -229,12 +241,21 @@ pose: Pose,
 /** The shape. */
 shape: Shape, };
 
+/** What a control method can be told by hand: its commands, named after the gestures that give them in the paper.
+ *
+ * The gestures that an EMG model tells apart are its own ([`crate::Gesture`]);
+ * [`crate::CommandMap`] makes commands of them. */
+export type Command = "hand_close" | "hand_open" | "no_motion" | "wrist_extension" | "wrist_flexion";
+
 /** A link that touches blocks, as shown. */
 export type ContactView = {
 /** Its name. */
 link: string,
 /** The sum of its normal forces on them, N. */
 force: number, };
+
+/** What the movement gestures move. */
+export type ControlledDof = { "joint": number } | { "translation": number } | { "rotation": number };
 
 /** Where a headset's controller is in `world`, as the headset's browser tells it. */
 export type ControllerPose = {
@@ -252,10 +273,41 @@ tracked: boolean, };
 /** The occasions for a cue. */
 export type Cue = "contact_made" | "contact_lost" | "on_target" | "off_target" | "pressure" | "grip";
 
+/** The step that is to be done, or is being done. */
+export type CurrentStepScreen = {
+/** Which. */
+step: number,
+/** In a few words. */
+label: string,
+/** It was begun, and goes on. */
+running: boolean,
+/** Since it was begun, seconds. */
+since_secs: number,
+/** What it is. */
+what: StepActivity, };
+
+/** One movement to a target. */
+export type CursorMovement = {
+/** The cursor stayed in the target for the dwell time. */
+completed: boolean,
+/** Distance from the start to the target's centre. */
+distance: number,
+/** Diameter of the target. */
+width: number,
+/** Index of difficulty, `log2(distance / width + 1)`, bits. */
+difficulty_bits: number,
+/** From the moment the target is shown to the last time that the cursor entered it: reaction included, dwell not.
+ * The whole time if it was not completed. */
+movement_secs: number,
+/** Straight line over the way taken, to where the cursor came to rest, 0 to 1; 0 if it was not completed. */
+path_efficiency: number,
+/** Times that the cursor left the target before the dwell was over. */
+overshoots: number, };
+
 /** How the cursor test went. */
 export type CursorReport = {
 /** Movements that are over. */
-movements: Array<Movement>,
+movements: Array<CursorMovement>,
 /** Share of them that were completed. */
 completion_rate: number,
 /** Mean of difficulty over movement time, completed movements, dwell not counted, bits per second. */
@@ -319,9 +371,9 @@ mode: ModeView | null,
 /** Why the arm must stand still; none while it need not. */
 stop: Stop | null,
 /** Command in force, from the gesture that was recognised. */
-gesture: Gesture,
+gesture: Command,
 /** The gesture in force by its own name, as the EMG model calls it; that of the command for keys. */
-recognised: GestureName,
+recognised: Gesture,
 /** Probability of the recognised class, 0 to 1; one for keys. */
 confidence: number,
 /** How hard the recognised gesture is made, 0 to 1; one for keys. */
@@ -345,6 +397,15 @@ contacts: Array<ContactView>,
 /** What was to be heard and felt since the frame before. */
 feedback: Array<FeedbackCue>, };
 
+/** A frame that was on a picture, as the page tells it. Times are on the server's clock, as `pong` gave it to the page. */
+export type DisplayedFrame = {
+/** Which frame: its instant. */
+time: SimTime,
+/** It had come to the page, ms. */
+came_ms: number,
+/** The first picture that was no older than it had been handed to the screen, ms. */
+shown_ms: number, };
+
 /** How well a regressor drives one degree of freedom in repetitions that it was not trained on. The target of a window is 1
  * or -1 by its gesture, else 0; the drive is taken before the dead band. */
 export type DriveScore = {
@@ -355,6 +416,13 @@ r2: number,
 /** Mean absolute error. */
 mean_absolute_error: number, };
 
+/** What is shown of an electrode. */
+export type ElectrodeView = {
+/** The verdict. */
+light: ChannelStatus,
+/** What is wrong, for the person; none if nothing is. */
+fault: string | null, };
+
 /** What whoever conducts a study sees. */
 export type ExperimenterScreen = {
 /** Its name. */
@@ -364,7 +432,7 @@ title: string,
 /** Trials that are over, and all of the plan. */
 trials: [number, number],
 /** Who takes part. */
-participants: Array<ParticipantLine>,
+participants: Array<ParticipantRow>,
 /** Whose turn it is; none while a session is under way, and when all are over. */
 next: NextSession | null,
 /** The session under way. */
@@ -389,6 +457,11 @@ sound: Tone | null,
 /** What is to be felt. */
 vibration: Vibration | null, };
 
+/** An arm that stands on something and does not move with a person's trunk. */
+export type FixedBase = {
+/** Where the base's origin is, `world`, metres. Its axes are those of `world`. */
+xyz: [number, number, number], };
+
 /** A questionnaire: a file of data. */
 export type Form = {
 /** By which a plan names it. */
@@ -405,6 +478,9 @@ confirmed: boolean,
 scoring: Scoring,
 /** What is asked, in this order. */
 items: Array<FormItem>, };
+
+/** What was answered. */
+export type FormAnswer = number | string | Array<string> | Array<Array<string>>;
 
 /** Something that is asked. */
 export type FormItem = { "kind": "scale",
@@ -482,7 +558,7 @@ conditions: Array<string>,
 /** What it is about; none if about the whole session. */
 about: string | null,
 /** Answers that are kept, by key. */
-answers: { [key in string]: Answer },
+answers: { [key in string]: FormAnswer },
 /** Keys that have no answer yet and should have one. */
 missing: Array<string>,
 /** The last answer that was refused, and why. */
@@ -521,17 +597,11 @@ direction: [number, number, number],
 /** False while the tracker has lost the eye or the person blinks. */
 valid: boolean, };
 
-/** What a control method can be told by hand: its commands, named after the gestures that give them in the paper.
+/** The name of a gesture that an EMG model tells apart: any text, unlike [`Command`], which is what a method takes.
  *
- * The gestures that an EMG model tells apart are its own ([`crate::GestureName`]);
- * [`crate::GestureCommands`] makes commands of them. */
-export type Gesture = "hand_close" | "hand_open" | "no_motion" | "wrist_extension" | "wrist_flexion";
-
-/** The name of a gesture that an EMG model tells apart: any text, unlike [`Gesture`], which is what a method takes.
- *
- * Not empty, at most [`GestureName::MOST_BYTES`] bytes, no control characters, no space at either end. Lives on the
+ * Not empty, at most [`Gesture::MAX_BYTES`] bytes, no control characters, no space at either end. Lives on the
  * stack, so that the EMG stage can hand it on without an allocation. */
-export type GestureName = string;
+export type Gesture = string;
 
 /** A second arm that is seen through and moves nothing. */
 export type GhostArm = {
@@ -541,15 +611,6 @@ joints: Array<number>,
 colour: [number, number, number],
 /** From 0, not to be seen, to 1, solid. */
 alpha: number, };
-
-/** An answer to a question of the questionnaire at `step`; none takes it back. */
-export type GivenAnswer = {
-/** The step of the session. */
-step: number,
-/** Key of the item, or of the choice between two. */
-key: string,
-/** What was answered. */
-answer: Answer | null, };
 
 /** How the hand grips what stands upright and is so wide, from above: with the grasp's centre in the middle of the object,
  * rolled about x of the tip's frame and leaning about y. Hand, planner and simulated participants go by it. */
@@ -600,7 +661,7 @@ decisions: number,
 /** Prompts that are over. */
 prompts: number,
 /** The gesture of each row and column. */
-classes: Array<GestureName>,
+classes: Array<Gesture>,
 /** `[prompted][in force]`, decisions. */
 confusion: Array<Array<number>>, };
 
@@ -625,20 +686,20 @@ value: number | null, };
 /** What gives gestures or measurements to a trial, and may die while the arm moves. */
 export type InputSource = "armband" | "gesture_topic" | "page" | "eye_tracker" | "shoulder_tracker" | "limb_tracker" | "stage" | "participant" | "method";
 
+/** What an [`IntentEstimate`] is spread over. */
+export type IntentDomain = "objects" | "places";
+
 /** What gaze and task say of what is meant, each for itself and both together. Lists have the order of the scene and sum to
  * one, rounded. */
-export type Intent = {
+export type IntentEstimate = {
 /** Of what. */
-over: IntentOver,
+over: IntentDomain,
 /** By the gaze alone, without task context: what method C goes by. */
 likelihood: Array<number>,
 /** By the task alone. */
 prior: Array<number>,
 /** By both: what method D goes by. */
 posterior: Array<number>, };
-
-/** What an [`Intent`] is spread over. */
-export type IntentOver = "objects" | "places";
 
 /** A joint. */
 export type Joint = {
@@ -720,9 +781,6 @@ worst_ms: number, };
 /** A part of the way from a muscle to the light of a screen. */
 export type LatencyStage = "recognition" | "queue" | "emg" | "intent" | "method" | "actuation" | "target" | "world" | "task" | "tick" | "motion" | "frame" | "line" | "picture" | "whole";
 
-/** A traffic light. */
-export type Light = "green" | "amber" | "red";
-
 /** A rigid link. */
 export type Link = {
 /** Unique name. */
@@ -761,11 +819,24 @@ name: string,
 /** As shown, such as `gaze and context`. */
 title: string,
 /** What it cannot do without. */
-needs: Needs,
+needs: MethodNeeds,
 /** How a person drives it. */
 style: MethodStyle,
 /** What the page says of it. */
 help: MethodHelp, };
+
+/** What a method cannot do without. */
+export type MethodNeeds = {
+/** Gaze: a trial without a source of it is refused, and the arm stops when the eye tracker dies. */
+gaze: boolean,
+/** The task's context has a say in the posterior. */
+prior: boolean,
+/** It asks for plans. There is no speed to blend then. */
+plans: boolean,
+/** It drives every joint of the arm: a profile whose level leaves joints to the person's limb is refused. */
+whole_arm: boolean,
+/** The tracked limb of the person: a profile whose level leaves no joint to the limb is refused. */
+limb: boolean, };
 
 /** How a person drives a method. The page's hints and the simulated participant go by it. */
 export type MethodStyle = "jogging" | "selecting" | "imitating";
@@ -784,7 +855,7 @@ offset: number, };
 /** The joint or axis that WE and WF move, in methods A and B. */
 export type ModeView = {
 /** What is moved. */
-moves: Moves,
+moves: ControlledDof,
 /** As shown, such as `elbow flexion`. */
 name: string,
 /** What WE does, such as `flexion`, and what WF does. */
@@ -797,7 +868,7 @@ next_in_secs: number | null, };
 /** One motion that was asked for. */
 export type MotionAttempt = {
 /** Which. */
-prompt: GestureName,
+prompt: Gesture,
 /** From the first decision that is not rest to the first right one, seconds; none if there was none. */
 selection_secs: number | null,
 /** From there to the last right decision that was needed, seconds; none if time ran out before. */
@@ -820,27 +891,6 @@ mean_selection_secs: number | null,
 /** Mean over the motions that were completed, seconds; none before one was. */
 mean_completion_secs: number | null, };
 
-/** One movement to a target. */
-export type Movement = {
-/** The cursor stayed in the target for the dwell time. */
-completed: boolean,
-/** Distance from the start to the target's centre. */
-distance: number,
-/** Diameter of the target. */
-width: number,
-/** Index of difficulty, `log2(distance / width + 1)`, bits. */
-difficulty_bits: number,
-/** From the moment the target is shown to the last time that the cursor entered it: reaction included, dwell not.
- * The whole time if it was not completed. */
-movement_secs: number,
-/** Straight line over the way taken, to where the cursor came to rest, 0 to 1; 0 if it was not completed. */
-path_efficiency: number,
-/** Times that the cursor left the target before the dwell was over. */
-overshoots: number, };
-
-/** What the movement gestures move. */
-export type Moves = { "joint": number } | { "translation": number } | { "rotation": number };
-
 /** Joint angles with a name. */
 export type NamedPose = {
 /** Such as `open`. */
@@ -849,19 +899,6 @@ name: string,
 group: string,
 /** One angle per joint of the group, rad. */
 angles: Array<number>, };
-
-/** What a method cannot do without. */
-export type Needs = {
-/** Gaze: a trial without a source of it is refused, and the arm stops when the eye tracker dies. */
-gaze: boolean,
-/** The task's context has a say in the posterior. */
-prior: boolean,
-/** It asks for plans. There is no speed to blend then. */
-plans: boolean,
-/** It drives every joint of the arm: a profile whose level leaves joints to the person's limb is refused. */
-whole_arm: boolean,
-/** The tracked limb of the person: a profile whose level leaves no joint to the limb is refused. */
-limb: boolean, };
 
 /** Whose turn it is. */
 export type NextSession = {
@@ -876,40 +913,21 @@ begun: boolean,
 /** What departs from the plan if it goes on today; empty if nothing does. */
 departs: string, };
 
-/** The step that is to be done, or is being done. */
-export type NowScreen = {
-/** Which. */
-step: number,
-/** In a few words. */
-label: string,
-/** It was begun, and goes on. */
-running: boolean,
-/** Since it was begun, seconds. */
-since_secs: number,
-/** What it is. */
-what: NowWhat, };
-
-/** What happens in a session now. */
-export type NowWhat = { "is": "say",
-/** The words. */
-text: string, } | { "is": "form" } & FormScreen | { "is": "train" } & PromptScreen | { "is": "calibrate_gaze",
-/** Mean error of the newest check, degrees; none before the first. */
-error_deg: number | null, } | { "is": "demonstrate", } | { "is": "practise",
-/** Objects that were carried. */
-carried: number,
-/** How many were planned. */
-transfers: number, } | { "is": "rest",
-/** Until its planned end, seconds; zero from then on. */
-left_secs: number, } | { "is": "trial",
-/** What is ready, and what is not. */
-checks: Array<ReadinessCheck>,
-/** Number among the session's trials, and how many there are. */
-number: [number, number],
-/** How the trial before went; empty before the first. */
-before: string, };
-
 /** A movable object of the scene, by its place in [`Scene::objects`]. All arrays over objects have that order. */
 export type ObjectId = number;
+
+/** What became of one object, as a line of a [`ResultCard`]. */
+export type ObjectResultRow = {
+/** Its name. */
+name: string,
+/** What became of it, such as `on_target`. */
+outcome: string,
+/** Seconds from the release of the one before, or the start, to the first contact; none if it was never held. */
+pick_s: number | null,
+/** Seconds from the last contact to the release; none if it was never released. */
+place_s: number | null,
+/** Horizontal distance from its target at the end, metres. */
+error_m: number | null, };
 
 /** Which object a person is asked for. */
 export type Order = "prescribed" | "any";
@@ -938,7 +956,7 @@ method: MethodInfo,
 methods: Array<MethodInfo>, };
 
 /** A place in the plan. */
-export type ParticipantLine = {
+export type ParticipantRow = {
 /** From 1. */
 participant: number,
 /** Pseudonym; none for a place that nobody has. */
@@ -956,19 +974,6 @@ left_secs: number, } | { "show": "train" } & PromptScreen | { "show": "scene",
 countdown: boolean,
 /** Above the scene; empty in a trial. */
 title: string, } | { "show": "thanks" };
-
-/** What the session is doing. */
-export type Phase = { "name": "blocked",
-/** What comes next. */
-prompt: Prompt, } | { "name": "preparing",
-/** What is asked for. */
-prompt: Prompt,
-/** Seconds until the recording begins. */
-left_secs: number, } | { "name": "recording",
-/** What is asked for. */
-prompt: Prompt,
-/** Share recorded, 0 to 1. */
-share: number, } | { "name": "reviewing" } | { "name": "finished" };
 
 /** The part of the table top on which an object may be put down, along the axes of `world`. */
 export type PlaceRegion = {
@@ -1000,17 +1005,33 @@ rotation: [number, number, number, number],
 /** Along x, y, z. */
 translation: [number, number, number], };
 
+/** How steady a stream of poses was in the last ten seconds. */
+export type PoseStreamStatistics = {
+/** How much later than the quickest pose half of them arrive, s. */
+lag_secs: number,
+/** The same for one in a hundred, less the lag, s. */
+jitter_secs: number,
+/** Gaps: poses that the system left out. */
+dropouts: number,
+/** The longest gap, s. */
+longest_secs: number,
+/** Share of the time that was missing, 0 to 1. */
+missing: number, };
+
+/** What a person asks for after a trial that was shown. */
+export type PostTrialAction = "watch_again" | "drive";
+
 /** What the person is asked for. */
 export type Prompt = {
 /** The gesture. */
-gesture: GestureName,
+gesture: Gesture,
 /** Which repetition of it, from 0. */
 repetition: number, };
 
 /** A prompt to make a gesture. */
 export type PromptScreen = {
 /** What to make now. */
-gesture: GestureName,
+gesture: Gesture,
 /** What to do, in a few words. */
 text: string,
 /** Share of the gesture or of the test that is over, 0 to 1. */
@@ -1018,7 +1039,7 @@ share: number,
 /** Muscles are being recorded. */
 recording: boolean,
 /** What is recognised now; none while nothing is. */
-recognised: GestureName | null,
+recognised: Gesture | null,
 /** Sequences in a row without a mistake. */
 in_a_row: number,
 /** How many of them pass; none if the experimenter judges. */
@@ -1029,7 +1050,7 @@ passed: boolean,
 keys: boolean, };
 
 /** What of the box is in reach for this person and table. */
-export type ReachPicture = {
+export type ReachGrid = {
 /** In one sentence. */
 line: string,
 /** Height of the places, m, `world`. */
@@ -1037,10 +1058,10 @@ height_m: number,
 /** From place to place, m. */
 spacing_m: number,
 /** The places. */
-spots: Array<ReachSpot>, };
+spots: Array<ReachPoint>, };
 
 /** One place of the box in a picture of what is in reach. */
-export type ReachSpot = {
+export type ReachPoint = {
 /** m, `world`: ahead. */
 x: number,
 /** m, `world`: to the left. */
@@ -1062,14 +1083,14 @@ age_secs?: number | null, };
 /** What the EMG model makes of the stream. */
 export type Recognition = {
 /** The gestures that the model tells apart. */
-gestures: Array<GestureName>,
+gestures: Array<Gesture>,
 /** Probability of each in the newest window, in the order of `gestures`; empty before the first window, zeros while the
  * stream is dead. */
 posterior: Array<number>,
 /** The gesture in force, by the decision rule. */
-in_force: GestureName,
+in_force: Gesture,
 /** What the newest window gave to the decision rule; none if it was rejected, or there is none. */
-window_class: GestureName | null,
+window_class: Gesture | null,
 /** How hard it is made, 0 to 1. */
 effort: number,
 /** Gestures act: no relaxed hand is waited for. */
@@ -1088,7 +1109,7 @@ lowest: Array<Array<number>>,
 /** The highest ones. */
 highest: Array<Array<number>>,
 /** The gestures that the model tells apart. */
-gestures: Array<GestureName>,
+gestures: Array<Gesture>,
 /** What it made of each window, times ascending. */
 windows: Array<RecordedWindow>, };
 
@@ -1124,7 +1145,7 @@ time: SimTime,
 /** Probability of each gesture, in the order of [`RecordedEmg::gestures`]; zeros while the stream is dead. */
 posterior: Array<number>,
 /** The gesture in force then, by the decision rule. */
-in_force: GestureName,
+in_force: Gesture,
 /** How hard it is made, 0 to 1. */
 effort: number, };
 
@@ -1138,7 +1159,7 @@ reason: string, };
 /** What is known of one repetition. */
 export type RepetitionScore = {
 /** What the person was asked for. */
-gesture: GestureName,
+gesture: Gesture,
 /** Number of the repetition of this gesture, from 0. */
 repetition: number,
 /** Windows in it. */
@@ -1171,24 +1192,11 @@ path_m: number,
 /** How often the hand closed to take something. */
 attempts: number,
 /** What became of each object, for tasks that tell. */
-objects: Array<ResultLine>,
+objects: Array<ObjectResultRow>,
 /** What people with two sound hands reach, a line each, where that is known. */
 norms: Array<string>,
 /** What is wrong with the trial, a sentence each. */
 faults: Array<string>, };
-
-/** What became of one object, as a line of a [`ResultCard`]. */
-export type ResultLine = {
-/** Its name. */
-name: string,
-/** What became of it, such as `on_target`. */
-outcome: string,
-/** Seconds from the release of the one before, or the start, to the first contact; none if it was never held. */
-pick_s: number | null,
-/** Seconds from the last contact to the release; none if it was never released. */
-place_s: number | null,
-/** Horizontal distance from its target at the end, metres. */
-error_m: number | null, };
 
 /** What a connection may see and do. */
 export type Role = "participant" | "experimenter" | "spectator";
@@ -1246,23 +1254,14 @@ export type Scoring = { "by": "nothing" } | { "by": "task_load",
 /** Every pair of items is asked for: which of them contributed more. */
 pairs: boolean, } | { "by": "usability", };
 
-/** A frame that was on a picture, as the page tells it. Times are on the server's clock, as `pong` gave it to the page. */
-export type SeenFrame = {
-/** Which frame: its instant. */
-time: SimTime,
-/** It had come to the page, ms. */
-came_ms: number,
-/** The first picture that was no older than it had been handed to the screen, ms. */
-shown_ms: number, };
-
 /** A mistake in a sequence. */
 export type SequenceMistake = {
 /** Sequence in which it was made, from 0. */
 attempt: number,
 /** What was asked for. */
-prompt: GestureName,
+prompt: Gesture,
 /** What came into force instead; none if the time ran out. */
-got: GestureName | null, };
+got: Gesture | null, };
 
 /** How the sequence test went. */
 export type SequenceReport = {
@@ -1291,9 +1290,9 @@ id: string,
 /** Its name. */
 session: string,
 /** What happens in it. */
-steps: Array<StepLine>,
+steps: Array<StepRow>,
 /** What happens now; none if all of it is over. */
-now: NowScreen | null,
+now: CurrentStepScreen | null,
 /** What is left of it takes at most so long by the plan, minutes. */
 minutes_left: number, };
 
@@ -1340,7 +1339,7 @@ emg_lost_share: number,
 /** What the muscles say; none without an armband. */
 recognition: Recognition | null,
 /** What gaze and task say; none for methods that do not go by the gaze, and while there is nothing to mean. */
-intent: Intent | null,
+intent: IntentEstimate | null,
 /** Milliseconds since the last valid gaze; none if there was none yet. */
 gaze_age_ms: number | null,
 /** Gaze samples a second. */
@@ -1361,13 +1360,30 @@ pages: number, };
 /** Simulated time since the start of the trial, in whole ticks of 1 ms. */
 export type SimTime = number;
 
-/** An arm that stands on something and does not move with a person's trunk. */
-export type Stand = {
-/** Where the base's origin is, `world`, metres. Its axes are those of `world`. */
-xyz: [number, number, number], };
+/** What happens in a session now. */
+export type StepActivity = { "is": "say",
+/** The words. */
+text: string, } | { "is": "form" } & FormScreen | { "is": "train" } & PromptScreen | { "is": "calibrate_gaze",
+/** Mean error of the newest check, degrees; none before the first. */
+error_deg: number | null, } | { "is": "demonstrate", } | { "is": "practise",
+/** Objects that were carried. */
+carried: number,
+/** How many were planned. */
+transfers: number, } | { "is": "rest",
+/** Until its planned end, seconds; zero from then on. */
+left_secs: number, } | { "is": "trial",
+/** What is ready, and what is not. */
+checks: Array<ReadinessCheck>,
+/** Number among the session's trials, and how many there are. */
+number: [number, number],
+/** How the trial before went; empty before the first. */
+before: string, };
+
+/** How something ended. */
+export type StepOutcome = "done" | "aborted" | "interrupted" | "skipped";
 
 /** A step of a session. */
-export type StepLine = {
+export type StepRow = {
 /** From 1. */
 step: number,
 /** In a few words. */
@@ -1380,9 +1396,6 @@ outcome: StepOutcome | null,
 attempts: number,
 /** What departs from the plan. */
 deviations: Array<Deviation>, };
-
-/** How something ended. */
-export type StepOutcome = "done" | "aborted" | "interrupted" | "skipped";
 
 /** The arm must stand still, and why. */
 export type Stop = {
@@ -1398,23 +1411,10 @@ reason: string, };
 /** How a source died. */
 export type StopCause = "silent" | "closed" | "frozen" | "flat" | "railed" | "noiseless" | "lossy" | "wrong_rate" | "lost" | "undecided" | "delayed";
 
-/** How steady a stream of poses was in the last ten seconds. */
-export type StreamFigures = {
-/** How much later than the quickest pose half of them arrive, s. */
-lag_secs: number,
-/** The same for one in a hundred, less the lag, s. */
-jitter_secs: number,
-/** Gaps: poses that the system left out. */
-dropouts: number,
-/** The longest gap, s. */
-longest_secs: number,
-/** Share of the time that was missing, 0 to 1. */
-missing: number, };
-
 /** The stream as a whole. */
 export type StreamQuality = {
 /** The verdict on gaps and rate. */
-light: Light,
+light: ChannelStatus,
 /** Share of samples lost or unusable in the newest second. */
 lost_share: number,
 /** Gaps since the start. */
@@ -1453,9 +1453,9 @@ export type TacAxis = {
 /** Such as `wrist flexion`. */
 name: string,
 /** The gesture that moves it up. */
-up: GestureName,
+up: Gesture,
 /** The gesture that moves it down. */
-down: GestureName,
+down: Gesture,
 /** Its range, degrees, or per cent of a grasp. */
 range: [number, number],
 /** How near to the target it must be, in the same unit. */
@@ -1553,7 +1553,7 @@ rate_hz: number,
 /** Since the last pose that can be used, s; none before the first. */
 age_secs: number | null,
 /** What the last ten seconds were like; none before there are enough poses. */
-stream: StreamFigures | null,
+stream: PoseStreamStatistics | null,
 /** Noise of turns, standard deviation about one axis, rad; none before there are enough. */
 noise_rad: number | null,
 /** Noise of places, standard deviation of one axis, m; none before there are enough. */
@@ -1567,7 +1567,7 @@ world_from_tracking: Pose | null,
 /** Where that puts the shoulder. */
 world_from_shoulder: Pose | null,
 /** The calibrations that are in use. */
-calibrations: Array<CalibrationInUse>,
+calibrations: Array<ActiveCalibration>,
 /** How the headset's world stands in the room; none without a calibrated headset. */
 headset: string | null,
 /** How the person's own limb is followed; none where it is not tracked. */
@@ -1575,7 +1575,7 @@ limb: string | null,
 /** How the person sits, against how they sat when the shoulder was calibrated; none without a calibration. */
 posture: string | null,
 /** What is in reach from where the shoulder is at the start of a trial; none before one is prepared. */
-reach: ReachPicture | null,
+reach: ReachGrid | null,
 /** Why the arm does not follow, and what to do about it; none while all is well. */
 fault: string | null,
 /** The same as a key, such as `millimetres`, `waiting`, `no_body`, `silent` or `occluded`. */
@@ -1586,7 +1586,7 @@ export type TrialEvent = {
 /** When. */
 time: SimTime, } & ({ "event": "gesture_changed",
 /** The new one. */
-gesture: Gesture, } | { "event": "emg_gap",
+gesture: Command, } | { "event": "emg_gap",
 /** Gaps in the samples. */
 gaps: number,
 /** Samples that could not be used. */
@@ -1666,7 +1666,7 @@ waiting: boolean,
 /** Simulated time stands still, because who drives reads a dialog. */
 held: boolean,
 /** What may be asked for when the trial is over. */
-offers: Array<AfterTrial>,
+offers: Array<PostTrialAction>,
 /** Results of this trial, once it is over, and of those before it, the newest first. */
 results: Array<ResultCard>,
 /** Seed of the trial, as text: JavaScript has no whole numbers above 2^53. */

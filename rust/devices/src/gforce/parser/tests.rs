@@ -1,4 +1,4 @@
-use super::{super::fragments::cut, *};
+use super::{super::fragments::split_into_fragments, *};
 use proptest::prelude::*;
 
 /// Packet `number` of a stream whose codes tell which sample they are.
@@ -21,12 +21,12 @@ fn at(number: u64) -> Duration {
     Duration::from_millis(16 * number)
 }
 
-fn parser() -> EmgParser {
-    EmgParser::new(EmgSetting::PROACT, true).unwrap()
+fn parser() -> GForceParser {
+    GForceParser::new(EmgSetting::PROACT_DEFAULT, true).unwrap()
 }
 
 /// Counters and gaps of the packets handed out; every sample is checked to be the one that its counter names.
-fn run(parser: &mut EmgParser, stream: &[(u64, Vec<u8>)], base: u64) -> Vec<(u64, u64)> {
+fn run(parser: &mut GForceParser, stream: &[(u64, Vec<u8>)], base: u64) -> Vec<(u64, u64)> {
     let mut packet = EmgPacket::default();
     let mut out = Vec::new();
     for (time, notification) in stream {
@@ -118,7 +118,7 @@ fn a_packet_repeated_for_ever_is_never_taken_for_a_stream() {
 
 #[test]
 fn without_ids_a_silence_is_a_gap() {
-    let mut parser = EmgParser::new(EmgSetting::PROACT, false).unwrap();
+    let mut parser = GForceParser::new(EmgSetting::PROACT_DEFAULT, false).unwrap();
     let stream: Vec<_> = (0..5).chain(20..25).map(|n| (n, data(n, None))).collect();
     let out = run(&mut parser, &stream, 0);
     assert_eq!(out[5], (16 * 20, 16 * 15));
@@ -136,7 +136,7 @@ fn an_armband_that_agrees_to_ids_and_sends_none_is_found_out() {
 
 #[test]
 fn twelve_bit_codes_are_two_bytes_and_never_more_than_4095() {
-    let mut parser = EmgParser::new(EmgSetting::FINE, true).unwrap();
+    let mut parser = GForceParser::new(EmgSetting::HIGH_RESOLUTION, true).unwrap();
     let mut bytes = vec![EMG_DATA, 0];
     bytes.extend((0..64_u16).flat_map(|k| (k * 64 + 1).to_le_bytes()));
     let mut packet = EmgPacket::default();
@@ -154,7 +154,7 @@ fn after_a_lost_link_the_counter_steps_by_the_time_and_at_least_a_packet() {
     for (silence, lost) in [(0, 16), (1, 16), (100, 16 * 99)] {
         let mut parser = parser();
         run(&mut parser, &in_order(0..10), 0);
-        parser.restart(EmgSetting::PROACT, true).unwrap();
+        parser.restart(EmgSetting::PROACT_DEFAULT, true).unwrap();
         let mut packet = EmgPacket::default();
         assert!(parser.push(&data(0, Some(0)), at(9 + silence), &mut packet));
         assert_eq!((packet.samples[0].counter, packet.lost_before), (160 + lost, lost), "{silence}");
@@ -166,7 +166,7 @@ fn fragments_of_two_packets_that_fit_together_are_not_mixed() {
     // Packet 1 loses its end and packet 2 its beginning; what is left is as long as a packet.
     let mut stream: Vec<(u64, Vec<u8>)> = Vec::new();
     for number in 0..6 {
-        let pieces = cut(&numbered(number), 20);
+        let pieces = split_into_fragments(&numbered(number), 20);
         let kept = match number {
             1 => &pieces[..3],
             2 => &pieces[3..],
@@ -183,7 +183,7 @@ fn spoilt(fragmented: bool, faults: &[u8]) -> Vec<(u64, Vec<u8>)> {
     let mut stream = Vec::new();
     for number in 0..60 {
         let message = numbered(number);
-        let pieces = if fragmented { cut(&message, 20) } else { vec![message] };
+        let pieces = if fragmented { split_into_fragments(&message, 20) } else { vec![message] };
         stream.extend(pieces.into_iter().map(|piece| (number, piece)));
     }
     let mut out: Vec<(u64, Vec<u8>)> = Vec::new();
@@ -231,8 +231,8 @@ proptest! {
             ]), 0..80),
         ids: bool, fine: bool,
     ) {
-        let setting = if fine { EmgSetting::FINE } else { EmgSetting::PROACT };
-        let mut parser = EmgParser::new(setting, ids).unwrap();
+        let setting = if fine { EmgSetting::HIGH_RESOLUTION } else { EmgSetting::PROACT_DEFAULT };
+        let mut parser = GForceParser::new(setting, ids).unwrap();
         let mut packet = EmgPacket::default();
         let mut next = 0;
         for (time, notification) in &stream {
@@ -240,7 +240,7 @@ proptest! {
                 prop_assert_eq!(packet.samples.len(), setting.packet_samples());
                 for sample in &packet.samples {
                     prop_assert_eq!(sample.channels.len(), 8);
-                    prop_assert!(sample.channels.iter().all(|v| (0.0..=setting.highest()).contains(v)));
+                    prop_assert!(sample.channels.iter().all(|v| (0.0..=setting.max_code()).contains(v)));
                 }
                 prop_assert_eq!(packet.samples[0].counter, next + packet.lost_before);
                 next = packet.samples[0].counter + packet.samples.len() as u64;

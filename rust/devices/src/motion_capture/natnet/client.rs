@@ -1,12 +1,16 @@
 //! A client that keeps asking.
 
 use super::{
-    NATNET_COMMAND_PORT, NATNET_DATA_PORT, NATNET_GROUP, NatNetFrame, NatNetMessage, ServerInfo,
-    packet::{KEEP_ALIVE, MOST, REQUEST, REQUEST_DEFINITIONS, VERSION, connect_packet, packet, parse},
+    NATNET_COMMAND_PORT, NATNET_DATA_PORT, NATNET_GROUP, NatNetFrame, NatNetMessage, NatNetServerInfo,
+    packet::{
+        KEEP_ALIVE, MAX_PACKET_BYTES, REQUEST, REQUEST_DEFINITIONS, VERSION, connect_packet, packet, parse,
+    },
 };
 use crate::{
     DeviceError,
-    motion_capture::{CaptureLink, HostClock, MotionCapture, inflow::Inflow, inflow::ThreadedCapture},
+    motion_capture::{
+        CaptureStatus, HostClock, MotionCapture, pose_queue::PoseQueue, pose_queue::ThreadedCapture,
+    },
 };
 use proact_localization::RawBodyPose;
 use socket2::{Domain, Protocol, Socket, Type};
@@ -18,15 +22,15 @@ use std::{
 };
 
 /// Longest wait in which the end of the source is not noticed.
-const GLANCE: Duration = Duration::from_millis(20);
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// From greeting to greeting, and from request to request.
-const ASK_EVERY: Duration = Duration::from_millis(300);
+const REQUEST_INTERVAL: Duration = Duration::from_millis(300);
 /// What keeps a unicast stream up.
-const KEEP_ALIVE_EVERY: Duration = Duration::from_secs(1);
+const KEEP_ALIVE_INTERVAL: Duration = Duration::from_secs(1);
 /// A server that sends no frame for so long is greeted anew: it may have been started again.
-const MOST_SILENCE: Duration = Duration::from_secs(2);
+const FRAME_TIMEOUT: Duration = Duration::from_secs(2);
 /// A frame that is older than the newest by up to so many was overtaken; by more, the numbering began anew.
-const OVERTAKEN: i32 = 100;
+const MAX_REORDERED_FRAMES: i32 = 100;
 
 /// How a server is asked.
 #[derive(Clone, Copy, Debug, Default)]
@@ -47,9 +51,9 @@ impl NatNetClient {
         let address =
             if host.contains(':') { host.to_owned() } else { format!("{host}:{NATNET_COMMAND_PORT}") };
         let failed = |source| DeviceError::Udp { address: address.clone(), source };
-        let mut places = address.to_socket_addrs().map_err(failed)?;
+        let mut addresses = address.to_socket_addrs().map_err(failed)?;
         let server =
-            places.find(SocketAddr::is_ipv4).ok_or_else(|| failed(ErrorKind::AddrNotAvailable.into()))?;
+            addresses.find(SocketAddr::is_ipv4).ok_or_else(|| failed(ErrorKind::AddrNotAvailable.into()))?;
         let command =
             UdpSocket::bind((options.interface.unwrap_or(Ipv4Addr::UNSPECIFIED), 0)).map_err(failed)?;
         command.connect(server).map_err(failed)?;
@@ -59,14 +63,14 @@ impl NatNetClient {
         };
         let (name, waiting) = (format!("NatNet {address}"), format!("asking {address}"));
         Ok(Self(ThreadedCapture::start(name, clock, waiting, move |inflow| {
-            Session {
+            NatNetConnection {
                 command,
                 data: None,
                 interface,
                 address,
                 server: None,
                 names: BTreeMap::new(),
-                newest: None,
+                newest_frame: None,
             }
             .run(&inflow);
         })))
@@ -78,8 +82,8 @@ impl MotionCapture for NatNetClient {
         self.0.name()
     }
 
-    fn take(&mut self, poses: &mut Vec<RawBodyPose>) -> Result<CaptureLink, DeviceError> {
-        self.0.take(poses)
+    fn drain_poses(&mut self, poses: &mut Vec<RawBodyPose>) -> Result<CaptureStatus, DeviceError> {
+        self.0.drain_poses(poses)
     }
 
     fn malformed(&self) -> u64 {
@@ -87,43 +91,45 @@ impl MotionCapture for NatNetClient {
     }
 }
 
-struct Session {
+struct NatNetConnection {
     command: UdpSocket,
     /// Where frames come, if the server sends them to a group.
     data: Option<UdpSocket>,
     interface: Ipv4Addr,
     address: String,
-    server: Option<ServerInfo>,
+    server: Option<NatNetServerInfo>,
     names: BTreeMap<i32, String>,
-    newest: Option<i32>,
+    newest_frame: Option<i32>,
 }
 
-impl Session {
-    fn run(&mut self, inflow: &Inflow) {
-        let mut bytes = vec![0; MOST + 1];
-        let mut asked: Option<Instant> = None;
+impl NatNetConnection {
+    fn run(&mut self, inflow: &PoseQueue) {
+        let mut bytes = vec![0; MAX_PACKET_BYTES + 1];
+        let mut last_request: Option<Instant> = None;
         let mut kept = Instant::now();
         let (mut framed, mut needs_names) = (Instant::now(), true);
-        while !inflow.is_over() {
-            if self.server.is_some() && framed.elapsed() > MOST_SILENCE {
-                (self.server, self.data, self.newest) = (None, None, None);
+        while !inflow.is_closed() {
+            if self.server.is_some() && framed.elapsed() > FRAME_TIMEOUT {
+                (self.server, self.data, self.newest_frame) = (None, None, None);
                 needs_names = true;
-                inflow.wait(format!(
+                inflow.set_waiting(format!(
                     "{}: no frame for {} s; is the server in Live mode or playing, and is Broadcast Frame Data on?",
                     self.address,
-                    MOST_SILENCE.as_secs()
+                    FRAME_TIMEOUT.as_secs()
                 ));
             }
-            if (self.server.is_none() || needs_names) && asked.is_none_or(|at| at.elapsed() >= ASK_EVERY) {
-                asked = Some(Instant::now());
+            if (self.server.is_none() || needs_names)
+                && last_request.is_none_or(|at| at.elapsed() >= REQUEST_INTERVAL)
+            {
+                last_request = Some(Instant::now());
                 match self.server {
-                    None => self.say(&connect_packet(), inflow),
-                    Some(_) => self.say(&packet(REQUEST_DEFINITIONS, &[]), inflow),
+                    None => self.send(&connect_packet(), inflow),
+                    Some(_) => self.send(&packet(REQUEST_DEFINITIONS, &[]), inflow),
                 }
             }
-            if self.server.is_some() && kept.elapsed() >= KEEP_ALIVE_EVERY {
+            if self.server.is_some() && kept.elapsed() >= KEEP_ALIVE_INTERVAL {
                 kept = Instant::now();
-                self.say(&packet(KEEP_ALIVE, &[]), inflow);
+                self.send(&packet(KEEP_ALIVE, &[]), inflow);
             }
             // The socket on which frames come is waited for, the other is looked at.
             for from_group in [true, false] {
@@ -137,15 +143,18 @@ impl Session {
                     Ok(Some(count)) => parse(&bytes[..count]),
                     Err(error) => {
                         // Nobody listens at that port (yet).
-                        inflow.wait(format!("{}: {error}; is streaming switched on there?", self.address));
-                        std::thread::sleep(GLANCE);
+                        inflow.set_waiting(format!(
+                            "{}: {error}; is streaming switched on there?",
+                            self.address
+                        ));
+                        std::thread::sleep(POLL_INTERVAL);
                         continue;
                     }
                 };
                 match message {
                     Ok(NatNetMessage::Server(info)) if self.server.is_none() => {
                         framed = Instant::now();
-                        self.meet(info, inflow);
+                        self.handle_server_info(info, inflow);
                         break;
                     }
                     Ok(NatNetMessage::Definitions(definitions)) => {
@@ -156,32 +165,32 @@ impl Session {
                         framed = Instant::now();
                         needs_names |= frame.definitions_changed;
                         needs_names |= frame.bodies.iter().any(|body| !self.names.contains_key(&body.id));
-                        self.take(frame, inflow);
+                        self.handle_frame(frame, inflow);
                     }
                     Ok(_) => {}
-                    Err(_) => inflow.malformed(),
+                    Err(_) => inflow.count_malformed(),
                 }
             }
         }
     }
 
     /// What cannot be sent is told; it is sent again by and by.
-    fn say(&self, bytes: &[u8], inflow: &Inflow) {
+    fn send(&self, bytes: &[u8], inflow: &PoseQueue) {
         if let Err(error) = self.command.send(bytes) {
-            inflow.wait(format!("{}: {error}; is streaming switched on there?", self.address));
+            inflow.set_waiting(format!("{}: {error}; is streaming switched on there?", self.address));
         }
     }
 
     /// A server has answered: where do its frames come, and of which version.
-    fn meet(&mut self, info: ServerInfo, inflow: &Inflow) {
+    fn handle_server_info(&mut self, info: NatNetServerInfo, inflow: &PoseQueue) {
         if info.protocol_version[..2] != VERSION[..2] {
-            self.say(&packet(REQUEST, b"Bitstream,3.1\0"), inflow);
+            self.send(&packet(REQUEST, b"Bitstream,3.1\0"), inflow);
         }
-        if let Some(group) = info.group {
-            match listen(Ipv4Addr::from(group), info.data_port, self.interface) {
+        if let Some(group) = info.multicast_group {
+            match join_multicast_group(Ipv4Addr::from(group), info.data_port, self.interface) {
                 Ok(data) => self.data = Some(data),
                 Err(error) => {
-                    inflow.wait(format!(
+                    inflow.set_waiting(format!(
                         "{}: cannot listen to group {} at UDP {}: {error}; switch the server to unicast",
                         self.address,
                         Ipv4Addr::from(group),
@@ -191,17 +200,17 @@ impl Session {
                 }
             }
         }
-        self.say(&packet(KEEP_ALIVE, &[]), inflow);
-        inflow.link(CaptureLink::Connected);
+        self.send(&packet(KEEP_ALIVE, &[]), inflow);
+        inflow.set_status(CaptureStatus::Connected);
         self.server = Some(info);
     }
 
-    fn take(&mut self, frame: NatNetFrame, inflow: &Inflow) {
-        let behind = self.newest.map_or(0, |newest| newest.wrapping_sub(frame.number));
-        if (1..=OVERTAKEN).contains(&behind) {
+    fn handle_frame(&mut self, frame: NatNetFrame, inflow: &PoseQueue) {
+        let behind = self.newest_frame.map_or(0, |newest| newest.wrapping_sub(frame.number));
+        if (1..=MAX_REORDERED_FRAMES).contains(&behind) {
             return;
         }
-        self.newest = Some(frame.number);
+        self.newest_frame = Some(frame.number);
         let arrival = inflow.clock.now();
         for body in frame.bodies {
             // Until its name has come a body is nobody.
@@ -210,7 +219,7 @@ impl Session {
                 body: name.clone(),
                 id: Some(body.id),
                 // Far times saturate: a time that is none is found by who checks the stream.
-                stamp: (frame.seconds * 1e9) as i64,
+                stamp: (frame.timestamp_secs * 1e9) as i64,
                 arrival,
                 position: body.position.map(f64::from),
                 quaternion: body.quaternion.map(f64::from),
@@ -224,7 +233,7 @@ impl Session {
 fn receive(socket: &UdpSocket, waits: bool, bytes: &mut [u8]) -> std::io::Result<Option<usize>> {
     socket.set_nonblocking(!waits)?;
     if waits {
-        socket.set_read_timeout(Some(GLANCE))?;
+        socket.set_read_timeout(Some(POLL_INTERVAL))?;
     }
     match socket.recv(bytes) {
         Ok(count) => Ok(Some(count)),
@@ -234,7 +243,7 @@ fn receive(socket: &UdpSocket, waits: bool, bytes: &mut [u8]) -> std::io::Result
 }
 
 /// A socket in the group. Its port is shared: other programs on this machine may listen, too.
-fn listen(group: Ipv4Addr, port: u16, interface: Ipv4Addr) -> std::io::Result<UdpSocket> {
+fn join_multicast_group(group: Ipv4Addr, port: u16, interface: Ipv4Addr) -> std::io::Result<UdpSocket> {
     let port = if port == 0 { NATNET_DATA_PORT } else { port };
     let group = if group.is_multicast() { group } else { Ipv4Addr::from(NATNET_GROUP) };
     let socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;

@@ -9,7 +9,9 @@ mod packet;
 mod server;
 
 pub use client::{NatNetClient, NatNetOptions};
-pub use packet::{BodyDefinition, NatNetBody, NatNetError, NatNetFrame, NatNetMessage, ServerInfo, parse};
+pub use packet::{
+    NatNetError, NatNetFrame, NatNetMessage, NatNetRigidBody, NatNetServerInfo, RigidBodyDefinition, parse,
+};
 pub use server::NatNetServer;
 
 /// The port of commands.

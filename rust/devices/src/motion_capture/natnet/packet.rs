@@ -1,9 +1,9 @@
 //! Packets of NatNet 3.1, without any socket. All numbers are little-endian.
 
 /// Longest packet: what UDP carries.
-pub(super) const MOST: usize = 65_507;
+pub(super) const MAX_PACKET_BYTES: usize = 65_507;
 /// Length of the header: id and length of the payload.
-const HEADER: usize = 4;
+const HEADER_BYTES: usize = 4;
 /// The version that is asked for and parsed.
 pub(super) const VERSION: [u8; 4] = [3, 1, 0, 0];
 
@@ -30,18 +30,18 @@ pub enum NatNetError {
         part: &'static str,
     },
     /// A number of things that the rest of the packet cannot hold.
-    #[error("{got} {part} in a packet with {left} bytes left")]
+    #[error("{got} {part} in a packet with {remaining} bytes left")]
     Count {
         /// As the packet says.
         got: u32,
         /// Of what.
         part: &'static str,
         /// Bytes behind the number.
-        left: usize,
+        remaining: usize,
     },
     /// Bytes behind the end of a frame: it is of another version than was asked for.
     #[error("{extra} bytes behind the end of a frame; it is not of version 3.1, which was asked for")]
-    Longer {
+    TrailingBytes {
         /// How many.
         extra: usize,
     },
@@ -49,7 +49,7 @@ pub enum NatNetError {
 
 /// A rigid body of a frame.
 #[derive(Clone, Debug, PartialEq)]
-pub struct NatNetBody {
+pub struct NatNetRigidBody {
     /// Its number.
     pub id: i32,
     /// m, in Motive's axes.
@@ -68,16 +68,16 @@ pub struct NatNetFrame {
     /// Its number.
     pub number: i32,
     /// All rigid bodies.
-    pub bodies: Vec<NatNetBody>,
+    pub bodies: Vec<NatNetRigidBody>,
     /// Since the software started, s.
-    pub seconds: f64,
+    pub timestamp_secs: f64,
     /// Definitions are not those that were sent before.
     pub definitions_changed: bool,
 }
 
 /// What a server says of itself.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ServerInfo {
+pub struct NatNetServerInfo {
     /// Such as `Motive`.
     pub program: String,
     /// Its version.
@@ -87,12 +87,12 @@ pub struct ServerInfo {
     /// Port of frames.
     pub data_port: u16,
     /// The group that frames go to; none where they are sent to each client.
-    pub group: Option<[u8; 4]>,
+    pub multicast_group: Option<[u8; 4]>,
 }
 
 /// The name of a number.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct BodyDefinition {
+pub struct RigidBodyDefinition {
     /// The number.
     pub id: i32,
     /// The name.
@@ -103,9 +103,9 @@ pub struct BodyDefinition {
 #[derive(Clone, Debug, PartialEq)]
 pub enum NatNetMessage {
     /// Answer to the greeting.
-    Server(ServerInfo),
+    Server(NatNetServerInfo),
     /// Names of rigid bodies.
-    Definitions(Vec<BodyDefinition>),
+    Definitions(Vec<RigidBodyDefinition>),
     /// A frame.
     Frame(NatNetFrame),
     /// Answer to a request: text, or empty or a number.
@@ -139,12 +139,12 @@ pub(super) fn connect_packet() -> Vec<u8> {
 /// # Errors
 /// [`NatNetError`] for one that is cut off, or holds together in no way.
 pub fn parse(bytes: &[u8]) -> Result<NatNetMessage, NatNetError> {
-    let mut reader = Reader { bytes, at: 0 };
+    let mut reader = PacketReader { bytes, at: 0 };
     let (id, length) = (reader.u16("the header")?, usize::from(reader.u16("the header")?));
-    let Some(payload) = bytes.get(HEADER..HEADER + length) else {
+    let Some(payload) = bytes.get(HEADER_BYTES..HEADER_BYTES + length) else {
         return Err(NatNetError::Truncated { got: bytes.len(), part: "the payload" });
     };
-    let mut reader = Reader { bytes: payload, at: 0 };
+    let mut reader = PacketReader { bytes: payload, at: 0 };
     Ok(match id {
         SERVER_INFO => NatNetMessage::Server(server_info(&mut reader)?),
         DEFINITIONS => NatNetMessage::Definitions(definitions(&mut reader)?),
@@ -155,7 +155,7 @@ pub fn parse(bytes: &[u8]) -> Result<NatNetMessage, NatNetError> {
     })
 }
 
-fn server_info(reader: &mut Reader<'_>) -> Result<ServerInfo, NatNetError> {
+fn server_info(reader: &mut PacketReader<'_>) -> Result<NatNetServerInfo, NatNetError> {
     let part = "the server's name";
     let name = reader.take(256, part)?;
     let end = name.iter().position(|byte| *byte == 0).unwrap_or(name.len());
@@ -163,18 +163,18 @@ fn server_info(reader: &mut Reader<'_>) -> Result<ServerInfo, NatNetError> {
     let (program_version, protocol_version) = (reader.array("its version")?, reader.array("its version")?);
     let (mut data_port, mut group) = (super::NATNET_DATA_PORT, Some(super::NATNET_GROUP));
     // Servers before version 3 end here.
-    if reader.left() > 0 {
+    if reader.remaining() > 0 {
         reader.take(8, "the rate of the clock")?;
         data_port = reader.u16("the data port")?;
         let multicast = reader.take(1, "the kind of transmission")?[0] != 0;
         let address = reader.array("the group")?;
         group = multicast.then_some(address);
     }
-    Ok(ServerInfo { program, program_version, protocol_version, data_port, group })
+    Ok(NatNetServerInfo { program, program_version, protocol_version, data_port, multicast_group: group })
 }
 
 /// Names of all rigid bodies up to the first thing that is neither marker set, body nor skeleton.
-fn definitions(reader: &mut Reader<'_>) -> Result<Vec<BodyDefinition>, NatNetError> {
+fn definitions(reader: &mut PacketReader<'_>) -> Result<Vec<RigidBodyDefinition>, NatNetError> {
     let mut found = Vec::new();
     for _ in 0..reader.count(4, "definitions")? {
         match reader.i32("the kind of a definition")? {
@@ -200,7 +200,7 @@ fn definitions(reader: &mut Reader<'_>) -> Result<Vec<BodyDefinition>, NatNetErr
     Ok(found)
 }
 
-fn body_definition(reader: &mut Reader<'_>) -> Result<BodyDefinition, NatNetError> {
+fn body_definition(reader: &mut PacketReader<'_>) -> Result<RigidBodyDefinition, NatNetError> {
     let part = "the definition of a body";
     let name = reader.text(part)?;
     let id = reader.i32(part)?;
@@ -208,10 +208,10 @@ fn body_definition(reader: &mut Reader<'_>) -> Result<BodyDefinition, NatNetErro
     reader.take(4 + 12, part)?;
     let markers = reader.count(16, "markers of a body")?;
     reader.take(markers * 16, part)?;
-    Ok(BodyDefinition { id, name })
+    Ok(RigidBodyDefinition { id, name })
 }
 
-fn frame(reader: &mut Reader<'_>) -> Result<NatNetFrame, NatNetError> {
+fn frame(reader: &mut PacketReader<'_>) -> Result<NatNetFrame, NatNetError> {
     let number = reader.i32("the number of the frame")?;
     for _ in 0..reader.count(5, "marker sets")? {
         reader.text("the name of a marker set")?;
@@ -220,15 +220,15 @@ fn frame(reader: &mut Reader<'_>) -> Result<NatNetFrame, NatNetError> {
     }
     let markers = reader.count(12, "other markers")?;
     reader.take(markers * 12, "other markers")?;
-    let count = reader.count(BODY, "rigid bodies")?;
+    let count = reader.count(RIGID_BODY_BYTES, "rigid bodies")?;
     let bodies = (0..count).map(|_| body(reader)).collect::<Result<Vec<_>, _>>()?;
     for _ in 0..reader.count(8, "skeletons")? {
         reader.i32("the number of a skeleton")?;
-        let bones = reader.count(BODY, "bones")?;
-        reader.take(bones * BODY, "bones")?;
+        let bones = reader.count(RIGID_BODY_BYTES, "bones")?;
+        reader.take(bones * RIGID_BODY_BYTES, "bones")?;
     }
-    let labelled = reader.count(26, "labelled markers")?;
-    reader.take(labelled * 26, "labelled markers")?;
+    let labeled_markers = reader.count(26, "labelled markers")?;
+    reader.take(labeled_markers * 26, "labelled markers")?;
     for part in ["force plates", "devices"] {
         for _ in 0..reader.count(8, part)? {
             reader.i32(part)?;
@@ -245,16 +245,16 @@ fn frame(reader: &mut Reader<'_>) -> Result<NatNetFrame, NatNetError> {
     reader.take(24, part)?;
     let flags = reader.u16(part)?;
     reader.take(4, part)?;
-    if reader.left() > 0 {
-        return Err(NatNetError::Longer { extra: reader.left() });
+    if reader.remaining() > 0 {
+        return Err(NatNetError::TrailingBytes { extra: reader.remaining() });
     }
-    Ok(NatNetFrame { number, bodies, seconds, definitions_changed: flags & 2 != 0 })
+    Ok(NatNetFrame { number, bodies, timestamp_secs: seconds, definitions_changed: flags & 2 != 0 })
 }
 
 /// Bytes of a rigid body in a frame.
-const BODY: usize = 38;
+const RIGID_BODY_BYTES: usize = 38;
 
-fn body(reader: &mut Reader<'_>) -> Result<NatNetBody, NatNetError> {
+fn body(reader: &mut PacketReader<'_>) -> Result<NatNetRigidBody, NatNetError> {
     let part = "a rigid body";
     let id = reader.i32(part)?;
     let mut numbers = [0.0; 8];
@@ -263,16 +263,16 @@ fn body(reader: &mut Reader<'_>) -> Result<NatNetBody, NatNetError> {
     }
     let [x, y, z, qx, qy, qz, qw, error] = numbers;
     let tracked = reader.u16(part)? & 1 != 0;
-    Ok(NatNetBody { id, position: [x, y, z], quaternion: [qx, qy, qz, qw], error, tracked })
+    Ok(NatNetRigidBody { id, position: [x, y, z], quaternion: [qx, qy, qz, qw], error, tracked })
 }
 
-struct Reader<'a> {
+struct PacketReader<'a> {
     bytes: &'a [u8],
     at: usize,
 }
 
-impl<'a> Reader<'a> {
-    fn left(&self) -> usize {
+impl<'a> PacketReader<'a> {
+    fn remaining(&self) -> usize {
         self.bytes.len() - self.at
     }
 
@@ -300,9 +300,9 @@ impl<'a> Reader<'a> {
     /// A number of things of at least `each` bytes, which the rest can hold.
     fn count(&mut self, each: usize, part: &'static str) -> Result<usize, NatNetError> {
         let got = u32::from_le_bytes(self.array(part)?);
-        let left = self.left();
+        let left = self.remaining();
         let count = usize::try_from(got).ok().filter(|count| *count <= left / each);
-        count.ok_or(NatNetError::Count { got, part, left })
+        count.ok_or(NatNetError::Count { got, part, remaining: left })
     }
 
     /// Up to a zero.
@@ -328,7 +328,7 @@ pub(super) fn frame_packet(frame: &NatNetFrame) -> Vec<u8> {
     }
     // No skeletons, labelled markers, force plates, devices; no time code.
     payload.extend([0; 16 + 8]);
-    payload.extend(frame.seconds.to_le_bytes());
+    payload.extend(frame.timestamp_secs.to_le_bytes());
     payload.extend([0; 24]);
     payload.extend((u16::from(frame.definitions_changed) << 1).to_le_bytes());
     payload.extend([0; 4]);
@@ -336,7 +336,7 @@ pub(super) fn frame_packet(frame: &NatNetFrame) -> Vec<u8> {
 }
 
 /// What a server says of itself, as a packet.
-pub(super) fn server_info_packet(info: &ServerInfo) -> Vec<u8> {
+pub(super) fn server_info_packet(info: &NatNetServerInfo) -> Vec<u8> {
     let mut payload = vec![0; 256];
     let name = info.program.as_bytes();
     let length = name.len().min(255);
@@ -345,13 +345,13 @@ pub(super) fn server_info_packet(info: &ServerInfo) -> Vec<u8> {
     payload.extend(info.protocol_version);
     payload.extend(10_000_000_u64.to_le_bytes());
     payload.extend(info.data_port.to_le_bytes());
-    payload.push(u8::from(info.group.is_some()));
-    payload.extend(info.group.unwrap_or_default());
+    payload.push(u8::from(info.multicast_group.is_some()));
+    payload.extend(info.multicast_group.unwrap_or_default());
     packet(SERVER_INFO, &payload)
 }
 
 /// Definitions as a packet.
-pub(super) fn definitions_packet(bodies: &[BodyDefinition]) -> Vec<u8> {
+pub(super) fn definitions_packet(bodies: &[RigidBodyDefinition]) -> Vec<u8> {
     let mut payload = (bodies.len() as u32).to_le_bytes().to_vec();
     for body in bodies {
         payload.extend(1_i32.to_le_bytes());
@@ -370,23 +370,28 @@ mod tests {
     use proptest::prelude::*;
 
     fn a_frame() -> NatNetFrame {
-        let body = |id| NatNetBody {
+        let body = |id| NatNetRigidBody {
             id,
             position: [0.1, 1.4, -0.3],
             quaternion: [0.0, 0.0, 0.0, 1.0],
             error: 0.0005,
             tracked: id != 8,
         };
-        NatNetFrame { number: 42, bodies: vec![body(7), body(8)], seconds: 12.5, definitions_changed: true }
+        NatNetFrame {
+            number: 42,
+            bodies: vec![body(7), body(8)],
+            timestamp_secs: 12.5,
+            definitions_changed: true,
+        }
     }
 
-    fn info(group: Option<[u8; 4]>) -> ServerInfo {
-        ServerInfo {
+    fn info(group: Option<[u8; 4]>) -> NatNetServerInfo {
+        NatNetServerInfo {
             program: "Motive".into(),
             program_version: [3, 1, 0, 0],
             protocol_version: [4, 1, 0, 0],
             data_port: 1511,
-            group,
+            multicast_group: group,
         }
     }
 
@@ -396,7 +401,7 @@ mod tests {
         for group in [None, Some([239, 255, 42, 99])] {
             assert_eq!(parse(&server_info_packet(&info(group))), Ok(NatNetMessage::Server(info(group))));
         }
-        let named = vec![BodyDefinition { id: 7, name: "Schulter".into() }];
+        let named = vec![RigidBodyDefinition { id: 7, name: "Schulter".into() }];
         assert_eq!(parse(&definitions_packet(&named)), Ok(NatNetMessage::Definitions(named)));
     }
 
@@ -407,15 +412,15 @@ mod tests {
             let error = parse(&whole[..length]).unwrap_err();
             assert!(matches!(error, NatNetError::Truncated { .. }), "{length}: {error}");
             // The same with a header that fits the rest.
-            if length >= HEADER {
-                let cut = packet(FRAME, &whole[HEADER..length]);
+            if length >= HEADER_BYTES {
+                let cut = packet(FRAME, &whole[HEADER_BYTES..length]);
                 assert!(parse(&cut).is_err(), "{length}");
             }
         }
-        let mut longer = whole[HEADER..].to_vec();
+        let mut longer = whole[HEADER_BYTES..].to_vec();
         longer.extend([0; 8]);
-        assert_eq!(parse(&packet(FRAME, &longer)), Err(NatNetError::Longer { extra: 8 }));
-        let mut many = whole[HEADER..].to_vec();
+        assert_eq!(parse(&packet(FRAME, &longer)), Err(NatNetError::TrailingBytes { extra: 8 }));
+        let mut many = whole[HEADER_BYTES..].to_vec();
         many[12..16].copy_from_slice(&u32::MAX.to_le_bytes());
         assert!(matches!(parse(&packet(FRAME, &many)), Err(NatNetError::Count { got: u32::MAX, .. })));
     }

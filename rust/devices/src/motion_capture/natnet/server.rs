@@ -1,26 +1,26 @@
 //! A server: the double that the client is tested against.
 
 use super::{
-    NATNET_GROUP, NatNetFrame, ServerInfo,
+    NATNET_GROUP, NatNetFrame, NatNetServerInfo,
     packet::{
-        BodyDefinition, CONNECT, KEEP_ALIVE, REQUEST, REQUEST_DEFINITIONS, RESPONSE, definitions_packet,
+        CONNECT, KEEP_ALIVE, REQUEST, REQUEST_DEFINITIONS, RESPONSE, RigidBodyDefinition, definitions_packet,
         frame_packet, packet, server_info_packet,
     },
 };
 use crate::DeviceError;
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 
-/// Serves frames over UDP. Nothing runs by itself: requests are answered in [`NatNetServer::send`]. Speaks 4.1 until it is
+/// Serves frames over UDP. Nothing runs by itself: requests are answered in [`NatNetServer::send_with_faults`]. Speaks 4.1 until it is
 /// asked for 3.1, as Motive 3 does; before that it sends no frame.
 #[derive(Debug)]
 pub struct NatNetServer {
     socket: UdpSocket,
-    bodies: Vec<BodyDefinition>,
+    bodies: Vec<RigidBodyDefinition>,
     /// Where frames go, if not to each client.
     group: Option<(Ipv4Addr, u16)>,
     clients: Vec<SocketAddr>,
-    asked_for: bool,
-    changed: bool,
+    version_requested: bool,
+    definitions_changed: bool,
 }
 
 impl NatNetServer {
@@ -38,10 +38,16 @@ impl NatNetServer {
             let named = socket2::SockRef::from(&socket);
             named.set_multicast_if_v4(&Ipv4Addr::LOCALHOST).map_err(failed)?;
         }
-        let mut server =
-            Self { socket, bodies: Vec::new(), group, clients: Vec::new(), asked_for: false, changed: false };
-        server.define(bodies);
-        server.changed = false;
+        let mut server = Self {
+            socket,
+            bodies: Vec::new(),
+            group,
+            clients: Vec::new(),
+            version_requested: false,
+            definitions_changed: false,
+        };
+        server.set_bodies(bodies);
+        server.definitions_changed = false;
         Ok(server)
     }
 
@@ -54,16 +60,17 @@ impl NatNetServer {
     }
 
     /// Bodies are called otherwise from now on.
-    pub fn define(&mut self, bodies: &[(i32, &str)]) {
-        self.bodies = bodies.iter().map(|&(id, name)| BodyDefinition { id, name: name.to_owned() }).collect();
-        self.changed = true;
+    pub fn set_bodies(&mut self, bodies: &[(i32, &str)]) {
+        self.bodies =
+            bodies.iter().map(|&(id, name)| RigidBodyDefinition { id, name: name.to_owned() }).collect();
+        self.definitions_changed = true;
     }
 
     /// Answers what was asked, and sends a frame if anybody asked for 3.1.
     pub fn send(&mut self, frame: &NatNetFrame) {
         self.answer();
-        if self.asked_for {
-            let changed = std::mem::take(&mut self.changed);
+        if self.version_requested {
+            let changed = std::mem::take(&mut self.definitions_changed);
             self.send_bytes(&frame_packet(&NatNetFrame { definitions_changed: changed, ..frame.clone() }));
         }
     }
@@ -81,15 +88,15 @@ impl NatNetServer {
         while let Ok((count, from)) = self.socket.recv_from(&mut bytes) {
             let [low, high, ..] = bytes[..count] else { continue };
             let answer = match u16::from_le_bytes([low, high]) {
-                CONNECT => server_info_packet(&ServerInfo {
+                CONNECT => server_info_packet(&NatNetServerInfo {
                     program: "Double".to_owned(),
                     program_version: [3, 1, 0, 0],
                     protocol_version: [4, 1, 0, 0],
                     data_port: self.group.map_or(0, |(_, port)| port),
-                    group: self.group.map(|(group, _)| group.octets()),
+                    multicast_group: self.group.map(|(group, _)| group.octets()),
                 }),
                 REQUEST if bytes[4..count].starts_with(b"Bitstream,3.1") => {
-                    self.asked_for = true;
+                    self.version_requested = true;
                     packet(RESPONSE, &0_i32.to_le_bytes())
                 }
                 REQUEST_DEFINITIONS => definitions_packet(&self.bodies),

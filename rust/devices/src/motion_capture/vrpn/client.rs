@@ -6,7 +6,9 @@ use super::{
 };
 use crate::{
     DeviceError,
-    motion_capture::{CaptureLink, HostClock, MotionCapture, inflow::Inflow, inflow::ThreadedCapture},
+    motion_capture::{
+        CaptureStatus, HostClock, MotionCapture, pose_queue::PoseQueue, pose_queue::ThreadedCapture,
+    },
 };
 use proact_localization::RawBodyPose;
 use std::{
@@ -16,18 +18,18 @@ use std::{
 };
 
 /// A server on the same network answers within milliseconds.
-const CONNECT: Duration = Duration::from_secs(1);
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(1);
 /// From one attempt to the next.
-const RETRY: Duration = Duration::from_millis(300);
+const RETRY_INTERVAL: Duration = Duration::from_millis(300);
 /// Longest wait in which the end of the source is not noticed.
-const GLANCE: Duration = Duration::from_millis(20);
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// From ping to ping, and how long a server may say nothing at all: VRPN's own.
-const PING_EVERY: Duration = Duration::from_secs(1);
-const MOST_SILENCE: Duration = Duration::from_secs(3);
+const PING_INTERVAL: Duration = Duration::from_secs(1);
+const SILENCE_TIMEOUT: Duration = Duration::from_secs(3);
 
 /// Our numbers of the two message types that we send.
-const OUR_PING: i32 = 0;
-const OUR_PONG: i32 = 1;
+const PING_TYPE_ID: i32 = 0;
+const PONG_TYPE_ID: i32 = 1;
 
 /// All trackers of a VRPN server. A connection that ends is made again.
 pub struct VrpnClient(ThreadedCapture);
@@ -44,7 +46,9 @@ impl VrpnClient {
         }
         let waiting = format!("connecting to {address}");
         let name = format!("VRPN {address}");
-        Ok(Self(ThreadedCapture::start(name, clock, waiting, move |inflow| follow(&address, &inflow))))
+        Ok(Self(ThreadedCapture::start(name, clock, waiting, move |inflow| {
+            keep_connected(&address, &inflow)
+        })))
     }
 }
 
@@ -53,8 +57,8 @@ impl MotionCapture for VrpnClient {
         self.0.name()
     }
 
-    fn take(&mut self, poses: &mut Vec<RawBodyPose>) -> Result<CaptureLink, DeviceError> {
-        self.0.take(poses)
+    fn drain_poses(&mut self, poses: &mut Vec<RawBodyPose>) -> Result<CaptureStatus, DeviceError> {
+        self.0.drain_poses(poses)
     }
 
     fn malformed(&self) -> u64 {
@@ -63,28 +67,28 @@ impl MotionCapture for VrpnClient {
 }
 
 /// Connection after connection until nobody takes poses any more.
-fn follow(address: &str, inflow: &Inflow) {
-    while !inflow.is_over() {
+fn keep_connected(address: &str, inflow: &PoseQueue) {
+    while !inflow.is_closed() {
         let reason = match connect(address) {
-            Ok(stream) => serve(stream, inflow),
+            Ok(stream) => read_connection(stream, inflow),
             Err(error) => format!("{error}; is the server running, and is VRPN streaming switched on there?"),
         };
-        inflow.wait(format!("{address}: {reason}"));
-        let again = Instant::now() + RETRY;
-        while !inflow.is_over() && Instant::now() < again {
-            std::thread::sleep(GLANCE);
+        inflow.set_waiting(format!("{address}: {reason}"));
+        let again = Instant::now() + RETRY_INTERVAL;
+        while !inflow.is_closed() && Instant::now() < again {
+            std::thread::sleep(POLL_INTERVAL);
         }
     }
 }
 
 fn connect(address: &str) -> std::io::Result<TcpStream> {
     let mut last = std::io::Error::new(ErrorKind::NotFound, "the name has no address");
-    for place in address.to_socket_addrs()? {
-        match TcpStream::connect_timeout(&place, CONNECT) {
+    for socket_address in address.to_socket_addrs()? {
+        match TcpStream::connect_timeout(&socket_address, CONNECT_TIMEOUT) {
             Ok(stream) => {
                 stream.set_nodelay(true)?;
-                stream.set_read_timeout(Some(GLANCE))?;
-                stream.set_write_timeout(Some(CONNECT))?;
+                stream.set_read_timeout(Some(POLL_INTERVAL))?;
+                stream.set_write_timeout(Some(CONNECT_TIMEOUT))?;
                 return Ok(stream);
             }
             Err(error) => last = error,
@@ -94,19 +98,19 @@ fn connect(address: &str) -> std::io::Result<TcpStream> {
 }
 
 /// Follows a connection to its end; why it ended.
-fn serve(mut stream: TcpStream, inflow: &Inflow) -> String {
+fn read_connection(mut stream: TcpStream, inflow: &PoseQueue) -> String {
     let mut out = cookie().to_vec();
-    write_description(&mut out, false, OUR_PING, PING);
-    write_description(&mut out, false, OUR_PONG, PONG);
+    write_description(&mut out, false, PING_TYPE_ID, PING);
+    write_description(&mut out, false, PONG_TYPE_ID, PONG);
     let mut devices: Vec<String> = Vec::new();
     let (mut parser, mut bytes) = (VrpnParser::new(), [0; 16 * 1024]);
-    let (mut heard, mut pinged) = (Instant::now(), Instant::now());
+    let (mut received_at, mut pinged) = (Instant::now(), Instant::now());
     loop {
-        if inflow.is_over() {
+        if inflow.is_closed() {
             return "closed".to_owned();
         }
-        if !devices.is_empty() && pinged.elapsed() >= PING_EVERY {
-            (0..devices.len()).for_each(|n| write_message(&mut out, (0, 0), n as i32, OUR_PING, &[]));
+        if !devices.is_empty() && pinged.elapsed() >= PING_INTERVAL {
+            (0..devices.len()).for_each(|n| write_message(&mut out, (0, 0), n as i32, PING_TYPE_ID, &[]));
             pinged = Instant::now();
         }
         if !out.is_empty() {
@@ -118,12 +122,15 @@ fn serve(mut stream: TcpStream, inflow: &Inflow) -> String {
         match stream.read(&mut bytes) {
             Ok(0) => return "the server closed the connection".to_owned(),
             Ok(count) => {
-                heard = Instant::now();
+                received_at = Instant::now();
                 parser.push(&bytes[..count]);
             }
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
-                if heard.elapsed() > MOST_SILENCE {
-                    return format!("silent for {} s, not even an answer to a ping", MOST_SILENCE.as_secs());
+                if received_at.elapsed() > SILENCE_TIMEOUT {
+                    return format!(
+                        "silent for {} s, not even an answer to a ping",
+                        SILENCE_TIMEOUT.as_secs()
+                    );
                 }
                 continue;
             }
@@ -132,7 +139,7 @@ fn serve(mut stream: TcpStream, inflow: &Inflow) -> String {
         loop {
             match parser.next_event() {
                 Ok(None) => break,
-                Ok(Some(VrpnEvent::Greeted)) => inflow.link(CaptureLink::Connected),
+                Ok(Some(VrpnEvent::CookieReceived)) => inflow.set_status(CaptureStatus::Connected),
                 Ok(Some(VrpnEvent::Pong)) => {}
                 Ok(Some(VrpnEvent::Disconnect)) => return "the server took its leave".to_owned(),
                 Ok(Some(VrpnEvent::Device(name))) => {
@@ -144,7 +151,7 @@ fn serve(mut stream: TcpStream, inflow: &Inflow) -> String {
                 }
                 Ok(Some(VrpnEvent::Ping { device })) => {
                     if let Some(number) = devices.iter().position(|known| *known == device) {
-                        write_message(&mut out, (0, 0), number as i32, OUR_PONG, &[]);
+                        write_message(&mut out, (0, 0), number as i32, PONG_TYPE_ID, &[]);
                     }
                 }
                 Ok(Some(VrpnEvent::Pose(pose))) => inflow.push(RawBodyPose {
@@ -158,7 +165,7 @@ fn serve(mut stream: TcpStream, inflow: &Inflow) -> String {
                     tracked: true,
                 }),
                 Err(error) => {
-                    inflow.malformed();
+                    inflow.count_malformed();
                     return error.to_string();
                 }
             }

@@ -9,15 +9,15 @@ const COOKIE_MAJOR: &[u8] = b"vrpn: ver. 07.";
 /// Length of a cookie.
 pub(super) const COOKIE_LENGTH: usize = 24;
 /// Length of a message's header.
-const HEADER: usize = 24;
+const HEADER_BYTES: usize = 24;
 /// Messages begin at multiples of this.
 const ALIGN: usize = 8;
 /// Longest message: VRPN's own buffer.
-const MOST: usize = 64_000;
+const MAX_MESSAGE_BYTES: usize = 64_000;
 /// Longest name of a device or type.
-const MOST_NAME: usize = 100;
+const MAX_NAME_BYTES: usize = 100;
 /// Devices and types at most; VRPN's own limit is 2000.
-const MOST_NAMES: usize = 2000;
+const MAX_NAMES: usize = 2000;
 
 const SENDER_DESCRIPTION: i32 = -1;
 const TYPE_DESCRIPTION: i32 = -2;
@@ -41,7 +41,7 @@ pub enum VrpnError {
         got: String,
     },
     /// A message that no VRPN sends.
-    #[error("a message of {got} bytes, expected {HEADER} to {MOST}")]
+    #[error("a message of {got} bytes, expected {HEADER_BYTES} to {MAX_MESSAGE_BYTES}")]
     Length {
         /// As its header says.
         got: u32,
@@ -57,7 +57,7 @@ pub enum VrpnError {
         expected: usize,
     },
     /// A name that cannot be one.
-    #[error("a name of {got} bytes, expected 1 to {MOST_NAME} and at most {MOST_NAMES} of them")]
+    #[error("a name of {got} bytes, expected 1 to {MAX_NAME_BYTES} and at most {MAX_NAMES} of them")]
     Name {
         /// As the message says.
         got: i64,
@@ -87,7 +87,7 @@ pub struct VrpnPose {
 #[derive(Clone, Debug, PartialEq)]
 pub enum VrpnEvent {
     /// The server's greeting was in order.
-    Greeted,
+    CookieReceived,
     /// There is a device of this name.
     Device(String),
     /// A pose.
@@ -118,7 +118,7 @@ pub(super) fn write_message(
     kind: i32,
     payload: &[u8],
 ) {
-    out.extend(((HEADER + payload.len()) as u32).to_be_bytes());
+    out.extend(((HEADER_BYTES + payload.len()) as u32).to_be_bytes());
     out.extend(secs.to_be_bytes());
     out.extend(micros.to_be_bytes());
     out.extend(sender.to_be_bytes());
@@ -151,13 +151,13 @@ pub(super) fn pose_payload(sensor: i32, position: [f64; 3], quaternion: [f64; 4]
 #[derive(Clone, Debug, Default)]
 pub struct VrpnParser {
     bytes: Vec<u8>,
-    greeted: bool,
+    cookie_received: bool,
     devices: BTreeMap<i32, String>,
-    kinds: BTreeMap<i32, Kind>,
+    kinds: BTreeMap<i32, VrpnMessageKind>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum VrpnMessageKind {
     Pose,
     Ping,
     Pong,
@@ -180,7 +180,7 @@ impl VrpnParser {
     /// # Errors
     /// [`VrpnError`]: the connection must be closed.
     pub fn next_event(&mut self) -> Result<Option<VrpnEvent>, VrpnError> {
-        if !self.greeted {
+        if !self.cookie_received {
             // A peer that is none is told by its first bytes.
             let known = self.bytes.len().min(COOKIE_MAJOR.len());
             if self.bytes[..known] != COOKIE_MAJOR[..known] {
@@ -191,21 +191,21 @@ impl VrpnParser {
                 return Ok(None);
             }
             self.bytes.drain(..COOKIE_LENGTH);
-            self.greeted = true;
-            return Ok(Some(VrpnEvent::Greeted));
+            self.cookie_received = true;
+            return Ok(Some(VrpnEvent::CookieReceived));
         }
         let mut at = 0;
         let event = loop {
-            let Some(header) = self.bytes.get(at..at + HEADER) else { break Ok(None) };
+            let Some(header) = self.bytes.get(at..at + HEADER_BYTES) else { break Ok(None) };
             let length = number(header, 0) as u32;
             let whole = length as usize;
-            if !(HEADER..=MOST).contains(&whole) {
+            if !(HEADER_BYTES..=MAX_MESSAGE_BYTES).contains(&whole) {
                 break Err(VrpnError::Length { got: length });
             }
             let Some(message) = self.bytes.get(at..at + whole.next_multiple_of(ALIGN)) else {
                 break Ok(None);
             };
-            let (header, payload) = message[..whole].split_at(HEADER);
+            let (header, payload) = message[..whole].split_at(HEADER_BYTES);
             let stamp = (number(header, 4) as u32, number(header, 8) as u32);
             let event = read(
                 &mut self.devices,
@@ -227,7 +227,7 @@ impl VrpnParser {
 /// What a message says; none if it does not concern us.
 fn read(
     devices: &mut BTreeMap<i32, String>,
-    kinds: &mut BTreeMap<i32, Kind>,
+    kinds: &mut BTreeMap<i32, VrpnMessageKind>,
     ((secs, micros), sender, kind): ((u32, u32), i32, i32),
     payload: &[u8],
 ) -> Result<Option<VrpnEvent>, VrpnError> {
@@ -239,10 +239,10 @@ fn read(
         }
         TYPE_DESCRIPTION => {
             let kind = match read_name(payload, kinds.len())?.as_str() {
-                POS_QUAT => Kind::Pose,
-                PING => Kind::Ping,
-                PONG => Kind::Pong,
-                _ => Kind::Other,
+                POS_QUAT => VrpnMessageKind::Pose,
+                PING => VrpnMessageKind::Ping,
+                PONG => VrpnMessageKind::Pong,
+                _ => VrpnMessageKind::Other,
             };
             kinds.insert(sender, kind);
             return Ok(None);
@@ -252,7 +252,7 @@ fn read(
     }
     let Some(device) = devices.get(&sender).filter(|name| name.as_str() != CONTROL) else { return Ok(None) };
     Ok(match kinds.get(&kind) {
-        Some(Kind::Pose) => {
+        Some(VrpnMessageKind::Pose) => {
             const EXPECTED: usize = 64;
             if payload.len() != EXPECTED {
                 return Err(VrpnError::Payload { kind: POS_QUAT, got: payload.len(), expected: EXPECTED });
@@ -276,8 +276,8 @@ fn read(
                 quaternion,
             }))
         }
-        Some(Kind::Ping) => Some(VrpnEvent::Ping { device: device.clone() }),
-        Some(Kind::Pong) => Some(VrpnEvent::Pong),
+        Some(VrpnMessageKind::Ping) => Some(VrpnEvent::Ping { device: device.clone() }),
+        Some(VrpnMessageKind::Pong) => Some(VrpnEvent::Pong),
         _ => None,
     })
 }
@@ -285,8 +285,8 @@ fn read(
 /// The name in a description, of which `known` are there already.
 fn read_name(payload: &[u8], known: usize) -> Result<String, VrpnError> {
     let length = payload.get(..4).map_or(-1, |bytes| i64::from(number(bytes, 0)));
-    let text = usize::try_from(length).ok().filter(|length| (2..=MOST_NAME + 1).contains(length));
-    let text = text.and_then(|length| payload.get(4..4 + length)).filter(|_| known < MOST_NAMES);
+    let text = usize::try_from(length).ok().filter(|length| (2..=MAX_NAME_BYTES + 1).contains(length));
+    let text = text.and_then(|length| payload.get(4..4 + length)).filter(|_| known < MAX_NAMES);
     let Some(text) = text else { return Err(VrpnError::Name { got: length }) };
     let end = text.iter().position(|byte| *byte == 0).unwrap_or(text.len());
     Ok(String::from_utf8_lossy(&text[..end]).into_owned())
@@ -330,7 +330,7 @@ mod tests {
     #[test]
     fn a_stream_in_pieces_of_any_length_gives_the_same_events() {
         let expected = [
-            VrpnEvent::Greeted,
+            VrpnEvent::CookieReceived,
             VrpnEvent::Device("Shoulderpad".into()),
             VrpnEvent::Pose(VrpnPose {
                 body: "Shoulderpad/2".into(),

@@ -12,21 +12,21 @@ use std::{
 };
 
 /// Our numbers of the message types.
-const POSE: i32 = 0;
-const OUR_PING: i32 = 1;
-const OUR_PONG: i32 = 2;
+const POSE_TYPE_ID: i32 = 0;
+const PING_TYPE_ID: i32 = 1;
+const PONG_TYPE_ID: i32 = 2;
 
 /// Serves trackers over TCP, to any number of clients. Nothing runs by itself: connections are taken and answered in
-/// [`VrpnServer::send`].
+/// [`VrpnServer::send_with_faults`].
 #[derive(Debug)]
 pub struct VrpnServer {
     listener: TcpListener,
     devices: Vec<String>,
-    clients: Vec<Client>,
+    clients: Vec<VrpnServerClient>,
 }
 
 #[derive(Debug)]
-struct Client {
+struct VrpnServerClient {
     stream: TcpStream,
     parser: VrpnParser,
 }
@@ -63,7 +63,7 @@ impl VrpnServer {
     /// Takes who wants to connect, answers pings, and sends the poses of devices that there are: to the first device of
     /// that name, or where a pose has an id, to the device of this place.
     pub fn send(&mut self, poses: &[RawBodyPose]) {
-        self.greet();
+        self.accept_clients();
         let mut bytes = Vec::new();
         for pose in poses.iter().filter(|pose| pose.tracked) {
             let named = self.devices.iter().position(|device| *device == pose.body);
@@ -72,14 +72,15 @@ impl VrpnServer {
             let Some(device) = numbered.or(named) else { continue };
             let stamp = ((pose.stamp / 1_000_000_000) as u32, (pose.stamp % 1_000_000_000 / 1000) as u32);
             let payload = pose_payload(0, pose.position, pose.quaternion);
-            write_message(&mut bytes, stamp, device as i32, POSE, &payload);
+            write_message(&mut bytes, stamp, device as i32, POSE_TYPE_ID, &payload);
         }
         self.send_bytes(&bytes);
     }
 
     /// Sends these bytes, whatever they are.
     pub fn send_bytes(&mut self, bytes: &[u8]) {
-        self.clients.retain_mut(|client| client.answer().is_ok() && client.stream.write_all(bytes).is_ok());
+        self.clients
+            .retain_mut(|client| client.answer_pings().is_ok() && client.stream.write_all(bytes).is_ok());
     }
 
     /// Ends all connections.
@@ -87,17 +88,17 @@ impl VrpnServer {
         self.clients.clear();
     }
 
-    fn greet(&mut self) {
+    fn accept_clients(&mut self) {
         while let Ok((stream, _)) = self.listener.accept() {
             let mut hello = cookie().to_vec();
             write_description(&mut hello, true, self.devices.len() as i32, "VRPN Control");
             for (number, device) in self.devices.iter().enumerate() {
                 write_description(&mut hello, true, number as i32, device);
             }
-            for (number, kind) in [(POSE, POS_QUAT), (OUR_PING, PING), (OUR_PONG, PONG)] {
+            for (number, kind) in [(POSE_TYPE_ID, POS_QUAT), (PING_TYPE_ID, PING), (PONG_TYPE_ID, PONG)] {
                 write_description(&mut hello, false, number, kind);
             }
-            let mut client = Client { stream, parser: VrpnParser::new() };
+            let mut client = VrpnServerClient { stream, parser: VrpnParser::new() };
             let ready =
                 client.stream.set_nonblocking(false).is_ok() && client.stream.set_nodelay(true).is_ok();
             if ready && client.stream.write_all(&hello).is_ok() {
@@ -107,9 +108,9 @@ impl VrpnServer {
     }
 }
 
-impl Client {
+impl VrpnServerClient {
     /// Answers the pings that came.
-    fn answer(&mut self) -> std::io::Result<()> {
+    fn answer_pings(&mut self) -> std::io::Result<()> {
         let mut bytes = [0; 1024];
         self.stream.set_nonblocking(true)?;
         loop {
@@ -126,7 +127,7 @@ impl Client {
             self.parser.next_event().map_err(|error| std::io::Error::new(ErrorKind::InvalidData, error))?
         {
             if matches!(event, VrpnEvent::Ping { .. }) {
-                write_message(&mut pongs, (0, 0), 0, OUR_PONG, &[]);
+                write_message(&mut pongs, (0, 0), 0, PONG_TYPE_ID, &[]);
             }
         }
         self.stream.write_all(&pongs)

@@ -17,7 +17,7 @@ use crate::{
 use proact_types::SimTime;
 
 /// A client may leave the name of its goal empty; the server then gives one.
-pub(super) fn own_id(mut id: GoalId, now: SimTime) -> GoalId {
+pub(super) fn with_default_id(mut id: GoalId, now: SimTime) -> GoalId {
     if id.id.is_empty() {
         id.id = format!("{}-{}", rosrust::name(), now.0);
     }

@@ -1,15 +1,15 @@
 //! The actions that move arm and hand, `follow_joint_trajectory` of two controllers and `/grasp`, with what ros_control's
-//! controllers ask of the joints meanwhile. Whoever has the physics asks [`ArmActions::ask`] before each tick, and tells what
+//! controllers ask of the joints meanwhile. Whoever has the physics asks [`ArmActions::step_controllers`] before each tick, and tells what
 //! came of it after.
 
 mod goals;
 mod server;
 
-use super::{Faults, NodeError, RosGraph, convert, graph::Jobs};
+use super::{NodeDiagnostics, NodeError, RosGraph, convert, graph::Jobs};
 use crate::{
     action::{GoalId, GoalState},
-    compat::{Compat, Quirk},
-    controllers::{Controllers, Ending, GoalTolerances},
+    compat::{CompatOption, CompatOptions},
+    controllers::{Controllers, GoalResult, GoalTolerances},
     messages::{
         control_msgs::{
             FollowJointTrajectoryActionFeedback, FollowJointTrajectoryActionGoal,
@@ -18,16 +18,17 @@ use crate::{
         mpl_control::{graspActionFeedback, graspActionGoal, graspActionResult},
         trajectory_msgs::JointTrajectory,
     },
+    publishing::Publisher,
     trajectory::RawPoint,
 };
-use goals::{follow_result, grasp_result, own_id, tolerances};
+use goals::{follow_result, grasp_result, tolerances, with_default_id};
 use proact_arm::ArmModel;
 use proact_control::HandCommand;
 use proact_messages::original::ARM_MODEL;
-use proact_testbed::stages::Driven;
+use proact_testbed::stages::ExternalTargets;
 use proact_types::{JointVector, PlantState, SimTime};
-use rosrust::{Publisher, Subscriber, error::Result as Sent};
-use server::{Action, goal_id};
+use rosrust::{Subscriber, error::Result as Sent};
+use server::{ActionServer, goal_id};
 use std::sync::Arc;
 
 /// From one feedback to the next, ms (20 Hz, as ros_control).
@@ -35,19 +36,20 @@ pub(super) const FEEDBACK_MS: u64 = 50;
 /// From one status list to the next, ms (5 Hz, as actionlib).
 pub(super) const STATUS_MS: u64 = 200;
 /// Controllers that have an action beside their command topic: those of arm and hand.
-const WITH_ACTION: [&str; 2] = ["arm_controller", "hand_controller"];
+const ACTION_CONTROLLERS: [&str; 2] = ["arm_controller", "hand_controller"];
 const ARM: usize = 0;
 const HAND: usize = 1;
 
-type Follow = Action<FollowJointTrajectoryActionResult, FollowJointTrajectoryActionFeedback>;
-type Grasp = Action<graspActionResult, graspActionFeedback>;
+type FollowActionServer =
+    ActionServer<FollowJointTrajectoryActionResult, FollowJointTrajectoryActionFeedback>;
+type GraspActionServer = ActionServer<graspActionResult, graspActionFeedback>;
 
 /// A node that offers them.
-pub(super) trait OffersActions: 'static {
+pub(super) trait HasArmActions: 'static {
     fn actions(&mut self) -> &mut ArmActions;
 
     /// Whether this caller has said in a message of its own what its goals for the hand say as well.
-    fn has_told(&self, _caller: &str) -> bool {
+    fn has_typed_command(&self, _caller: &str) -> bool {
         false
     }
 }
@@ -55,20 +57,20 @@ pub(super) trait OffersActions: 'static {
 pub(super) struct ArmActions {
     pub controllers: Controllers,
     /// Joints of the arm, and all that move.
-    counts: [usize; 2],
-    follow: [Follow; 2],
-    grasp: Grasp,
-    states: [Publisher<JointTrajectoryControllerState>; 2],
-    faults: Arc<Faults>,
-    compat: Compat,
+    joint_counts: [usize; 2],
+    follow: [FollowActionServer; 2],
+    grasp: GraspActionServer,
+    state_publishers: [Publisher<JointTrajectoryControllerState>; 2],
+    node_diagnostics: Arc<NodeDiagnostics>,
+    compat: CompatOptions,
     now: SimTime,
     /// For the hand, in the next tick.
-    hand: Option<HandCommand>,
+    hand_command: Option<HandCommand>,
     hold_hand: bool,
     /// A command for the hand that has not ended.
-    hand_on_its_way: bool,
+    hand_command_active: bool,
     /// Goals' trajectories that ended in this tick, by controller.
-    endings: Vec<(String, Ending)>,
+    goal_results: Vec<(String, GoalResult)>,
 }
 
 impl ArmActions {
@@ -77,34 +79,36 @@ impl ArmActions {
         graph: &RosGraph,
         model: &ArmModel,
         start: &JointVector,
-        compat: Compat,
+        compat: CompatOptions,
     ) -> Result<Self, NodeError> {
-        let follow = |name: &str| Follow::new(graph, &format!("{ARM_MODEL}/{name}/follow_joint_trajectory"));
-        let state = |name: &str| graph.publish(&format!("{ARM_MODEL}/{name}/state"), 1, false);
+        let follow = |name: &str| {
+            FollowActionServer::new(graph, &format!("{ARM_MODEL}/{name}/follow_joint_trajectory"))
+        };
+        let state = |name: &str| graph.advertise(&format!("{ARM_MODEL}/{name}/state"), 1, false);
         Ok(Self {
             controllers: Controllers::new(model, start),
-            counts: [model.arm_count(), model.moving_count()],
-            follow: [follow(WITH_ACTION[ARM])?, follow(WITH_ACTION[HAND])?],
-            grasp: Action::new(graph, "grasp")?,
-            states: [state(WITH_ACTION[ARM])?, state(WITH_ACTION[HAND])?],
-            faults: graph.faults().clone(),
+            joint_counts: [model.arm_count(), model.moving_count()],
+            follow: [follow(ACTION_CONTROLLERS[ARM])?, follow(ACTION_CONTROLLERS[HAND])?],
+            grasp: ActionServer::new(graph, "grasp")?,
+            state_publishers: [state(ACTION_CONTROLLERS[ARM])?, state(ACTION_CONTROLLERS[HAND])?],
+            node_diagnostics: graph.node_diagnostics().clone(),
             compat,
             now: SimTime(0),
-            hand: None,
+            hand_command: None,
             hold_hand: false,
-            hand_on_its_way: false,
-            endings: Vec::new(),
+            hand_command_active: false,
+            goal_results: Vec::new(),
         })
     }
 
     /// Listens to goals and cancels.
-    pub(super) fn listen<S: OffersActions>(
+    pub(super) fn subscribe<S: HasArmActions>(
         graph: &RosGraph,
         jobs: &Jobs<S>,
     ) -> Result<Vec<Subscriber>, NodeError> {
         let mut all = Vec::new();
-        for (k, name) in WITH_ACTION.into_iter().enumerate() {
-            all.extend(Follow::listen(
+        for (k, name) in ACTION_CONTROLLERS.into_iter().enumerate() {
+            all.extend(FollowActionServer::subscribe(
                 graph,
                 &format!("{ARM_MODEL}/{name}/follow_joint_trajectory"),
                 jobs,
@@ -112,13 +116,13 @@ impl ArmActions {
                 move |node: &mut S, id| node.actions().cancel(k, &id),
             )?);
         }
-        all.extend(Grasp::listen(
+        all.extend(GraspActionServer::subscribe(
             graph,
             "grasp",
             jobs,
             |node: &mut S, goal: graspActionGoal, caller| {
-                let told = node.has_told(caller);
-                node.actions().grasp_goal(&goal, told);
+                let has_typed_command = node.has_typed_command(caller);
+                node.actions().grasp_goal(&goal, has_typed_command);
             },
             |node: &mut S, id| node.actions().grasp_cancel(&id),
         )?);
@@ -126,31 +130,31 @@ impl ArmActions {
     }
 
     /// What the controllers ask for in tick `now`, which comes next.
-    pub(super) fn ask(&mut self, now: SimTime, state: &PlantState) -> Driven {
+    pub(super) fn step_controllers(&mut self, now: SimTime, state: &PlantState) -> ExternalTargets {
         self.now = now;
-        self.endings = self.controllers.step(now, &state.position, &state.velocity);
-        Driven {
-            joints: self.controllers.driven(),
-            hand: self.hand.take(),
+        self.goal_results = self.controllers.step(now, &state.position, &state.velocity);
+        ExternalTargets {
+            joints: self.controllers.joint_targets(),
+            hand: self.hand_command.take(),
             hold_hand: std::mem::take(&mut self.hold_hand),
         }
     }
 
     /// What came of it: the joints' targets, and whether the hand has arrived or holds something. Tells clients how their
     /// goals ended.
-    pub(super) fn told(&mut self, targets: &[f64], hand_rests: bool) -> Sent<()> {
-        self.controllers.follow_targets(targets);
-        for (name, ending) in std::mem::take(&mut self.endings) {
-            let Some(k) = WITH_ACTION.iter().position(|n| *n == name) else { continue };
+    pub(super) fn finish_tick(&mut self, targets: &[f64], hand_rests: bool) -> Sent<()> {
+        self.controllers.sync_to_targets(targets);
+        for (name, ending) in std::mem::take(&mut self.goal_results) {
+            let Some(k) = ACTION_CONTROLLERS.iter().position(|n| *n == name) else { continue };
             let (state, code, text) = match &ending {
-                Ending::Reached => (GoalState::Succeeded, 0, ""),
-                Ending::PathViolated(text) => (GoalState::Aborted, -4, text.as_str()),
-                Ending::GoalViolated(text) => (GoalState::Aborted, -5, text.as_str()),
+                GoalResult::Reached => (GoalState::Succeeded, 0, ""),
+                GoalResult::PathViolated(text) => (GoalState::Aborted, -4, text.as_str()),
+                GoalResult::GoalViolated(text) => (GoalState::Aborted, -5, text.as_str()),
             };
             self.follow[k].end(state, text, self.now, follow_result(code, text))?;
         }
-        if self.hand_on_its_way && hand_rests {
-            self.hand_on_its_way = false;
+        if self.hand_command_active && hand_rests {
+            self.hand_command_active = false;
             if self.grasp.goals.active().is_some() {
                 self.grasp.end(GoalState::Succeeded, "", self.now, grasp_result(1))?;
             }
@@ -173,35 +177,35 @@ impl ArmActions {
     }
 
     /// Somebody else commands the arm now: what its controllers do is over. A goal is left to the caller.
-    pub(super) fn let_go_of_arm(&mut self) {
-        self.controllers.let_go(0..self.counts[0]);
+    pub(super) fn release_arm(&mut self) {
+        self.controllers.release_joints(0..self.joint_counts[0]);
     }
 
     /// The method commands the arm now.
-    pub(super) fn method_has_arm(&mut self) {
-        self.let_go_of_arm();
-        self.end_follow(ARM, GoalState::Preempted, 0, "the method took its place");
+    pub(super) fn preempt_arm(&mut self) {
+        self.release_arm();
+        self.end_follow_goal(ARM, GoalState::Preempted, 0, "the method took its place");
     }
 
     /// The method commands the hand now.
-    pub(super) fn method_has_hand(&mut self) {
-        self.controllers.let_go(self.counts[0]..self.counts[1]);
-        self.hand = None;
-        self.hand_on_its_way = true;
-        self.end_follow(HAND, GoalState::Preempted, 0, "the method took its place");
+    pub(super) fn preempt_hand(&mut self) {
+        self.controllers.release_joints(self.joint_counts[0]..self.joint_counts[1]);
+        self.hand_command = None;
+        self.hand_command_active = true;
+        self.end_follow_goal(HAND, GoalState::Preempted, 0, "the method took its place");
     }
 
     /// The arm was stopped for a reason.
     pub(super) fn stop_arm(&mut self, reason: &str) {
-        self.let_go_of_arm();
-        self.end_follow(ARM, GoalState::Aborted, -4, reason);
+        self.release_arm();
+        self.end_follow_goal(ARM, GoalState::Aborted, -4, reason);
     }
 
     /// These controllers were stopped.
-    pub(super) fn stopped(&mut self, names: &[String]) {
-        for (k, name) in WITH_ACTION.into_iter().enumerate() {
+    pub(super) fn abort_stopped_controllers(&mut self, names: &[String]) {
+        for (k, name) in ACTION_CONTROLLERS.into_iter().enumerate() {
             if names.iter().any(|n| n == name) {
-                self.end_follow(k, GoalState::Aborted, 0, "its controller was stopped");
+                self.end_follow_goal(k, GoalState::Aborted, 0, "its controller was stopped");
             }
         }
     }
@@ -209,31 +213,31 @@ impl ArmActions {
     /// Arm and hand are back at `start`.
     pub(super) fn reset(&mut self, model: &ArmModel, start: &JointVector) {
         let text = "the world was reset";
-        self.end_follow(ARM, GoalState::Aborted, 0, text);
-        self.end_follow(HAND, GoalState::Aborted, 0, text);
+        self.end_follow_goal(ARM, GoalState::Aborted, 0, text);
+        self.end_follow_goal(HAND, GoalState::Aborted, 0, text);
         let sent = self.grasp.end(GoalState::Aborted, text, self.now, grasp_result(0));
-        self.note(sent);
+        self.report_error(sent);
         self.controllers = Controllers::new(model, start);
-        (self.hand, self.hold_hand, self.hand_on_its_way) = (None, false, false);
+        (self.hand_command, self.hold_hand, self.hand_command_active) = (None, false, false);
     }
 
     /// A trajectory on a controller's command topic: an action's goal before it is over then.
-    pub(super) fn command(&mut self, name: &str, message: &JointTrajectory) {
-        if let Err((_, reason)) = self.follow(name, message, None) {
-            return self.faults.refuse("trajectory", &format!("{name}: {reason}"));
+    pub(super) fn receive_command(&mut self, name: &str, message: &JointTrajectory) {
+        if let Err((_, reason)) = self.start_trajectory(name, message, None) {
+            return self.node_diagnostics.record_refusal("trajectory", &format!("{name}: {reason}"));
         }
-        if let Some(k) = WITH_ACTION.iter().position(|n| *n == name) {
-            self.end_follow(k, GoalState::Preempted, 0, "a command on the topic took its place");
+        if let Some(k) = ACTION_CONTROLLERS.iter().position(|n| *n == name) {
+            self.end_follow_goal(k, GoalState::Preempted, 0, "a command on the topic took its place");
         }
     }
 
-    fn end_follow(&mut self, k: usize, state: GoalState, code: i32, text: &str) {
+    fn end_follow_goal(&mut self, k: usize, state: GoalState, code: i32, text: &str) {
         let sent = self.follow[k].end(state, text, self.now, follow_result(code, text));
-        self.note(sent);
+        self.report_error(sent);
     }
 
     /// Or the code and the reason of a refusal.
-    fn follow(
+    fn start_trajectory(
         &mut self,
         name: &str,
         message: &JointTrajectory,
@@ -251,101 +255,101 @@ impl ArmActions {
         controller
             .follow(&message.joint_names, &points, begin, tolerances, now)
             .map_err(|error| (error.code(), error.to_string()))?;
-        if name == WITH_ACTION[HAND] {
-            self.leave_grasp();
+        if name == ACTION_CONTROLLERS[HAND] {
+            self.preempt_grasp();
         }
         Ok(())
     }
 
     fn goal(&mut self, k: usize, message: &FollowJointTrajectoryActionGoal) {
-        let (now, goal, name) = (self.now, &message.goal, WITH_ACTION[k]);
-        let id = own_id(goal_id(&message.goal_id), now);
+        let (now, goal, name) = (self.now, &message.goal, ACTION_CONTROLLERS[k]);
+        let id = with_default_id(goal_id(&message.goal_id), now);
         let newer = follow_result(0, "a newer goal took its place");
         // The same goal again, or one that its cancel overtook: what the controller does goes on.
         if !self.follow[k].goals.would_begin(&id) {
             let sent = self.follow[k].admit(id, now, newer).map(|_| ());
-            return self.note(sent);
+            return self.report_error(sent);
         }
         let names = self.controllers.get_mut(name).map(|c| c.joint_names().to_vec()).unwrap_or_default();
-        let begun = tolerances(&names, goal).map_err(|reason| (-1, reason)).and_then(|tolerances| {
+        let checked = tolerances(&names, goal).map_err(|reason| (-1, reason)).and_then(|tolerances| {
             if goal.trajectory.points.is_empty() {
                 return Err((-1, "the trajectory has no points".to_owned()));
             }
-            self.follow(name, &goal.trajectory, Some(tolerances))
+            self.start_trajectory(name, &goal.trajectory, Some(tolerances))
         });
-        let sent = match begun {
+        let sent = match checked {
             Ok(()) => self.follow[k].admit(id, now, newer).map(|_| ()),
             Err((code, reason)) => {
-                self.faults.refuse("trajectory", &format!("{name}: {reason}"));
+                self.node_diagnostics.record_refusal("trajectory", &format!("{name}: {reason}"));
                 self.follow[k].reject(id, &reason, now, follow_result(code, &reason))
             }
         };
-        self.note(sent);
+        self.report_error(sent);
     }
 
     fn cancel(&mut self, k: usize, id: &GoalId) {
         if self.follow[k].goals.cancel(id, self.now) {
-            if let Some(controller) = self.controllers.get_mut(WITH_ACTION[k]) {
+            if let Some(controller) = self.controllers.get_mut(ACTION_CONTROLLERS[k]) {
                 controller.hold();
             }
-            self.end_follow(k, GoalState::Preempted, 0, "cancelled");
+            self.end_follow_goal(k, GoalState::Preempted, 0, "cancelled");
         }
     }
 
-    /// `told`: the method has said so in full already.
-    fn grasp_goal(&mut self, message: &graspActionGoal, told: bool) {
+    /// `has_typed_command`: the method has said so in full already.
+    fn grasp_goal(&mut self, message: &graspActionGoal, has_typed_command: bool) {
         let now = self.now;
-        let id = own_id(goal_id(&message.goal_id), now);
+        let id = with_default_id(goal_id(&message.goal_id), now);
         let command = match message.goal.instruct {
             1 => HandCommand::Close,
             2 => HandCommand::Open,
             other => {
                 let reason = format!("instruct is {other}, expected 1 to close or 2 to open");
-                self.faults.refuse("grasp", &reason);
+                self.node_diagnostics.record_refusal("grasp", &reason);
                 let sent = self.grasp.reject(id, &reason, now, grasp_result(0));
-                return self.note(sent);
+                return self.report_error(sent);
             }
         };
         let sent = self.grasp.admit(id, now, grasp_result(0));
         if matches!(sent, Ok(true)) {
-            self.end_follow(HAND, GoalState::Preempted, 0, "the grasp action took its place");
-            if !told {
-                self.controllers.let_go(self.counts[0]..self.counts[1]);
-                (self.hand, self.hold_hand, self.hand_on_its_way) = (Some(command), false, true);
+            self.end_follow_goal(HAND, GoalState::Preempted, 0, "the grasp action took its place");
+            if !has_typed_command {
+                self.controllers.release_joints(self.joint_counts[0]..self.joint_counts[1]);
+                (self.hand_command, self.hold_hand, self.hand_command_active) = (Some(command), false, true);
             }
         }
-        self.note(sent.map(|_| ()));
+        self.report_error(sent.map(|_| ()));
     }
 
     fn grasp_cancel(&mut self, id: &GoalId) {
-        if self.compat.has(Quirk::GraspSucceeds) {
+        if self.compat.has(CompatOption::GraspSucceeds) {
             return;
         }
         if self.grasp.goals.cancel(id, self.now) {
-            self.stay();
+            self.freeze_hand();
             let sent = self.grasp.end(GoalState::Preempted, "cancelled", self.now, grasp_result(0));
-            self.note(sent);
+            self.report_error(sent);
         }
     }
 
     /// A trajectory has the hand now: the grasp that ran ends with a result.
-    fn leave_grasp(&mut self) {
-        self.stay();
-        let succeeds = self.compat.has(Quirk::GraspSucceeds);
+    fn preempt_grasp(&mut self) {
+        self.freeze_hand();
+        let succeeds = self.compat.has(CompatOption::GraspSucceeds);
         let state = if succeeds { GoalState::Succeeded } else { GoalState::Preempted };
         let text = "a trajectory of the hand took its place";
         let sent = self.grasp.end(state, text, self.now, grasp_result(0));
-        self.note(sent);
+        self.report_error(sent);
     }
 
     /// The fingers stay where they are asked to be; a command for them is given up.
-    fn stay(&mut self) {
-        (self.hand, self.hold_hand, self.hand_on_its_way) = (None, true, false);
+    fn freeze_hand(&mut self) {
+        (self.hand_command, self.hold_hand, self.hand_command_active) = (None, true, false);
     }
 
     fn feedback(&mut self, state: &PlantState) -> Sent<()> {
         let now = self.now;
-        for (k, name) in WITH_ACTION.into_iter().enumerate() {
+        for (k, name) in ACTION_CONTROLLERS.into_iter().enumerate() {
             let Some(controller) = self.controllers.get_mut(name) else { continue };
             let mut desired = convert::trajectory_point(controller.desired());
             let mut actual = desired.clone();
@@ -360,7 +364,7 @@ impl ArmActions {
             error.positions = minus(&desired.positions, &actual.positions);
             error.velocities = minus(&desired.velocities, &actual.velocities);
             let joint_names = controller.joint_names().to_vec();
-            self.states[k].send(JointTrajectoryControllerState {
+            self.state_publishers[k].send(JointTrajectoryControllerState {
                 header: convert::header(now, ""),
                 joint_names: joint_names.clone(),
                 desired: desired.clone(),
@@ -385,9 +389,9 @@ impl ArmActions {
         })
     }
 
-    fn note(&self, sent: Sent<()>) {
+    fn report_error(&self, sent: Sent<()>) {
         if let Err(error) = sent {
-            self.faults.refuse("publish", &error.to_string());
+            self.node_diagnostics.record_refusal("publish", &error.to_string());
         }
     }
 }

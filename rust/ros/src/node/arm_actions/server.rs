@@ -2,14 +2,15 @@
 
 use crate::node::{NodeError, RosGraph, convert, graph::Jobs};
 use crate::{
-    action::{Admission, Goal, GoalId, GoalList, GoalState},
+    action::{ActionGoal, GoalAdmission, GoalId, GoalList, GoalState},
     messages::{actionlib_msgs, std_msgs},
+    publishing::Publisher,
 };
 use proact_types::SimTime;
-use rosrust::{Message, Publisher, Subscriber, error::Result};
+use rosrust::{Message, Subscriber, error::Result};
 
 /// The server's ends of an action: `R` is its `ActionResult`, `F` its `ActionFeedback`.
-pub(super) struct Action<R: Message, F: Message> {
+pub(super) struct ActionServer<R: Message, F: Message> {
     pub goals: GoalList,
     status: Publisher<actionlib_msgs::GoalStatusArray>,
     result: Publisher<R>,
@@ -20,7 +21,7 @@ pub(super) fn goal_id(id: &actionlib_msgs::GoalID) -> GoalId {
     GoalId { id: id.id.clone(), stamp_ns: u64::from(id.stamp.sec) * 1_000_000_000 + u64::from(id.stamp.nsec) }
 }
 
-fn goal_status(goal: &Goal) -> actionlib_msgs::GoalStatus {
+fn goal_status(goal: &ActionGoal) -> actionlib_msgs::GoalStatus {
     let (sec, nsec) = (goal.id.stamp_ns / 1_000_000_000, goal.id.stamp_ns % 1_000_000_000);
     actionlib_msgs::GoalStatus {
         goal_id: actionlib_msgs::GoalID {
@@ -32,19 +33,19 @@ fn goal_status(goal: &Goal) -> actionlib_msgs::GoalStatus {
     }
 }
 
-impl<R: Message, F: Message> Action<R, F> {
+impl<R: Message, F: Message> ActionServer<R, F> {
     /// Sets the server's publishers up under `name`.
     pub(super) fn new(graph: &RosGraph, name: &str) -> std::result::Result<Self, NodeError> {
         Ok(Self {
             goals: GoalList::default(),
-            status: graph.publish(&format!("{name}/status"), 50, true)?,
-            result: graph.publish(&format!("{name}/result"), 50, false)?,
-            feedback: graph.publish(&format!("{name}/feedback"), 50, false)?,
+            status: graph.advertise(&format!("{name}/status"), 50, true)?,
+            result: graph.advertise(&format!("{name}/result"), 50, false)?,
+            feedback: graph.advertise(&format!("{name}/feedback"), 50, false)?,
         })
     }
 
     /// Listens to goals and cancels.
-    pub(super) fn listen<G: Message, S: 'static>(
+    pub(super) fn subscribe<G: Message, S: 'static>(
         graph: &RosGraph,
         name: &str,
         jobs: &Jobs<S>,
@@ -52,8 +53,8 @@ impl<R: Message, F: Message> Action<R, F> {
         cancel: impl Fn(&mut S, GoalId) + Send + Sync + 'static,
     ) -> std::result::Result<[Subscriber; 2], NodeError> {
         Ok([
-            graph.listen_from(&format!("{name}/goal"), 50, jobs, goal)?,
-            graph.listen(
+            graph.subscribe_with_caller(&format!("{name}/goal"), 50, jobs, goal)?,
+            graph.subscribe(
                 &format!("{name}/cancel"),
                 50,
                 jobs,
@@ -70,8 +71,8 @@ impl<R: Message, F: Message> Action<R, F> {
         result: impl Fn(std_msgs::Header, actionlib_msgs::GoalStatus) -> R,
     ) -> Result<bool> {
         let (ended, begins) = match self.goals.admit(id, now) {
-            Admission::Begin { preempted } => (preempted, true),
-            Admission::Ended(goal) => (goal, false),
+            GoalAdmission::Begin { preempted } => (preempted, true),
+            GoalAdmission::Ended(goal) => (goal, false),
         };
         if let Some(goal) = ended {
             self.result.send(result(convert::header(now, ""), goal_status(&goal)))?;

@@ -1,7 +1,8 @@
 //! What the method listens to.
 
-use super::MethodNode;
+use super::{MethodNode, STATE};
 use crate::{
+    gaze_topic_monitor::{GazeTopic, GazeTopicMonitor, GazeUpdate},
     joy,
     messages::{
         geometry_msgs::{PoseStamped, Vector3Stamped},
@@ -9,335 +10,385 @@ use crate::{
         sensor_msgs::Joy,
         std_msgs::String as Text,
     },
-    node::{NodeError, RosGraph, convert, graph::Jobs, stage::Stage, wire},
+    node::{NodeError, RosGraph, convert, graph::Jobs, stage::StageNode, wire},
 };
 use proact_emg::EmgOutput;
 use proact_messages::original::relative;
-use proact_testbed::stages::{EmgStageOutput, GazeHeard, IntentOutput};
+use proact_testbed::stages::{EmgStageOutput, GazeFreshness, IntentOutput};
 use proact_types::{
-    Gesture, HandState, InputSign, InputSource, JointVector, MAX_SIGNS, MethodStyle, ObjectId, Point, Pose,
-    Scene, SignKind, SimTime, TickInput,
+    Command, HandState, Heartbeat, HeartbeatKind, InputSource, JointVector, MAX_HEARTBEATS, MethodStyle,
+    ObjectId, Point, Pose, Scene, SimTime, TickInput,
 };
 use rosrust::Subscriber;
 use std::collections::VecDeque;
 
+const PERSON: &str = "proact/person";
+const DECISION: &str = "proact/decision";
+const INTENT: &str = "proact/intent";
+
 /// A block that nobody has looked at for this long is not highlighted, ms.
-const LOOK_MS: u64 = 500;
+const HIGHLIGHT_TIMEOUT_MS: u64 = 500;
 /// Decisions that wait for a step, at most: half a second of them.
-const MOST_DECISIONS: usize = 50;
+const MAX_PENDING_DECISIONS: usize = 50;
 
 /// In real time: what came since the last step, and what holds on.
-pub(super) struct Heard {
+pub(super) struct ReceivedInputs {
     /// From our EMG stage: decisions in their order, then what it said last.
     decisions: VecDeque<EmgStageOutput>,
     gesture: EmgStageOutput,
     /// The newest decision, and its tick.
-    decided: Option<(SimTime, Option<Box<EmgOutput>>)>,
+    last_decision: Option<(SimTime, Option<Box<EmgOutput>>)>,
     intent: IntentOutput,
-    /// When somebody else's block was looked at, and the telling kind of messages about gaze with its last values.
+    /// When somebody else's block was looked at.
     highlighted_at: Option<SimTime>,
-    told: (GazeWord, Vec<f64>),
-    signs: Vec<InputSign>,
+    /// What other people's topics tell of gaze; our own intent stage tells better.
+    gaze_monitor: GazeTopicMonitor,
+    has_typed_intent: bool,
+    heartbeats: Vec<Heartbeat>,
     shoulder: Option<Pose>,
     limb: Option<JointVector>,
-    tracked: bool,
+    shoulder_updated: bool,
     /// The gesture and intent of the last step.
-    shown: (EmgStageOutput, IntentOutput),
-    joy: Gesture,
+    last_inputs: (EmgStageOutput, IntentOutput),
+    joystick_gesture: Command,
     /// The newest gesture is the joystick's, whose silence counts then.
-    joy_acts: bool,
+    joystick_active: bool,
 }
 
-/// Messages of other people that tell of the gaze, the least telling first. Once a more telling one has come, the others
-/// say nothing about the eye tracker.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-enum GazeWord {
-    #[default]
-    Nothing,
-    /// The block that is looked at: it may rightly stay the same.
-    Block,
-    /// Where the gaze meets the table.
-    Table,
-}
-
-impl Heard {
+impl ReceivedInputs {
     pub(super) fn new(scene: &Scene) -> Self {
         // Before the first gaze the place is the middle of where objects may be put.
-        let place = scene.put_down.centre(scene.table_height);
-        let intent = IntentOutput { place, ..IntentOutput::default() };
+        let place_point = scene.place_region.center(scene.table_height);
+        let intent = IntentOutput { place_point, ..IntentOutput::default() };
         Self {
             decisions: VecDeque::new(),
             gesture: EmgStageOutput::default(),
-            decided: None,
+            last_decision: None,
             intent,
             highlighted_at: None,
-            told: Default::default(),
-            signs: vec![],
+            gaze_monitor: GazeTopicMonitor::default(),
+            has_typed_intent: false,
+            heartbeats: vec![],
             shoulder: None,
             limb: None,
-            tracked: false,
-            shown: Default::default(),
-            joy: Gesture::NoMotion,
-            joy_acts: false,
+            shoulder_updated: false,
+            last_inputs: Default::default(),
+            joystick_gesture: Command::NoMotion,
+            joystick_active: false,
         }
     }
 
-    pub(super) fn sign(&mut self, source: InputSource, kind: SignKind) {
-        let sign = InputSign { source, kind };
-        if self.signs.len() < MAX_SIGNS && !self.signs.contains(&sign) {
-            self.signs.push(sign);
+    pub(super) fn record_heartbeat(&mut self, source: InputSource, kind: HeartbeatKind) {
+        let heartbeat = Heartbeat { source, kind };
+        if self.heartbeats.len() < MAX_HEARTBEATS && !self.heartbeats.contains(&heartbeat) {
+            self.heartbeats.push(heartbeat);
         }
     }
 
     /// What a step at `now` acts on. What came once is gone then.
-    pub(super) fn take(&mut self, now: SimTime) -> (EmgStageOutput, IntentOutput, TickInput) {
-        let mut gesture = self.gesture.clone();
+    pub(super) fn take_inputs(&mut self, now: SimTime) -> (EmgStageOutput, IntentOutput, TickInput) {
+        let mut emg_output = self.gesture.clone();
         if let Some(decision) = self.decisions.pop_front() {
-            gesture = decision;
+            emg_output = decision;
         }
-        (self.gesture.message, self.gesture.decision) = (None, None);
+        (self.gesture.published_command, self.gesture.decision) = (None, None);
         self.gesture.events.clear();
         let mut intent = self.intent.clone();
-        self.intent.heard = None;
+        self.intent.gaze_freshness = None;
         self.intent.events.clear();
-        if self.highlighted_at.is_some_and(|at| now.millis_since(at) > LOOK_MS) {
+        if self.highlighted_at.is_some_and(|at| now.millis_since(at) > HIGHLIGHT_TIMEOUT_MS) {
             self.highlighted_at = None;
             self.intent.highlight = None;
             intent.highlight = None;
         }
         let input = TickInput {
-            signs: self.signs.drain(..).take(MAX_SIGNS).collect(),
-            shoulder: self.shoulder.filter(|_| std::mem::take(&mut self.tracked)),
+            heartbeats: self.heartbeats.drain(..).take(MAX_HEARTBEATS).collect(),
+            shoulder: self.shoulder.filter(|_| std::mem::take(&mut self.shoulder_updated)),
             limb: self.limb.take(),
             ..TickInput::default()
         };
-        (gesture, intent, input)
+        (emg_output, intent, input)
     }
 
     /// What the last step acted on.
-    pub(super) fn shows(&mut self, gesture: &EmgStageOutput, intent: &IntentOutput) {
-        self.shown = (gesture.clone(), intent.clone());
+    pub(super) fn set_last_inputs(&mut self, emg_output: &EmgStageOutput, intent: &IntentOutput) {
+        self.last_inputs = (emg_output.clone(), intent.clone());
     }
 
-    pub(super) fn shown(&self) -> (&EmgStageOutput, &IntentOutput) {
-        (&self.shown.0, &self.shown.1)
+    pub(super) fn last_inputs(&self) -> (&EmgStageOutput, &IntentOutput) {
+        (&self.last_inputs.0, &self.last_inputs.1)
     }
 
-    /// Somebody else's message tells of the gaze: with values that differ from those before, unless it is frozen.
-    fn hear_gaze(&mut self, now: SimTime, word: GazeWord, values: &[f64]) {
-        self.intent.seen_at = Some(now);
-        if word < self.told.0 {
-            return;
+    /// Somebody else's message tells of the gaze.
+    fn record_gaze(&mut self, now: SimTime, topic: GazeTopic, values: [f64; 3]) {
+        self.intent.eye_seen_at = Some(now);
+        match self.gaze_monitor.record(now, topic, values) {
+            Some(GazeUpdate::Fresh) => self.intent.gaze_freshness = Some(GazeFreshness::Fresh),
+            // A measurement that waits for a step is not to be lost.
+            Some(GazeUpdate::Repeated) => {
+                self.intent.gaze_freshness.get_or_insert(GazeFreshness::Repeated);
+            }
+            None => {}
         }
-        let repeats = word != GazeWord::Block && self.told.0 == word && self.told.1 == values;
-        self.told = (word, values.to_vec());
-        self.intent.heard = Some(if repeats { GazeHeard::Repeated } else { GazeHeard::Fresh });
+    }
+
+    /// Why somebody else's intent node gives nothing, if it has been silent for longer than `limit_ms`.
+    pub(super) fn stale_intent(&self, now: SimTime, limit_ms: u64) -> Option<String> {
+        let silent = !self.has_typed_intent && self.gaze_monitor.intent_is_stale(now, limit_ms);
+        silent.then(|| format!("the intent node is silent: nothing on {}", relative::BLOCK_ID))
     }
 }
 
-pub(super) fn listen(graph: &RosGraph, jobs: &Jobs<MethodNode>) -> Result<Vec<Subscriber>, NodeError> {
-    let mut all = listen_to_stages(graph, jobs)?;
-    all.extend(listen_to_others(graph, jobs)?);
+pub(super) fn subscribe(graph: &RosGraph, jobs: &Jobs<MethodNode>) -> Result<Vec<Subscriber>, NodeError> {
+    let mut all = subscribe_to_stages(graph, jobs)?;
+    all.extend(subscribe_to_external_nodes(graph, jobs)?);
     Ok(all)
 }
 
 /// What our own stages say, in typed messages.
-fn listen_to_stages(graph: &RosGraph, jobs: &Jobs<MethodNode>) -> Result<Vec<Subscriber>, NodeError> {
+fn subscribe_to_stages(graph: &RosGraph, jobs: &Jobs<MethodNode>) -> Result<Vec<Subscriber>, NodeError> {
     Ok(vec![
-        graph.listen("proact/state", 100, jobs, |node: &mut MethodNode, m: State| {
+        graph.subscribe(STATE, 100, jobs, |node: &mut MethodNode, m: State| {
             match wire::read_state(&m, node.counts) {
                 Ok(instant) => {
-                    if !node.common.lockstep {
+                    node.context.record_stamped_input(STATE, &m.header);
+                    if !node.context.lockstep {
                         // A simulator that was started again counts anew.
                         node.state = Default::default();
                     }
-                    let new = node.state.take(SimTime(m.tick), instant);
-                    node.answer(new);
+                    let new = node.state.update(SimTime(m.tick), instant);
+                    node.republish_if_repeated(new);
                 }
-                Err(reason) => node.common.faults.refuse("state", &reason),
+                Err(reason) => node.context.node_diagnostics.record_refusal("state", &reason),
             }
         })?,
-        graph.listen_from("proact/person", 100, jobs, |node: &mut MethodNode, m: Person, caller| {
-            if node.common.prefer(caller) {
-                // What it said of its shoulder in the original's type may have come first.
-                node.heard.sign(InputSource::ShoulderTracker, SignKind::Closed);
+        graph.subscribe_with_caller(PERSON, 100, jobs, |node: &mut MethodNode, m: Person, caller| {
+            if node.context.register_typed_caller(caller) {
+                // What it published of shoulder and gaze in the original's types may have come first.
+                for tracker in [InputSource::ShoulderTracker, InputSource::EyeTracker] {
+                    node.received.record_heartbeat(tracker, HeartbeatKind::Closed);
+                }
             }
             match wire::read_person(&m) {
-                Ok((input, _)) if node.common.lockstep => {
-                    let new = node.person.take(SimTime(m.tick), input);
-                    node.answer(new);
+                Ok((input, _)) if node.context.lockstep => {
+                    let new = node.person.update(SimTime(m.tick), input);
+                    node.republish_if_repeated(new);
                 }
                 Ok((input, _)) => {
-                    node.heard.tracked |= input.shoulder.is_some();
-                    node.heard.shoulder = input.shoulder.or(node.heard.shoulder);
-                    node.heard.limb = input.limb.or(node.heard.limb.take());
-                    for sign in input.signs {
-                        node.heard.sign(sign.source, sign.kind);
+                    node.context.record_stamped_input(PERSON, &m.header);
+                    node.received.shoulder_updated |= input.shoulder.is_some();
+                    node.received.shoulder = input.shoulder.or(node.received.shoulder);
+                    node.received.limb = input.limb.or(node.received.limb.take());
+                    for heartbeat in input.heartbeats {
+                        node.received.record_heartbeat(heartbeat.source, heartbeat.kind);
                     }
                 }
-                Err(reason) => node.common.faults.refuse("person", &reason),
+                Err(reason) => node.context.node_diagnostics.record_refusal("person", &reason),
             }
         })?,
-        graph.listen_from("proact/decision", 100, jobs, |node: &mut MethodNode, m: Decision, caller| {
-            node.common.prefer(caller);
+        graph.subscribe_with_caller(DECISION, 100, jobs, |node: &mut MethodNode, m: Decision, caller| {
+            node.context.register_typed_caller(caller);
             match wire::read_decision(&m) {
-                Ok(output) if node.common.lockstep => {
-                    let new = node.decision.take(SimTime(m.tick), output);
-                    node.answer(new);
-                }
-                Ok(output) => node.decide(SimTime(m.tick), output),
-                Err(reason) => node.common.faults.refuse("decision", &reason),
-            }
-        })?,
-        graph.listen_from("proact/intent", 100, jobs, |node: &mut MethodNode, m: Intent, caller| {
-            node.common.prefer(caller);
-            match wire::read_intent(&m, node.counts.objects) {
-                Ok(output) if node.common.lockstep => {
-                    let new = node.intent.take(SimTime(m.tick), output);
-                    node.answer(new);
+                Ok(output) if node.context.lockstep => {
+                    let new = node.decision.update(SimTime(m.tick), output);
+                    node.republish_if_repeated(new);
                 }
                 Ok(output) => {
-                    // The stage's ticks are not quite these; a measurement that waits is not to be lost.
-                    let heard = match node.heard.intent.heard {
-                        Some(GazeHeard::Fresh) => Some(GazeHeard::Fresh),
-                        before => output.heard.or(before),
-                    };
-                    node.heard.highlighted_at = output.highlight.map(|_| node.common.now());
-                    node.heard.intent = IntentOutput { heard, ..output };
+                    node.context.record_stamped_input(DECISION, &m.header);
+                    node.receive_decision(SimTime(m.tick), output);
                 }
-                Err(reason) => node.common.faults.refuse("intent", &reason),
+                Err(reason) => node.context.node_diagnostics.record_refusal("decision", &reason),
             }
         })?,
-        graph.listen("proact/heartbeat", 100, jobs, |node: &mut MethodNode, m: Text| {
-            if m.data != rosrust::name() && !node.common.lockstep {
-                node.hear_other(m.data);
+        graph.subscribe_with_caller(INTENT, 100, jobs, |node: &mut MethodNode, m: Intent, caller| {
+            node.context.register_typed_caller(caller);
+            node.received.has_typed_intent = true;
+            match wire::read_intent(&m, node.counts.objects) {
+                Ok(output) if node.context.lockstep => {
+                    let new = node.intent.update(SimTime(m.tick), output);
+                    node.republish_if_repeated(new);
+                }
+                Ok(output) => {
+                    node.context.record_stamped_input(INTENT, &m.header);
+                    // The stage's ticks are not quite these; a measurement that waits is not to be lost.
+                    let gaze_freshness = match node.received.intent.gaze_freshness {
+                        Some(GazeFreshness::Fresh) => Some(GazeFreshness::Fresh),
+                        before => output.gaze_freshness.or(before),
+                    };
+                    node.received.highlighted_at = output.highlight.map(|_| node.context.now());
+                    node.received.intent = IntentOutput { gaze_freshness, ..output };
+                }
+                Err(reason) => node.context.node_diagnostics.record_refusal("intent", &reason),
+            }
+        })?,
+        graph.subscribe("proact/heartbeat", 100, jobs, |node: &mut MethodNode, m: Text| {
+            if !node.context.lockstep {
+                node.receive_heartbeat(&m.data);
             }
         })?,
     ])
 }
 
 /// What other people's nodes say, in the original's types.
-fn listen_to_others(graph: &RosGraph, jobs: &Jobs<MethodNode>) -> Result<Vec<Subscriber>, NodeError> {
+fn subscribe_to_external_nodes(
+    graph: &RosGraph,
+    jobs: &Jobs<MethodNode>,
+) -> Result<Vec<Subscriber>, NodeError> {
     Ok(vec![
-        graph.listen_from(relative::EMG, 1, jobs, |node: &mut MethodNode, m: Text, caller| {
-            if node.common.is_preferred(caller) {
+        graph.subscribe_with_caller(relative::EMG, 1, jobs, |node: &mut MethodNode, m: Text, caller| {
+            if node.context.is_typed_caller(caller) {
                 return;
             }
-            match m.data.parse::<Gesture>() {
-                Ok(gesture) => {
-                    node.heard.joy_acts = false;
-                    node.command(gesture);
+            match m.data.parse::<Command>() {
+                Ok(emg_output) => {
+                    node.received.joystick_active = false;
+                    node.receive_gesture(emg_output);
                 }
-                Err(error) => node.common.faults.refuse("emg", &error.to_string()),
+                Err(error) => node.context.node_diagnostics.record_refusal("emg", &error.to_string()),
             }
         })?,
-        graph.listen(relative::JOY, 1, jobs, |node: &mut MethodNode, m: Joy| {
+        graph.subscribe(relative::JOY, 1, jobs, |node: &mut MethodNode, m: Joy| {
             let gazes = node.parts.method.info().style == MethodStyle::Selecting;
             let closed = matches!(node.hand, HandState::Closed | HandState::Closing);
-            let gesture = joy::gesture(&m.axes, &m.buttons, gazes, closed);
+            let command = joy::gesture_from_joystick(&m.axes, &m.buttons, gazes, closed);
             // A joystick at rest repeats itself; it must not talk over the armband.
-            if gesture != node.heard.joy || gesture != Gesture::NoMotion {
-                (node.heard.joy, node.heard.joy_acts) = (gesture, true);
-                node.command(gesture);
-            } else if node.heard.joy_acts {
-                node.heard.sign(InputSource::GestureTopic, SignKind::Alive);
+            if command != node.received.joystick_gesture || command != Command::NoMotion {
+                (node.received.joystick_gesture, node.received.joystick_active) = (command, true);
+                node.receive_gesture(command);
+            } else if node.received.joystick_active {
+                node.received.record_heartbeat(InputSource::GestureTopic, HeartbeatKind::Alive);
             }
         })?,
-        graph.listen_from(relative::BLOCK_ID, 1, jobs, |node: &mut MethodNode, m: Text, caller| {
-            if node.common.is_preferred(caller) {
-                return;
-            }
-            let now = node.common.now();
-            let mut objects = node.parts.scene.objects.iter();
-            match objects.position(|object| object.ros_name == m.data).map(ObjectId::new) {
-                Some(block) => {
-                    node.heard.intent.highlight = Some(block);
-                    node.heard.highlighted_at = Some(now);
-                    node.heard.hear_gaze(now, GazeWord::Block, &[]);
+        graph.subscribe_with_caller(
+            relative::BLOCK_ID,
+            1,
+            jobs,
+            |node: &mut MethodNode, m: Text, caller| {
+                if node.context.is_typed_caller(caller) {
+                    return;
                 }
-                None => node.common.faults.refuse("block_id", &format!("{:?} is no object", m.data)),
-            }
-        })?,
-        graph.listen_from(
+                let now = node.context.now();
+                let mut objects = node.parts.scene.objects.iter();
+                match objects.position(|object| object.ros_name == m.data).map(ObjectId::new) {
+                    Some(block) => {
+                        node.received.intent.highlight = Some(block);
+                        node.received.highlighted_at = Some(now);
+                        node.received.record_gaze(now, GazeTopic::Block, [0.0; 3]);
+                    }
+                    None => node
+                        .context
+                        .node_diagnostics
+                        .record_refusal("block_id", &format!("{:?} is no object", m.data)),
+                }
+            },
+        )?,
+        graph.subscribe_with_caller(
             relative::GAZE_HIT,
             1,
             jobs,
             |node: &mut MethodNode, m: Vector3Stamped, caller| {
-                if node.common.is_preferred(caller) {
+                if node.context.is_typed_caller(caller) {
                     return;
                 }
                 let point = Point::new(m.vector.x, m.vector.y, m.vector.z);
                 if !point.iter().all(|v| v.is_finite()) {
-                    return node.common.faults.refuse("gaze", "the gaze's place on the table is not finite");
+                    return node
+                        .context
+                        .node_diagnostics
+                        .record_refusal("gaze", "the gaze's place on the table is not finite");
                 }
-                node.heard.intent.place = point;
-                node.heard.hear_gaze(node.common.now(), GazeWord::Table, point.coords.as_slice());
+                node.received.intent.place_point = point;
+                node.received.record_gaze(node.context.now(), GazeTopic::Hit, point.coords.into());
             },
         )?,
+        subscribe_to_gaze(graph, jobs, relative::GAZE_HIT_LOGGING, GazeTopic::LoggedHit)?,
+        subscribe_to_gaze(graph, jobs, relative::GAZE_POSITION, GazeTopic::Position)?,
+        subscribe_to_gaze(graph, jobs, relative::GAZE_DIRECTION, GazeTopic::Direction)?,
         // The simulator judges the pose; here it only counts that it comes and moves.
-        graph.listen_from(relative::SHOULDER, 1, jobs, |node: &mut MethodNode, m: PoseStamped, caller| {
-            let pose = convert::read_pose(&m.pose);
-            let Some(pose) = pose.ok().filter(|_| !node.common.is_preferred(caller)) else { return };
-            let repeats = node.heard.shoulder.replace(pose) == Some(pose);
-            node.heard.tracked = true;
-            let kind = if repeats { SignKind::Repeated } else { SignKind::Fresh };
-            node.heard.sign(InputSource::ShoulderTracker, kind);
-        })?,
+        graph.subscribe_with_caller(
+            relative::SHOULDER,
+            1,
+            jobs,
+            |node: &mut MethodNode, m: PoseStamped, caller| {
+                let pose = convert::read_pose(&m.pose);
+                let Some(pose) = pose.ok().filter(|_| !node.context.is_typed_caller(caller)) else { return };
+                let repeats = node.received.shoulder.replace(pose) == Some(pose);
+                node.received.shoulder_updated = true;
+                let kind = if repeats { HeartbeatKind::Repeated } else { HeartbeatKind::Fresh };
+                node.received.record_heartbeat(InputSource::ShoulderTracker, kind);
+            },
+        )?,
     ])
+}
+
+/// A topic that says no more than that the eye tracker measures.
+fn subscribe_to_gaze(
+    graph: &RosGraph,
+    jobs: &Jobs<MethodNode>,
+    name: &str,
+    topic: GazeTopic,
+) -> Result<Subscriber, NodeError> {
+    graph.subscribe_with_caller(name, 1, jobs, move |node: &mut MethodNode, m: Vector3Stamped, caller| {
+        if !node.received.has_typed_intent && !node.context.is_typed_caller(caller) {
+            let values = [m.vector.x, m.vector.y, m.vector.z];
+            node.received.record_gaze(node.context.now(), topic, values);
+        }
+    })
 }
 
 impl MethodNode {
     /// In lock-step: whoever sent an old message has not heard what was said since.
-    fn answer(&mut self, new: bool) {
+    fn republish_if_repeated(&mut self, new: bool) {
         if !new {
-            let done = self.repeat();
-            self.common.note("publish", done);
+            let done = self.republish_last();
+            self.context.report_error("publish", done);
         }
     }
 
     /// What our EMG stage says. A change of gesture, and a message, act at once.
-    fn decide(&mut self, tick: SimTime, output: EmgStageOutput) {
+    fn receive_decision(&mut self, tick: SimTime, output: EmgStageOutput) {
         // After a restart of the master a connection may be there twice, and every message come twice.
         if output.decision.is_some() {
             let decided = Some((tick, output.decision.clone()));
-            if self.heard.decided == decided {
+            if self.received.last_decision == decided {
                 return;
             }
-            self.heard.decided = decided;
+            self.received.last_decision = decided;
         }
-        let acts = output.message.is_some() || output.gesture != self.heard.gesture.gesture;
-        let kept = EmgStageOutput { message: None, decision: None, events: vec![], ..output.clone() };
-        self.heard.gesture = kept;
-        if output.decision.is_some() && self.heard.decisions.len() < MOST_DECISIONS {
-            self.heard.decisions.push_back(output);
+        let acts = output.published_command.is_some() || output.command != self.received.gesture.command;
+        let kept =
+            EmgStageOutput { published_command: None, decision: None, events: vec![], ..output.clone() };
+        self.received.gesture = kept;
+        if output.decision.is_some() && self.received.decisions.len() < MAX_PENDING_DECISIONS {
+            self.received.decisions.push_back(output);
         }
         if acts {
-            self.act_now();
+            self.step_now();
         }
     }
 
     /// A gesture from somebody else's topic or a joystick. Acts at once, between two ticks.
-    fn command(&mut self, gesture: Gesture) {
-        let decided_at = Some(self.common.now());
+    fn receive_gesture(&mut self, command: Command) {
+        let decided_at = Some(self.context.now());
         let (confidence, effort) = (1.0, 1.0);
-        let (message, recognised) = (Some(gesture), gesture.into());
-        self.heard.gesture = EmgStageOutput {
-            gesture,
-            recognised,
-            message,
+        let (message, recognized) = (Some(command), command.into());
+        self.received.gesture = EmgStageOutput {
+            command,
+            recognized_gesture: recognized,
+            published_command: message,
             decided_at,
             confidence,
             effort,
             ..EmgStageOutput::default()
         };
-        for kind in [SignKind::Commands, SignKind::Alive] {
-            self.heard.sign(InputSource::GestureTopic, kind);
+        for kind in [HeartbeatKind::Command, HeartbeatKind::Alive] {
+            self.received.record_heartbeat(InputSource::GestureTopic, kind);
         }
-        self.act_now();
+        self.step_now();
     }
 
-    fn act_now(&mut self) {
-        let done = self.act(self.common.now());
-        self.common.note("publish", done);
+    fn step_now(&mut self) {
+        let done = self.step_real_time(self.context.now());
+        self.context.report_error("publish", done);
     }
 }

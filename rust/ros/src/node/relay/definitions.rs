@@ -13,7 +13,7 @@ const COMPILED: &str = include_str!(concat!(env!("OUT_DIR"), "/share/definitions
 
 /// A message type as connections announce it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Definition {
+pub struct MessageDefinition {
     /// The type.
     pub kind: Arc<MessageType>,
     /// Its text, then those of the types that it needs, each after a line of `=` and `MSG: name`.
@@ -22,13 +22,13 @@ pub struct Definition {
 
 /// Where definitions are looked for.
 #[derive(Debug)]
-pub struct Definitions {
+pub struct DefinitionSources {
     /// Folders of packages, best first.
     folders: Vec<PathBuf>,
     compiled: BTreeMap<&'static str, &'static str>,
 }
 
-impl Default for Definitions {
+impl Default for DefinitionSources {
     /// Looks in `ROS_PACKAGE_PATH`, the prefixes in `CMAKE_PREFIX_PATH`, `/usr/share` and `/opt/ros`.
     fn default() -> Self {
         let listed = |name: &str| env::var_os(name).unwrap_or_default();
@@ -39,22 +39,22 @@ impl Default for Definitions {
             folders.extend(distributions.flatten().map(|d| d.path().join("share")));
         }
         folders.retain(|folder| folder.is_absolute());
-        Self::within(folders)
+        Self::with_folders(folders)
     }
 }
 
-impl Definitions {
-    fn within(folders: Vec<PathBuf>) -> Self {
+impl DefinitionSources {
+    fn with_folders(folders: Vec<PathBuf>) -> Self {
         let parts = COMPILED.split(">>> ").filter_map(|part| part.split_once('\n'));
         Self { folders, compiled: parts.collect() }
     }
 
     /// The message type of that name; none if it, or one that it needs, is nowhere or cannot be read.
-    pub fn message(&self, name: &str) -> Option<Definition> {
+    pub fn message(&self, name: &str) -> Option<MessageDefinition> {
         let (own, source) = (self.source("msg", name)?, |needed: &str| self.source("msg", needed));
         let kind = MessageType::load(name, &own, &source).ok()?;
-        let text = kind.text_with(&own, &source);
-        Some(Definition { kind, text })
+        let text = kind.full_text_from(&own, &source);
+        Some(MessageDefinition { kind, text })
     }
 
     /// The service type of that name.
@@ -93,8 +93,8 @@ mod tests {
     use rosrust::{Message, ServicePair};
 
     /// Without any package on the machine.
-    fn compiled() -> Definitions {
-        Definitions::within(vec![])
+    fn compiled() -> DefinitionSources {
+        DefinitionSources::with_folders(vec![])
     }
 
     #[test]
@@ -127,7 +127,8 @@ mod tests {
         let package = folder.join("src/lab_msgs/msg");
         fs::create_dir_all(&package).unwrap();
         fs::write(package.join("Dose.msg"), "uint8 FULL=3 # most\nHeader header\nfloat32 amount\n").unwrap();
-        let found = Definitions::within(vec![folder.join("src")]).message("lab_msgs/Dose").unwrap();
+        let found =
+            DefinitionSources::with_folders(vec![folder.join("src")]).message("lab_msgs/Dose").unwrap();
         assert!(found.text.contains("MSG: std_msgs/Header\n"), "{}", found.text);
         // By genmsg, for the same file.
         assert_eq!(found.kind.md5(), "136e9e3d26e764c419656eec175a6928");

@@ -3,22 +3,23 @@
 mod definitions;
 mod services;
 
-pub use definitions::{Definition, Definitions};
-pub use services::{Handler, RawService};
+pub use definitions::{DefinitionSources, MessageDefinition};
+pub use services::{RawService, ServiceHandler};
 
-use super::{NodeError, RosGraph, master::Addresses};
+use super::{NodeError, RosGraph, master::MasterAddresses};
+use crate::publishing::{Publisher, TopicDescription};
 use proact_messages::ServiceType;
-use rosrust::{Publisher, RawMessage, RawMessageDescription, Subscriber, SubscriptionHandler};
+use rosrust::{RawMessage, Subscriber, SubscriptionHandler};
 use std::{
     collections::{BTreeMap, HashMap},
     sync::Arc,
     time::{Duration, Instant},
 };
 
-/// Messages that wait for one publisher or subscription.
+/// Messages that wait for one subscriber or subscription.
 const QUEUE: usize = 100;
 /// What the master says is believed for so long.
-const FRESH: Duration = Duration::from_secs(1);
+const CACHE_DURATION: Duration = Duration::from_secs(1);
 
 /// A message as it came.
 #[derive(Debug)]
@@ -50,6 +51,11 @@ impl RawPublisher {
         }
         self.publisher.send(RawMessage(bytes)).map_err(|error| error.to_string())
     }
+
+    /// Nodes that are connected to the topic.
+    pub fn subscriber_count(&self) -> usize {
+        self.publisher.subscriber_count()
+    }
 }
 
 /// A subscription to raw messages, until it is dropped.
@@ -59,7 +65,7 @@ pub struct RawSubscriber {
 
 /// Who does what on the graph.
 #[derive(Clone, Debug, Default)]
-pub struct Census {
+pub struct GraphState {
     /// Topic to type.
     pub types: BTreeMap<String, String>,
     /// Topic to names of nodes.
@@ -73,9 +79,9 @@ pub struct Census {
 /// A node that passes on what others say.
 pub struct Relay {
     graph: RosGraph,
-    addresses: Addresses,
-    definitions: Definitions,
-    census: std::sync::Mutex<Option<(Instant, Census)>>,
+    addresses: MasterAddresses,
+    definitions: DefinitionSources,
+    graph_state: std::sync::Mutex<Option<(Instant, GraphState)>>,
 }
 
 impl Relay {
@@ -90,8 +96,8 @@ impl Relay {
         Ok(Self {
             addresses: graph.addresses()?,
             graph,
-            definitions: Definitions::default(),
-            census: std::sync::Mutex::default(),
+            definitions: DefinitionSources::default(),
+            graph_state: std::sync::Mutex::default(),
         })
     }
 
@@ -114,7 +120,7 @@ impl Relay {
     }
 
     /// Where types are looked up.
-    pub fn definitions(&self) -> &Definitions {
+    pub fn definitions(&self) -> &DefinitionSources {
         &self.definitions
     }
 
@@ -124,51 +130,55 @@ impl Relay {
     }
 
     /// Tells `/diagnostics` how things are, once a second at most.
-    pub fn tell(&self) {
-        self.graph.tell(rosrust::now());
+    pub fn publish_diagnostics(&self) {
+        self.graph.publish_diagnostics(rosrust::now());
     }
 
     /// Refuses something that came in: `/rosout` and `/diagnostics` tell.
-    pub fn refuse(&self, kind: &'static str, reason: &str) {
-        self.graph.faults().refuse(kind, reason);
+    pub fn record_refusal(&self, kind: &'static str, reason: &str) {
+        self.graph.node_diagnostics().record_refusal(kind, reason);
     }
 
     /// Who does what. The master is asked once a second at most.
-    pub fn census(&self) -> Census {
-        let mut last = self.census.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        if let Some((at, census)) = &*last
-            && at.elapsed() < FRESH
+    pub fn graph_state(&self) -> GraphState {
+        let mut last = self.graph_state.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        if let Some((at, graph_state)) = &*last
+            && at.elapsed() < CACHE_DURATION
         {
-            return census.clone();
+            return graph_state.clone();
         }
         let types = rosrust::topics().unwrap_or_default();
         let state = rosrust::state();
-        let census = state.map_or_else(
-            |_| Census::default(),
-            |state| Census {
+        let graph_state = state.map_or_else(
+            |_| GraphState::default(),
+            |state| GraphState {
                 types: types.into_iter().map(|topic| (topic.name, topic.datatype)).collect(),
                 publishers: state.publishers.into_iter().map(|t| (t.name, t.connections)).collect(),
                 subscribers: state.subscribers.into_iter().map(|t| (t.name, t.connections)).collect(),
                 services: state.services.into_iter().map(|t| (t.name, t.connections)).collect(),
             },
         );
-        *last = Some((Instant::now(), census.clone()));
-        census
+        *last = Some((Instant::now(), graph_state.clone()));
+        graph_state
     }
 
     /// A publisher of raw messages.
     ///
     /// # Errors
     /// [`NodeError::Setup`].
-    pub fn publish(&self, topic: &str, kind: &Definition, latched: bool) -> Result<RawPublisher, NodeError> {
-        let description = RawMessageDescription {
-            msg_definition: kind.text.clone(),
-            md5sum: kind.kind.md5().to_owned(),
-            msg_type: kind.kind.name.clone(),
+    pub fn advertise(
+        &self,
+        topic: &str,
+        kind: &MessageDefinition,
+        latched: bool,
+    ) -> Result<RawPublisher, NodeError> {
+        let description = TopicDescription {
+            type_name: kind.kind.name.clone(),
+            md5: kind.kind.md5().to_owned(),
+            definition: kind.text.clone(),
         };
-        let mut publisher = rosrust::publish_with_description(topic, QUEUE, description)
-            .map_err(super::graph::setup(topic))?;
-        publisher.set_latching(latched);
+        let publisher = Publisher::with_description(topic, QUEUE, latched, description)
+            .map_err(super::graph::setup_error(topic))?;
         Ok(RawPublisher { publisher, latched })
     }
 
@@ -181,9 +191,9 @@ impl Relay {
         topic: &str,
         take: impl FnMut(&RawIncoming<'_>) + Send + 'static,
     ) -> Result<RawSubscriber, NodeError> {
-        let handler = Raw { own: rosrust::name(), publishers: HashMap::new(), take };
+        let handler = RawSubscription { own_name: rosrust::name(), publishers: HashMap::new(), take };
         let subscriber =
-            rosrust::subscribe_with(topic, QUEUE, handler).map_err(super::graph::setup(topic))?;
+            rosrust::subscribe_with(topic, QUEUE, handler).map_err(super::graph::setup_error(topic))?;
         Ok(RawSubscriber { _subscriber: subscriber })
     }
 
@@ -192,7 +202,7 @@ impl Relay {
     /// # Errors
     /// One sentence.
     pub fn service_type(&self, service: &str) -> Result<String, String> {
-        services::type_of(&self.addresses, service)
+        services::service_type(&self.addresses, service)
     }
 
     /// Calls a service; blocks until the answer is there or `deadline` has passed.
@@ -213,19 +223,24 @@ impl Relay {
     ///
     /// # Errors
     /// One sentence.
-    pub fn serve(&self, name: &str, kind: ServiceType, handler: Arc<Handler>) -> Result<RawService, String> {
+    pub fn advertise_service(
+        &self,
+        name: &str,
+        kind: ServiceType,
+        handler: Arc<ServiceHandler>,
+    ) -> Result<RawService, String> {
         RawService::serve(&self.addresses, name, kind, handler)
     }
 }
 
 /// Hands on messages with what their publishers said of them.
-struct Raw<F> {
-    own: String,
+struct RawSubscription<F> {
+    own_name: String,
     publishers: HashMap<String, HashMap<String, String>>,
     take: F,
 }
 
-impl<F: FnMut(&RawIncoming<'_>) + Send + 'static> SubscriptionHandler<RawMessage> for Raw<F> {
+impl<F: FnMut(&RawIncoming<'_>) + Send + 'static> SubscriptionHandler<RawMessage> for RawSubscription<F> {
     fn connection(&mut self, headers: HashMap<String, String>) {
         let publisher = headers.get("callerid").cloned().unwrap_or_default();
         self.publishers.insert(publisher, headers);
@@ -233,7 +248,7 @@ impl<F: FnMut(&RawIncoming<'_>) + Send + 'static> SubscriptionHandler<RawMessage
 
     fn message(&mut self, message: RawMessage, publisher: &str) {
         // What this node publishes itself has been handed out already.
-        if publisher == self.own {
+        if publisher == self.own_name {
             return;
         }
         let Some(headers) = self.publishers.get(publisher) else { return };

@@ -1,6 +1,6 @@
 //! ROS's services over TCP with types that are known only at run time; rosrust's need a compiled type.
 
-use super::super::master::{self, Addresses};
+use super::super::master::{self, MasterAddresses};
 use proact_messages::ServiceType;
 use std::{
     collections::BTreeMap,
@@ -14,16 +14,16 @@ use std::{
 };
 
 /// More bytes than this in one message are refused.
-const MOST_BYTES: usize = 64 << 20;
+const MAX_MESSAGE_BYTES: usize = 64 << 20;
 /// How long a connection may take over its first words.
-const HANDSHAKE: Duration = Duration::from_secs(5);
+const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(5);
 /// Calls of one service that may run at the same time.
-const MOST_CALLS: usize = 64;
+const MAX_CALLS: usize = 64;
 
-type Words = BTreeMap<String, String>;
+type ServiceHeader = BTreeMap<String, String>;
 
 /// Answers a request, bytes to bytes, or says in a sentence why not.
-pub type Handler = dyn Fn(&[u8]) -> Result<Vec<u8>, String> + Send + Sync;
+pub type ServiceHandler = dyn Fn(&[u8]) -> Result<Vec<u8>, String> + Send + Sync;
 
 fn send(stream: &mut impl Write, bytes: &[u8]) -> io::Result<()> {
     stream.write_all(&(bytes.len() as u32).to_le_bytes())?;
@@ -34,15 +34,17 @@ fn receive(stream: &mut impl Read) -> io::Result<Vec<u8>> {
     let mut length = [0; 4];
     stream.read_exact(&mut length)?;
     let length = u32::from_le_bytes(length) as usize;
-    if length > MOST_BYTES {
-        return Err(io::Error::other(format!("a message of {length} bytes, at most {MOST_BYTES} are taken")));
+    if length > MAX_MESSAGE_BYTES {
+        return Err(io::Error::other(format!(
+            "a message of {length} bytes, at most {MAX_MESSAGE_BYTES} are taken"
+        )));
     }
     let mut bytes = vec![0; length];
     stream.read_exact(&mut bytes)?;
     Ok(bytes)
 }
 
-fn send_words(stream: &mut impl Write, words: &[(&str, &str)]) -> io::Result<()> {
+fn send_header(stream: &mut impl Write, words: &[(&str, &str)]) -> io::Result<()> {
     let mut bytes = Vec::new();
     for (key, value) in words {
         let pair = format!("{key}={value}");
@@ -52,9 +54,9 @@ fn send_words(stream: &mut impl Write, words: &[(&str, &str)]) -> io::Result<()>
     send(stream, &bytes)
 }
 
-fn receive_words(stream: &mut impl Read) -> io::Result<Words> {
+fn receive_header(stream: &mut impl Read) -> io::Result<ServiceHeader> {
     let bytes = receive(stream)?;
-    let (mut words, mut rest) = (Words::new(), &bytes[..]);
+    let (mut words, mut rest) = (ServiceHeader::new(), &bytes[..]);
     while !rest.is_empty() {
         let pair = receive(&mut rest)?;
         if let Some((key, value)) = String::from_utf8_lossy(&pair).split_once('=') {
@@ -64,18 +66,18 @@ fn receive_words(stream: &mut impl Read) -> io::Result<Words> {
     Ok(words)
 }
 
-fn connect(addresses: &Addresses, service: &str, patience: Duration) -> Result<TcpStream, String> {
+fn connect(addresses: &MasterAddresses, service: &str, timeout: Duration) -> Result<TcpStream, String> {
     let uri = master::service_address(addresses, service)
         .map_err(|_| format!("service {service} is offered by nobody"))?;
     let failed = |e: io::Error| format!("service {service} at {uri} cannot be reached: {e}");
     let at = uri.trim_start_matches("rosrpc://").trim_end_matches('/');
     let mut last = io::Error::other("it has no address");
     for address in at.to_socket_addrs().map_err(failed)? {
-        match TcpStream::connect_timeout(&address, patience.min(HANDSHAKE)) {
+        match TcpStream::connect_timeout(&address, timeout.min(HANDSHAKE_TIMEOUT)) {
             Ok(stream) => {
                 let limits = stream
-                    .set_read_timeout(Some(patience))
-                    .and_then(|()| stream.set_write_timeout(Some(patience)))
+                    .set_read_timeout(Some(timeout))
+                    .and_then(|()| stream.set_write_timeout(Some(timeout)))
                     .and_then(|()| stream.set_nodelay(true));
                 return limits.map(|()| stream).map_err(failed);
             }
@@ -86,17 +88,17 @@ fn connect(addresses: &Addresses, service: &str, patience: Duration) -> Result<T
 }
 
 /// The type of a service, which its provider tells when asked without a call.
-pub(super) fn type_of(addresses: &Addresses, service: &str) -> Result<String, String> {
-    let mut stream = connect(addresses, service, HANDSHAKE)?;
+pub(super) fn service_type(addresses: &MasterAddresses, service: &str) -> Result<String, String> {
+    let mut stream = connect(addresses, service, HANDSHAKE_TIMEOUT)?;
     let words = [("callerid", &*addresses.name), ("service", service), ("md5sum", "*"), ("probe", "1")];
-    let answer = send_words(&mut stream, &words).and_then(|()| receive_words(&mut stream));
+    let answer = send_header(&mut stream, &words).and_then(|()| receive_header(&mut stream));
     let answer = answer.map_err(|e| format!("service {service} does not tell its type: {e}"))?;
     answer.get("type").cloned().ok_or_else(|| format!("service {service} does not tell its type: {answer:?}"))
 }
 
 /// Calls a service: bytes there, bytes back. Gives up at `deadline`.
 pub(super) fn call(
-    addresses: &Addresses,
+    addresses: &MasterAddresses,
     service: &str,
     kind: &ServiceType,
     request: &[u8],
@@ -108,7 +110,8 @@ pub(super) fn call(
     let failed = |e: io::Error| format!("service {service} did not answer: {e}");
     let words =
         [("callerid", &*addresses.name), ("service", service), ("md5sum", kind.md5()), ("type", &kind.name)];
-    let hello = send_words(&mut stream, &words).and_then(|()| receive_words(&mut stream)).map_err(failed)?;
+    let hello =
+        send_header(&mut stream, &words).and_then(|()| receive_header(&mut stream)).map_err(failed)?;
     if let Some(error) = hello.get("error") {
         return Err(format!("service {service}: {error}"));
     }
@@ -121,7 +124,7 @@ pub(super) fn call(
 
 /// A service on the graph, until it is dropped.
 pub struct RawService {
-    addresses: Addresses,
+    addresses: MasterAddresses,
     name: String,
     uri: String,
     port: u16,
@@ -131,10 +134,10 @@ pub struct RawService {
 impl RawService {
     /// Listens, and tells the master.
     pub(super) fn serve(
-        addresses: &Addresses,
+        addresses: &MasterAddresses,
         name: &str,
         kind: ServiceType,
-        handler: Arc<Handler>,
+        handler: Arc<ServiceHandler>,
     ) -> Result<Self, String> {
         let failed = |e: io::Error| format!("service {name}: {e}");
         // As rosrust's own listeners: on this machine alone if the node is one of this machine, else for whoever reaches it.
@@ -153,7 +156,7 @@ impl RawService {
                     return;
                 }
                 let Ok(stream) = stream else { continue };
-                if calls.fetch_add(1, Ordering::Relaxed) >= MOST_CALLS {
+                if calls.fetch_add(1, Ordering::Relaxed) >= MAX_CALLS {
                     // Closed at once: the caller sees that nobody serves it.
                     calls.fetch_sub(1, Ordering::Relaxed);
                     continue;
@@ -162,7 +165,7 @@ impl RawService {
                 let (kind, handler) = (kind.clone(), handler.clone());
                 std::thread::spawn(move || {
                     // A caller that leaves half way harms nobody.
-                    let _ = attend(stream, &service, &caller, &kind, &*handler);
+                    let _ = serve_connection(stream, &service, &caller, &kind, &*handler);
                     calls.fetch_sub(1, Ordering::Relaxed);
                 });
             }
@@ -185,22 +188,22 @@ impl Drop for RawService {
 }
 
 /// Serves one connection.
-fn attend(
+fn serve_connection(
     mut stream: TcpStream,
     service: &str,
     caller: &str,
     kind: &ServiceType,
-    handler: &Handler,
+    handler: &ServiceHandler,
 ) -> io::Result<()> {
     stream.set_nodelay(true)?;
-    stream.set_read_timeout(Some(HANDSHAKE))?;
-    let asked = receive_words(&mut stream)?;
-    let sum = asked.get("md5sum").map_or("*", String::as_str);
+    stream.set_read_timeout(Some(HANDSHAKE_TIMEOUT))?;
+    let header = receive_header(&mut stream)?;
+    let sum = header.get("md5sum").map_or("*", String::as_str);
     if sum != "*" && sum != kind.md5() {
         let error = format!("{service} is {} with the sum {}, got {sum}", kind.name, kind.md5());
-        return send_words(&mut stream, &[("error", &error)]);
+        return send_header(&mut stream, &[("error", &error)]);
     }
-    send_words(
+    send_header(
         &mut stream,
         &[
             ("callerid", caller),
@@ -210,11 +213,11 @@ fn attend(
             ("response_type", &kind.response.name),
         ],
     )?;
-    if asked.contains_key("probe") {
+    if header.contains_key("probe") {
         return Ok(());
     }
     let persistent =
-        asked.get("persistent").is_some_and(|word| matches!(word.as_str(), "1" | "true" | "True"));
+        header.get("persistent").is_some_and(|word| matches!(word.as_str(), "1" | "true" | "True"));
     if persistent {
         stream.set_read_timeout(None)?;
     }

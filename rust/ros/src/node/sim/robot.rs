@@ -1,12 +1,14 @@
 //! Arm and hand as the trial's stages move them.
 
-use super::super::judge;
+use super::super::task_outputs;
 use proact_arm::ArmModel;
 use proact_control::{HandCommand, MotionCommand};
 use proact_testbed::{
     TestbedError, TrialConfig,
     ports::{Plant, PlantError},
-    stages::{ActuationInput, ActuationOutput, ActuationStage, Driven, WorldInput, WorldOutput, WorldStage},
+    stages::{
+        ActuationInput, ActuationOutput, ActuationStage, ExternalTargets, WorldInput, WorldOutput, WorldStage,
+    },
 };
 use proact_types::{
     BodyState, EventKind, HandState, HandView, JointVector, ObjectId, PlantState, Pose, Scene, SimTime,
@@ -18,7 +20,7 @@ pub type PlantFactory = Box<dyn Fn() -> Result<Box<dyn Plant>, PlantError>>;
 
 /// What one tick brought.
 #[derive(Default)]
-pub(super) struct Moved {
+pub(super) struct RobotStep {
     /// The hand has arrived where it was told to go, or holds a block.
     pub hand_rests: bool,
     pub world: WorldOutput,
@@ -27,7 +29,7 @@ pub(super) struct Moved {
 
 /// What comes for the next tick.
 #[derive(Default)]
-struct Asked {
+struct PendingCommands {
     motion: Option<MotionCommand>,
     hand: Option<HandCommand>,
     shoulder: Option<Pose>,
@@ -40,11 +42,11 @@ pub(super) struct Robot {
     scene: Scene,
     actuation: ActuationStage,
     world: WorldStage,
-    pub said: ActuationOutput,
-    frozen: Option<JointVector>,
-    asked: Asked,
+    pub last_actuation: ActuationOutput,
+    frozen_posture: Option<JointVector>,
+    pending: PendingCommands,
     /// The number of the method's last command for the arm.
-    pub acted_on: u64,
+    pub last_command_number: u64,
 }
 
 impl Robot {
@@ -56,14 +58,14 @@ impl Robot {
     ) -> Result<Self, TestbedError> {
         let plant = factory().map_err(|source| TestbedError::Plant { time: SimTime(0), source })?;
         let actuation = ActuationStage::new(&config, &model, &scene)?;
-        let said = actuation.output();
+        let actuation_output = actuation.output();
         Ok(Self {
             world: WorldStage::new(&config, model.clone(), &scene, plant)?,
             actuation,
-            said,
-            frozen: None,
-            asked: Asked::default(),
-            acted_on: 0,
+            last_actuation: actuation_output,
+            frozen_posture: None,
+            pending: PendingCommands::default(),
+            last_command_number: 0,
             config,
             model,
             factory,
@@ -81,23 +83,28 @@ impl Robot {
     }
 
     /// What there is to judge and to tell, with the hand as the world stage has it.
-    pub(super) fn moved(&self, hand: HandView) -> judge::Moved<'_> {
-        judge::Moved { world: self.state(), hand, actuation: &self.said, acted_on: self.acted_on }
+    pub(super) fn world_update(&self, hand: HandView) -> task_outputs::WorldUpdate<'_> {
+        task_outputs::WorldUpdate {
+            world: self.state(),
+            hand,
+            actuation: &self.last_actuation,
+            last_command_number: self.last_command_number,
+        }
     }
 
     /// A tracked shoulder. The caller has checked that it is finite.
-    pub(super) fn track(&mut self, world_from_base: Pose) {
-        self.asked.shoulder = Some(world_from_base);
+    pub(super) fn set_shoulder(&mut self, world_from_base: Pose) {
+        self.pending.shoulder = Some(world_from_base);
     }
 
     /// A command for the arm, in place of the one before.
     pub(super) fn command_arm(&mut self, command: MotionCommand) {
-        self.asked.motion = Some(command);
+        self.pending.motion = Some(command);
     }
 
     /// A command for the hand, in place of the one before.
     pub(super) fn command_hand(&mut self, command: HandCommand) {
-        self.asked.hand = Some(command);
+        self.pending.hand = Some(command);
     }
 
     /// Puts a block somewhere.
@@ -114,39 +121,44 @@ impl Robot {
     pub(super) fn reset(&mut self) -> Result<(), TestbedError> {
         let plant = (self.factory)().map_err(|source| TestbedError::Plant { time: SimTime(0), source })?;
         // The base is where the shoulder is, not where it was at the start.
-        let base = self.said.command.world_from_base;
+        let base = self.last_actuation.command.world_from_base;
         self.world = WorldStage::new(&self.config, self.model.clone(), &self.scene, plant)?;
         self.actuation = ActuationStage::new(&self.config, &self.model, &self.scene)?;
-        self.said = self.actuation.output();
-        self.frozen = None;
-        self.asked = Asked { shoulder: Some(base), ..Asked::default() };
+        self.last_actuation = self.actuation.output();
+        self.frozen_posture = None;
+        self.pending = PendingCommands { shoulder: Some(base), ..PendingCommands::default() };
         Ok(())
     }
 
     /// Tick `now`; `driven` is what the controllers ask for in it.
-    pub(super) fn step(&mut self, now: SimTime, driven: Driven) -> Result<Moved, TestbedError> {
-        let Driven { joints, hand: asked, hold_hand } = driven;
-        let Asked { motion, hand, shoulder } = std::mem::take(&mut self.asked);
-        let hand = hand.or(asked);
+    pub(super) fn step(&mut self, now: SimTime, driven: ExternalTargets) -> Result<RobotStep, TestbedError> {
+        let ExternalTargets { joints, hand: hand_command, hold_hand } = driven;
+        let PendingCommands { motion, hand, shoulder } = std::mem::take(&mut self.pending);
+        let hand = hand.or(hand_command);
         if hold_hand && hand.is_none() {
-            self.frozen = Some(proact_types::joints(&self.said.command.position[self.model.arm_count()..]));
+            self.frozen_posture =
+                Some(proact_types::joints(&self.last_actuation.command.position[self.model.arm_count()..]));
         }
         let input = ActuationInput {
             shoulder,
             motion,
             hand,
             fingers: None,
-            frozen: self.frozen.as_ref(),
-            driven: &joints,
+            frozen_fingers: self.frozen_posture.as_ref(),
+            external_targets: &joints,
             world: self.world.state(),
         };
-        self.said = self.actuation.step(now, input);
-        let input = WorldInput { command: &self.said.command, hand, hand_moving: self.said.hand_moving };
+        self.last_actuation = self.actuation.step(now, input);
+        let input = WorldInput {
+            command: &self.last_actuation.command,
+            hand,
+            hand_moving: self.last_actuation.hand_moving,
+        };
         let world = self.world.step(now, input)?;
-        self.frozen = world.frozen.clone();
-        let events = self.said.events.iter().chain(&world.events).cloned().collect();
+        self.frozen_posture = world.frozen_fingers.clone();
+        let events = self.last_actuation.events.iter().chain(&world.events).cloned().collect();
         let at_rest = matches!(world.hand.state, HandState::Open | HandState::Closed);
-        let hand_rests = world.frozen.is_some() || (!self.said.hand_moving && at_rest);
-        Ok(Moved { hand_rests, world, events })
+        let hand_rests = world.frozen_fingers.is_some() || (!self.last_actuation.hand_moving && at_rest);
+        Ok(RobotStep { hand_rests, world, events })
     }
 }

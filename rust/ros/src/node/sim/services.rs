@@ -18,49 +18,56 @@ use rosrust::Service;
 
 const STRICT: i32 = 2;
 
-pub(super) fn serve(graph: &RosGraph, jobs: &Jobs<SimNode>) -> Result<Vec<Service>, NodeError> {
+pub(super) fn advertise_services(graph: &RosGraph, jobs: &Jobs<SimNode>) -> Result<Vec<Service>, NodeError> {
     let manager = |name: &str| format!("{ARM_MODEL}/controller_manager/{name}");
-    let mut all = models::serve(graph, jobs)?;
+    let mut all = models::advertise_services(graph, jobs)?;
     all.extend([
-        graph.serve::<Empty, _>("gazebo/pause_physics", jobs, |node: &mut SimNode, _| {
+        graph.advertise_service::<Empty, _>("gazebo/pause_physics", jobs, |node: &mut SimNode, _| {
             node.paused = true;
             Ok(EmptyRes {})
         })?,
-        graph.serve::<Empty, _>("gazebo/unpause_physics", jobs, |node: &mut SimNode, _| {
+        graph.advertise_service::<Empty, _>("gazebo/unpause_physics", jobs, |node: &mut SimNode, _| {
             node.paused = false;
             node.heartbeats.clear();
+            node.inputs.clear();
             Ok(EmptyRes {})
         })?,
-        graph.serve::<Empty, _>("gazebo/reset_world", jobs, |node: &mut SimNode, _| {
+        graph.advertise_service::<Empty, _>("gazebo/reset_world", jobs, |node: &mut SimNode, _| {
             node.reset()?;
             Ok(EmptyRes {})
         })?,
-        graph.serve::<SetLinkState, _>(relative::SET_LINK_STATE, jobs, |node: &mut SimNode, request| {
-            let done = node.set_link(&request.link_state);
-            Ok(SetLinkStateRes { success: done.is_ok(), status_message: done.err().unwrap_or_default() })
-        })?,
-        graph.serve::<LoadController, _>(
+        graph.advertise_service::<SetLinkState, _>(
+            relative::SET_LINK_STATE,
+            jobs,
+            |node: &mut SimNode, request| {
+                let done = node.set_link(&request.link_state);
+                Ok(SetLinkStateRes { success: done.is_ok(), status_message: done.err().unwrap_or_default() })
+            },
+        )?,
+        graph.advertise_service::<LoadController, _>(
             &manager("load_controller"),
             jobs,
             |node: &mut SimNode, request| {
                 Ok(LoadControllerRes { ok: node.actions.controllers.load(&request.name) })
             },
         )?,
-        graph.serve::<UnloadController, _>(
+        graph.advertise_service::<UnloadController, _>(
             &manager("unload_controller"),
             jobs,
             |node: &mut SimNode, request| {
                 Ok(UnloadControllerRes { ok: node.actions.controllers.unload(&request.name) })
             },
         )?,
-        graph.serve::<SwitchController, _>(
+        graph.advertise_service::<SwitchController, _>(
             &manager("switch_controller"),
             jobs,
             |node: &mut SimNode, request| Ok(SwitchControllerRes { ok: node.switch(&request) }),
         )?,
-        graph.serve::<ListControllers, _>(&manager("list_controllers"), jobs, |node: &mut SimNode, _| {
-            Ok(ListControllersRes { controller: node.list() })
-        })?,
+        graph.advertise_service::<ListControllers, _>(
+            &manager("list_controllers"),
+            jobs,
+            |node: &mut SimNode, _| Ok(ListControllersRes { controller: node.list() }),
+        )?,
     ]);
     Ok(all)
 }
@@ -68,8 +75,8 @@ pub(super) fn serve(graph: &RosGraph, jobs: &Jobs<SimNode>) -> Result<Vec<Servic
 impl SimNode {
     fn reset(&mut self) -> Result<(), String> {
         self.robot.reset().map_err(|e| e.to_string())?;
-        self.judge.reset();
-        self.actions.reset(self.robot.model(), &self.robot.said.command.position);
+        self.task_publisher.reset();
+        self.actions.reset(self.robot.model(), &self.robot.last_actuation.command.position);
         Ok(())
     }
 
@@ -83,13 +90,13 @@ impl SimNode {
         match self.actions.controllers.switch(&start, &stop, strict) {
             Ok((stopped, left_out)) => {
                 if let Some(error) = left_out {
-                    self.faults.refuse("switch_controller", &error.to_string());
+                    self.node_diagnostics.record_refusal("switch_controller", &error.to_string());
                 }
-                self.actions.stopped(&stopped);
+                self.actions.abort_stopped_controllers(&stopped);
                 true
             }
             Err(error) => {
-                self.faults.refuse("switch_controller", &error.to_string());
+                self.node_diagnostics.record_refusal("switch_controller", &error.to_string());
                 false
             }
         }

@@ -12,9 +12,10 @@ use crate::{
         },
     },
     node::{NodeError, RosGraph, convert, graph::Jobs},
+    publishing::Publisher,
 };
 use proact_types::{Pose, SimTime};
-use rosrust::{Publisher, Subscriber, error::Result};
+use rosrust::{Subscriber, error::Result};
 
 /// The server's topics are below this name, as the interactive_markers package has it.
 const SERVER: &str = "proact/shoulder";
@@ -34,15 +35,15 @@ impl ShoulderMarker {
         world_from_base: &Pose,
     ) -> std::result::Result<Self, NodeError> {
         let marker = Self {
-            init: graph.publish(&format!("{SERVER}/update_full"), 1, true)?,
-            update: graph.publish(&format!("{SERVER}/update"), 10, false)?,
-            _feedback: graph.listen(
+            init: graph.advertise(&format!("{SERVER}/update_full"), 1, true)?,
+            update: graph.advertise(&format!("{SERVER}/update"), 10, false)?,
+            _feedback: graph.subscribe(
                 &format!("{SERVER}/feedback"),
                 1,
                 jobs,
                 |node: &mut SimNode, message: InteractiveMarkerFeedback| {
-                    if let Err(reason) = node.carry(&message) {
-                        node.faults.refuse("pose", &reason);
+                    if let Err(reason) = node.handle_feedback(&message) {
+                        node.node_diagnostics.record_refusal("pose", &reason);
                     }
                 },
             )?,
@@ -50,7 +51,7 @@ impl ShoulderMarker {
         let first = InteractiveMarkerInit {
             server_id: SERVER.to_owned(),
             seq_num: 0,
-            markers: vec![arrows(world_from_base)],
+            markers: vec![interactive_marker(world_from_base)],
         };
         marker
             .init
@@ -71,7 +72,7 @@ impl ShoulderMarker {
 
 impl SimNode {
     /// Somebody has dragged the marker.
-    fn carry(&mut self, message: &InteractiveMarkerFeedback) -> std::result::Result<(), String> {
+    fn handle_feedback(&mut self, message: &InteractiveMarkerFeedback) -> std::result::Result<(), String> {
         if message.marker_name != MARKER {
             return Err(format!("marker {:?} is none of ours, expected {MARKER:?}", message.marker_name));
         }
@@ -81,17 +82,20 @@ impl SimNode {
         if !matches!(message.header.frame_id.trim_start_matches('/'), "" | WORLD) {
             return Err(format!("the marker is in frame {:?}, expected {WORLD}", message.header.frame_id));
         }
-        self.robot.track(convert::read_pose(&message.pose)?);
+        self.robot.set_shoulder(convert::read_pose(&message.pose)?);
         Ok(())
     }
 }
 
 /// A ball with an arrow to pull and a ring to turn along each axis.
-fn arrows(world_from_base: &Pose) -> InteractiveMarker {
+fn interactive_marker(world_from_base: &Pose) -> InteractiveMarker {
     let half = std::f64::consts::FRAC_1_SQRT_2;
     let axes = [("x", [1.0, 0.0, 0.0]), ("y", [0.0, 0.0, 1.0]), ("z", [0.0, 1.0, 0.0])];
-    let mut controls =
-        vec![InteractiveMarkerControl { always_visible: true, markers: vec![ball()], ..Default::default() }];
+    let mut controls = vec![InteractiveMarkerControl {
+        always_visible: true,
+        markers: vec![sphere_marker()],
+        ..Default::default()
+    }];
     for (name, [x, y, z]) in axes {
         // The control acts along its own x: half a turn of the diagonal brings x onto the axis.
         let orientation = Quaternion { w: half, x: x * half, y: y * half, z: z * half };
@@ -117,7 +121,7 @@ fn arrows(world_from_base: &Pose) -> InteractiveMarker {
     }
 }
 
-fn ball() -> Marker {
+fn sphere_marker() -> Marker {
     let mut ball = Marker {
         type_: Marker::SPHERE as i32,
         color: ColorRGBA { r: 0.9, g: 0.9, b: 0.2, a: 0.6 },

@@ -1,23 +1,23 @@
 use super::*;
 use crate::{
-    messages::proact_msgs::{Command, Frame},
+    messages::proact_msgs::{Command as CommandMessage, Frame},
     node::wire::{
         command, read_command,
         tests::{AWKWARD, bits, pose},
     },
 };
 use proact_testbed::stages::MethodOutput;
-use proact_types::{ContactView, Event, EventKind, ObjectId, Pose, Vector};
+use proact_types::{Command, ContactView, Event, EventKind, ObjectId, Pose, Vector};
 use rosrust::RosMsg;
 
-const COUNTS: Counts = Counts { arm: 4, moving: 5, objects: 4 };
+const COUNTS: ExpectedCounts = ExpectedCounts { arm: 4, moving: 5, objects: 4 };
 
 /// None of what may be missing.
-fn bare() -> MethodShown {
-    MethodShown {
+fn bare() -> MethodStatus {
+    MethodStatus {
         method: "A".to_owned(),
-        gesture: Gesture::NoMotion,
-        recognised: Gesture::NoMotion.into(),
+        gesture: Command::NoMotion,
+        recognized: Command::NoMotion.into(),
         confidence: 1.0,
         effort: 0.0,
         hand: HandView::default(),
@@ -31,14 +31,14 @@ fn bare() -> MethodShown {
 }
 
 /// All of what may be missing.
-fn full() -> MethodShown {
-    MethodShown {
+fn full() -> MethodStatus {
+    MethodStatus {
         method: "outside".to_owned(),
-        gesture: Gesture::WristFlexion,
-        recognised: Gesture::WristFlexion.into(),
+        gesture: Command::WristFlexion,
+        recognized: Command::WristFlexion.into(),
         confidence: AWKWARD[0],
         effort: AWKWARD[1],
-        hand: HandView { state: HandState::Opening, holds: Some(ObjectId(3)) },
+        hand: HandView { state: HandState::Opening, held_object: Some(ObjectId(3)) },
         gaze: Some(GazeSample {
             origin: Point::new(AWKWARD[0], AWKWARD[1], AWKWARD[2]),
             direction: Vector::new(AWKWARD[3], -3.0, f64::MAX),
@@ -46,7 +46,7 @@ fn full() -> MethodShown {
         }),
         stop: Some(Stop {
             source: InputSource::Stage,
-            cause: StopCause::Lost,
+            cause: StopCause::TrackingLost,
             since: SimTime(u64::MAX),
             reason: "the eye is lost \"again\"\n".to_owned(),
         }),
@@ -65,7 +65,7 @@ fn full() -> MethodShown {
 fn mode_view(next_in_secs: Option<f64>) -> ModeView {
     let directions = ["flexion".to_owned(), "extension".to_owned()];
     ModeView {
-        moves: proact_types::Moves::Rotation(2),
+        controlled_dof: proact_types::ControlledDof::Rotation(2),
         name: "elbow flexion".to_owned(),
         directions,
         we_sign: -1,
@@ -73,31 +73,31 @@ fn mode_view(next_in_secs: Option<f64>) -> ModeView {
     }
 }
 
-fn drawn(shown: MethodShown) -> DisplayFrame {
+fn drawn(method_status: MethodStatus) -> DisplayFrame {
     let kind = EventKind::BaseHeld { distance: AWKWARD[0] };
     DisplayFrame {
         time: SimTime(17),
-        method: shown.method,
+        method: method_status.method,
         joints: [AWKWARD[3], AWKWARD[0], AWKWARD[1], AWKWARD[2], 0.1].into_iter().collect(),
         world_from_base: pose(),
         world_from_tip: pose() * Pose::translation(0.1, 0.2, 0.3),
         world_from_head: pose(),
         objects: vec![pose(); 4],
-        hand: shown.hand,
-        recognised: shown.recognised,
-        gaze: shown.gaze,
-        target: shown.target,
-        planner: shown.planner,
-        goal: shown.goal,
-        mode: shown.mode,
-        stop: shown.stop,
-        gesture: shown.gesture,
-        confidence: shown.confidence,
-        effort: shown.effort,
+        hand: method_status.hand,
+        recognized_gesture: method_status.recognized,
+        gaze: method_status.gaze,
+        target: method_status.target,
+        planner: method_status.planner,
+        plan_goal: method_status.goal,
+        mode: method_status.mode,
+        stop: method_status.stop,
+        command: method_status.gesture,
+        confidence: method_status.confidence,
+        effort: method_status.effort,
         emg_source: "synthetic".to_owned(),
         time_left_secs: AWKWARD[0],
-        next: Some(ObjectId(2)),
-        asked: None,
+        next_object: Some(ObjectId(2)),
+        task_goal: None,
         score: 3,
         finished: true,
         events: vec![Event { time: SimTime(9), kind }, Event { time: SimTime(16), kind: EventKind::Rearmed }],
@@ -113,13 +113,14 @@ fn sent<M: RosMsg>(message: &M) -> (M, Vec<u8>) {
 }
 
 /// Equality alone would take -0.0 for 0.0: the bytes of what comes back are compared, too.
-fn assert_view_comes_back(shown: &MethodShown) {
-    let said = command(SimTime(9), SimTime(9), &MethodOutput::default(), 0, Some(shown), &[]);
-    let (came, bytes) = sent(&said);
-    let back = read_command(&came, COUNTS).unwrap().shown.unwrap();
-    assert_eq!(&back, shown);
-    let again: Command = command(SimTime(9), SimTime(9), &MethodOutput::default(), 0, Some(&back), &[]);
-    assert_eq!(sent(&again).1, bytes, "{shown:?}");
+fn assert_view_comes_back(method_status: &MethodStatus) {
+    let message = command(SimTime(9), SimTime(9), &MethodOutput::default(), 0, Some(method_status), &[]);
+    let (came, bytes) = sent(&message);
+    let back = read_command(&came, COUNTS).unwrap().method_status.unwrap();
+    assert_eq!(&back, method_status);
+    let again: CommandMessage =
+        command(SimTime(9), SimTime(9), &MethodOutput::default(), 0, Some(&back), &[]);
+    assert_eq!(sent(&again).1, bytes, "{method_status:?}");
 }
 
 #[test]
@@ -127,35 +128,35 @@ fn what_there_is_to_see_of_a_method_comes_back_bit_for_bit_with_and_without_its_
     for shown in [bare(), full()] {
         assert_view_comes_back(&shown);
     }
-    assert_view_comes_back(&MethodShown { mode: Some(mode_view(None)), ..bare() });
+    assert_view_comes_back(&MethodStatus { mode: Some(mode_view(None)), ..bare() });
     let none = command(SimTime(9), SimTime(9), &MethodOutput::default(), 0, None, &[]);
-    assert_eq!(read_command(&none, COUNTS).unwrap().shown, None);
+    assert_eq!(read_command(&none, COUNTS).unwrap().method_status, None);
 }
 
 #[test]
 fn every_state_of_hand_and_planner_and_every_stop_come_back() {
     for state in HandState::ALL {
-        assert_view_comes_back(&MethodShown { hand: HandView { state, holds: None }, ..bare() });
+        assert_view_comes_back(&MethodStatus { hand: HandView { state, held_object: None }, ..bare() });
     }
     let failed = |status| PlannerView::Failed { status, reason: "no way was found".to_owned() };
-    let ways = [false, true].into_iter().flat_map(|intermediate| {
+    let cases = [false, true].into_iter().flat_map(|intermediate| {
         [PlannerView::Executing { progress: 0.3, intermediate }, PlannerView::Arrived { intermediate }]
     });
-    let planners = [PlannerView::Idle, PlannerView::Planning].into_iter().chain(ways);
+    let planners = [PlannerView::Idle, PlannerView::Planning].into_iter().chain(cases);
     for planner in planners.chain(PlanStatus::ALL.map(failed)) {
-        assert_view_comes_back(&MethodShown { planner, ..bare() });
+        assert_view_comes_back(&MethodStatus { planner, ..bare() });
     }
     for source in InputSource::ALL {
         for cause in StopCause::ALL {
             let stop = Stop { source, cause, since: SimTime(3), reason: "it died".to_owned() };
-            assert_view_comes_back(&MethodShown { stop: Some(stop), ..bare() });
+            assert_view_comes_back(&MethodStatus { stop: Some(stop), ..bare() });
         }
     }
 }
 
 #[test]
 fn a_frame_comes_back_bit_for_bit_and_its_quaternions_are_not_made_unit() {
-    let plain = DisplayFrame { next: None, finished: false, events: vec![], ..drawn(bare()) };
+    let plain = DisplayFrame { next_object: None, finished: false, events: vec![], ..drawn(bare()) };
     for shown in [plain, drawn(full())] {
         let (came, bytes) = sent(&frame(&shown));
         let back = read_frame(&came, COUNTS).unwrap();
@@ -184,11 +185,11 @@ fn refusal(spoil: impl FnOnce(&mut Frame)) -> String {
 fn a_frame_of_another_arm_or_with_a_list_of_another_length_is_refused() {
     let message = frame(&drawn(full()));
     assert_eq!(
-        read_frame(&message, Counts { moving: 27, ..COUNTS }).unwrap_err(),
+        read_frame(&message, ExpectedCounts { moving: 27, ..COUNTS }).unwrap_err(),
         "joints has 5 values, expected 27"
     );
     assert_eq!(
-        read_frame(&message, Counts { arm: 7, ..COUNTS }).unwrap_err(),
+        read_frame(&message, ExpectedCounts { arm: 7, ..COUNTS }).unwrap_err(),
         "goal has 4 values, expected none or 7"
     );
     assert_eq!(refusal(|m| m.objects.truncate(3)), "3 objects, expected 4");
@@ -204,7 +205,8 @@ fn a_frame_of_another_arm_or_with_a_list_of_another_length_is_refused() {
     ] {
         assert!(sentence.ends_with("has 2 values, expected none or one"), "{sentence}");
     }
-    let mut twice = Command { view: vec![message.view.clone(), message.view], ..Command::default() };
+    let mut twice =
+        CommandMessage { view: vec![message.view.clone(), message.view], ..CommandMessage::default() };
     let refused = read_command(&twice, COUNTS).err().unwrap();
     assert_eq!(refused, "view has 2 values, expected none or one");
     twice.view.pop();
@@ -218,7 +220,7 @@ fn less_than(what: &str, count: usize) -> String {
 
 #[test]
 fn a_frame_with_a_place_out_of_range_is_refused() {
-    let [gestures, hands, sources] = [Gesture::ALL.len(), HandState::ALL.len(), InputSource::ALL.len()];
+    let [gestures, hands, sources] = [Command::ALL.len(), HandState::ALL.len(), InputSource::ALL.len()];
     let [causes, statuses] = [StopCause::ALL.len(), PlanStatus::ALL.len()];
     for (sentence, expected) in [
         (refusal(|m| m.view.gesture = gestures as u8), less_than("gesture", gestures)),
