@@ -18,13 +18,13 @@ import pylsl
 NAME, JOINT, SPEED = sys.argv[1], int(sys.argv[2]), float(sys.argv[3])
 STALE_SECS = 0.2
 
-inlet, value, heard = None, 0.0, -math.inf
+inlet, value, received_at = None, 0.0, -math.inf
 finder = pylsl.ContinuousResolver(prop="name", value=NAME)
 
 
 def latest_value():
     """The newest value of the stream, 0 where there is none in time."""
-    global inlet, value, heard
+    global inlet, value, received_at
     if inlet is None:
         found = finder.results()
         if not found:
@@ -34,9 +34,9 @@ def latest_value():
         print(f"lsl_float: {found[0].name()} on {found[0].hostname()}", file=sys.stderr)
     samples, _ = inlet.pull_chunk(timeout=0.0)
     if samples:
-        heard = time.monotonic()
+        received_at = time.monotonic()
         value = float(samples[-1][0])
-    alive = time.monotonic() - heard < STALE_SECS and math.isfinite(value)
+    alive = time.monotonic() - received_at < STALE_SECS and math.isfinite(value)
     return max(-1.0, min(1.0, value)) if alive else 0.0
 
 

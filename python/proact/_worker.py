@@ -32,7 +32,7 @@ class Worker:
                 answer = (None, fault_text(error))
             self._answers.put((number, answer))
 
-    def ask(self, text: str, patience_secs: float) -> tuple[Optional[str], Optional[str]]:
+    def ask(self, text: str, timeout_secs: float) -> tuple[Optional[str], Optional[str]]:
         """(answer, None), (None, what it raised), or (None, None) if it is late. While it is late, nothing else is asked."""
         self._drop_late_answers()
         if self._answer_count < self._question_count:
@@ -40,7 +40,7 @@ class Worker:
         self._question_count += 1
         self._questions.put((self._question_count, text))
         try:
-            number, answer = self._answers.get(timeout=patience_secs)
+            number, answer = self._answers.get(timeout=timeout_secs)
         except queue.Empty:
             return None, None
         self._answer_count = number

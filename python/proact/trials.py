@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import statistics
+import warnings
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Callable, Optional, Union
@@ -30,9 +31,10 @@ def run_trial(
     intent: Optional[IntentModel] = None,
     emg: Optional[str] = "synthetic",
     gaze_error_deg: float = 1.5,
-    patience_secs: float = 10.0,
+    answer_timeout_secs: float = 10.0,
     record: Union[str, Path, None] = None,
     accept_faults: bool = False,
+    **renamed: Any,
 ) -> dict[str, Any]:
     """Runs a trial to its end, as fast as the machine allows: the result, as ``proact demo --headless --json`` has it.
 
@@ -41,7 +43,8 @@ def run_trial(
     ``predict_proba``: it is trained on the trial's EMG first. intent: an ``IntentModel`` in the place of the configuration's; those
     that ship are chosen by ``settings``, such as ``intent_model=filtered``. emg: ``synthetic``, a folder of recordings, or None:
     gestures of a ``participant`` are then taken directly. gaze_error_deg: error of the eye tracker of a ``participant``, degrees.
-    patience_secs: a Python part that takes longer on the clock has not answered: the arm holds.
+    answer_timeout_secs: a Python part that takes longer on the clock has not answered: the arm holds. Its old name ``patience_secs``
+    is still taken, with a DeprecationWarning.
     record: a folder for the record; none is made unless given. ``replay`` needs no Python. accept_faults: use recordings whose faults
     make an accuracy wrong all the same, as ``--accept-faults`` of the commands; they are refused unless given.
 
@@ -51,6 +54,7 @@ def run_trial(
 
     Deterministic for ``seed`` as far as the Python parts are. Raises ValueError for what cannot be, in the testbed's words.
     """
+    answer_timeout_secs = _renamed_timeout(renamed, answer_timeout_secs)
     workers: list[Worker] = []
 
     def worker(function: Callable[[str], str]) -> Worker:
@@ -65,7 +69,7 @@ def run_trial(
         "classifier": None,
         "model": None,
         "intent": None,
-        "patience_secs": float(patience_secs),
+        "timeout_secs": float(answer_timeout_secs),
     }
     if isinstance(method, ControlMethod):
         method.begin()
@@ -96,6 +100,16 @@ def run_trial(
     finally:
         for one in workers:
             one.close()
+
+
+def _renamed_timeout(renamed: dict[str, Any], answer_timeout_secs: float) -> float:
+    """The timeout by its present or its old keyword."""
+    if unknown := renamed.keys() - {"patience_secs"}:
+        raise TypeError(f"run_trial() got an unexpected keyword argument {sorted(unknown)[0]!r}")
+    if not renamed:
+        return answer_timeout_secs
+    warnings.warn("patience_secs is now called answer_timeout_secs", DeprecationWarning, stacklevel=3)
+    return renamed["patience_secs"]
 
 
 def _trial_keywords(method, task, arm, setup, profile, seed, limit_secs, settings) -> dict[str, Any]:

@@ -153,7 +153,7 @@ def test_a_method_that_takes_too_long_ends_the_trial_at_the_third_answer_and_the
         return proact.Command(velocity=np.ones(seen.measured.size))
 
     person = Holds()
-    result = run(Fails(waits), person, patience_secs=0.05, record=tmp_path / "trial", limit_secs=2.6)
+    result = run(Fails(waits), person, answer_timeout_secs=0.05, record=tmp_path / "trial", limit_secs=2.6)
     assert not over.is_set(), "it is still at it"
     over.set()
     assert result["sim_seconds"] == pytest.approx(2.02), "steps of 10 ms"
@@ -171,7 +171,7 @@ def test_a_method_that_never_returns_does_not_hold_the_trial_up():
         while not stop:
             pass
 
-    result = run(Fails(loops), patience_secs=0.02, limit_secs=2.2)
+    result = run(Fails(loops), answer_timeout_secs=0.02, limit_secs=2.2)
     stop.append(True)
     assert result["sim_seconds"] == pytest.approx(2.02) and result["ended"] == "failed"
     assert result["faults"] == ["the Python method has not answered within 20 ms"]
@@ -308,8 +308,8 @@ def test_an_intent_model_that_fails_stops_the_arm_and_says_why(how, words, tmp_p
         needs_gaze = True
 
     person = LooksAtThird()
-    patience = {"patience_secs": 0.15} if "answered" in words else {}
-    result = run(Drives(), person, intent=Breaks(), record=tmp_path / "trial", **patience)
+    timeout = {"answer_timeout_secs": 0.15} if "answered" in words else {}
+    result = run(Drives(), person, intent=Breaks(), record=tmp_path / "trial", **timeout)
     assert moved(person, 0.8, 1.4) > 0.1, "it moves while all is well"
     assert abs(moved(person, 1.8, 2.9)) < 0.002, "and waits for a relaxed hand after that"
     during = [frame for frame in person.frames if 1700 < frame["time"] < 2400]
@@ -384,7 +384,7 @@ def test_a_classifier_that_takes_too_long_stops_the_arm(tmp_path):
             return super().predict_proba(features)
 
     person = Holds("wrist_extension")
-    result = run("A", person, emg="synthetic", classifier=Waits(), patience_secs=0.2, record=tmp_path / "trial")
+    result = run("A", person, emg="synthetic", classifier=Waits(), answer_timeout_secs=0.2, record=tmp_path / "trial")
     over.set()
     assert abs(moved(person, 2.3, 2.9)) < 0.002
     assert result["faults"] == ["the Python classifier has not answered within 200 ms"]
@@ -431,8 +431,12 @@ def test_what_cannot_be_is_refused():
         proact.run_trial("A", emg=None)
     with pytest.raises(ValueError, match="a classifier needs EMG"):
         proact.run_trial("A", emg=None, participant=Holds(), classifier=NearestMean())
-    with pytest.raises(ValueError, match="patience_secs is 0"):
-        run(Elbow(), patience_secs=0)
+    with pytest.raises(ValueError, match="answer_timeout_secs is 0"):
+        run(Elbow(), answer_timeout_secs=0)
+    with pytest.raises(ValueError, match="answer_timeout_secs is 0"), pytest.warns(DeprecationWarning, match="answer_timeout_secs"):
+        run(Elbow(), **{"patience_secs": 0})
+    with pytest.raises(TypeError, match="unexpected keyword argument 'wait_secs'"):
+        run(Elbow(), wait_secs=1)
     with pytest.raises(ValueError, match="not a trial|no trial|cannot"):
         proact.replay("nowhere")
 

@@ -103,12 +103,12 @@ async function checkLiveRegions(page, check, open) {
   await page.waitForFunction(() => window.__proact.frame.target.object === window.__proact.frame.next);
   // Another word may follow at once, and take its place.
   await page.evaluate(() => {
-    window.__heard = [];
+    window.__announced = [];
     const region = document.querySelector(".only-heard[aria-live=polite]");
-    new MutationObserver(() => window.__heard.push(region.textContent)).observe(region, { childList: true, characterData: true, subtree: true });
+    new MutationObserver(() => window.__announced.push(region.textContent)).observe(region, { childList: true, characterData: true, subtree: true });
   });
   await page.keyboard.press("KeyS", { delay: 200 });
-  await page.waitForFunction(() => window.__heard.some((text) => text.includes("Locked")));
+  await page.waitForFunction(() => window.__announced.some((text) => text.includes("Locked")));
   check(true, "a lock is announced");
   check((await page.getAttribute(".hint", "aria-live")) === "polite", "and so is the next thing to do");
 }

@@ -160,9 +160,9 @@ try {
   await button("Another round").click();
   await page.locator("table.drives").waitFor({ timeout: WAIT_MS });
   const shown = await driveRows(page);
-  const told = await page.evaluate(() => window.__calibration.report.drives);
-  check(shown.length === 2 && told.length === 2, "two degrees of freedom have a row each");
-  for (const [k, { drive, r2, mean_absolute_error: off }] of told.entries()) {
+  const drives = await page.evaluate(() => window.__calibration.report.drives);
+  check(shown.length === 2 && drives.length === 2, "two degrees of freedom have a row each");
+  for (const [k, { drive, r2, mean_absolute_error: off }] of drives.entries()) {
     check(shown[k].join(" ") === `${drive} ${r2.toFixed(3)} ${off.toFixed(3)}`, `the row says ${shown[k].join(", ")}`);
     check(r2 > 0.3 && r2 < 1, `R2 of a simulated person is ${r2.toFixed(3)}`);
   }

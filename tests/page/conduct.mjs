@@ -8,7 +8,7 @@ import { screenAtStep, screenBetweenSessions, CHECKS, form, SPEECH, studySocket,
 const SETTLING_MS = 600;
 const WELCOME = screenAtStep('spoken text "welcome"', { is: "say", text: SPEECH });
 const READY_CAN = ["next", "start_anyway", "redo", "retrain", "recalibrate", "skip", "leave"];
-const READY = screenAtStep("trial 2 of C", trial(), { running: false, can: READY_CAN, told: "gaze is not ready", notes: ["Armband moved up"] });
+const READY = screenAtStep("trial 2 of C", trial(), { running: false, can: READY_CAN, notice: "gaze is not ready", notes: ["Armband moved up"] });
 const RUNNING = screenAtStep("trial 2 of C", trial(), { can: ["pause", "abort"], since_secs: 31 });
 const REST = (left_secs) => screenAtStep("break", { is: "rest", left_secs });
 const FORM = (answers) => screenAtStep("questionnaire nasa_tlx", form(10, answers));
@@ -323,7 +323,7 @@ async function rules({ page, show, button }, tools, screenshot) {
   for (const scheme of ["light", "dark"]) {
     await page.emulateMedia({ colorScheme: scheme });
     for (const [name, screen] of [
-      ["between sessions", screenBetweenSessions({ told: "mirja is nobody", next: { participant: 3, id: "P03", session: "1", begun: true, departs: "6 days late" } })],
+      ["between sessions", screenBetweenSessions({ notice: "mirja is nobody", next: { participant: 3, id: "P03", session: "1", begun: true, departs: "6 days late" } })],
       ["words to say", WELCOME],
       ["trial not ready", READY],
       ["trial", RUNNING],

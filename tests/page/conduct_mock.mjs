@@ -31,14 +31,14 @@ export function screenBetweenSessions(more = {}) {
     next: { participant: 3, id: "P03", session: "1", begun: true, departs: "" },
     session: null,
     can: ["begin"],
-    told: "",
+    notice: "",
     notes: [],
     ...more,
   };
 }
 
 /** A session at the first step with this label. */
-export function screenAtStep(label, what, { running = true, can = ["next", "skip", "leave"], told = "", notes = [], since_secs = 0, minutes_left = 62 } = {}) {
+export function screenAtStep(label, what, { running = true, can = ["next", "skip", "leave"], notice = "", notes = [], since_secs = 0, minutes_left = 62 } = {}) {
   const all = steps();
   const step = all.find((line) => line.label === label).step;
   for (const line of all) {
@@ -48,7 +48,7 @@ export function screenAtStep(label, what, { running = true, can = ["next", "skip
   if (step > 7) Object.assign(all[6], { outcome: "aborted", attempts: 2, deviations: ["repeated", "not_ready"] });
   if (step > 10) Object.assign(all[9], { outcome: "skipped", attempts: 0, deviations: ["left_out"] });
   const now = { step, label, running, since_secs, what };
-  return screenBetweenSessions({ next: null, session: { participant: 3, id: "P03", session: "1", steps: all, now, minutes_left }, can, told, notes });
+  return screenBetweenSessions({ next: null, session: { participant: 3, id: "P03", session: "1", steps: all, now, minutes_left }, can, notice, notes });
 }
 
 export const SPEECH = `Thank you for coming. You will move four blocks with a virtual arm, from your side of the box over the partition to the marked \

@@ -111,8 +111,8 @@ async function changed(page, change) {
   await page.routeWebSocket(/\/live/, (socket) => {
     const server = socket.connectToServer();
     server.onMessage((message) => {
-      const told = JSON.parse(message);
-      socket.send(told.type === "signals" ? JSON.stringify(change(told)) : message);
+      const parsed = JSON.parse(message);
+      socket.send(parsed.type === "signals" ? JSON.stringify(change(parsed)) : message);
     });
   });
 }

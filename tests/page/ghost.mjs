@@ -104,8 +104,8 @@ export async function ghost(page, { program, out, check, screenshot, limitMs }) 
   const last = lines.at(-1);
   // Less the reload.
   check(last.used.connected_secs > 0.5 * spent && last.used.connected_secs < spent + 10 && last.used.moving_secs > 0 && last.used.trials === 1, `the log of use has the sitting of ${spent} s: ${JSON.stringify(last)}`);
-  const told = execFileSync(program, ["emg", "usage", log], { encoding: "utf8" });
-  check(/^\d{4}-\d\d-\d\d {2}#{30} {2}0:00:/.test(told) && /\n1 days of use, /.test(told), `and it is told: ${told.trim()}`);
+  const usage = execFileSync(program, ["emg", "usage", log], { encoding: "utf8" });
+  check(/^\d{4}-\d\d-\d\d {2}#{30} {2}0:00:/.test(usage) && /\n1 days of use, /.test(usage), `and it is told: ${usage.trim()}`);
 }
 
 async function freePorts(count) {

@@ -47,8 +47,8 @@ export async function limbTests(page, { program, out, ...tools }) {
     check(heads[1].join() === "axis,wrist flexion,grasp,all", `a row each axis: ${heads[1].join()}`);
     check(heads[2].length === 4 && /^1: wrist flexion -?\d+°, grasp \d+ %$/.test(heads[2][1]), `a row each target: ${heads[2][1]}`);
     // The program is gone by then; what it found stays.
-    const { motion: told } = await page.evaluate(() => window.__calibration.result);
-    check(tables[0].at(-1)[1] === `${told.attempts.filter((attempt) => attempt.completion_secs !== null).length} of 8`, `all motions: ${tables[0].at(-1).join(", ")}`);
+    const { motion: reported } = await page.evaluate(() => window.__calibration.result);
+    check(tables[0].at(-1)[1] === `${reported.attempts.filter((attempt) => attempt.completion_secs !== null).length} of 8`, `all motions: ${tables[0].at(-1).join(", ")}`);
     await screenshot("results");
     await checkNoOverflow(page, tools, "results");
     // The browser says of each attempt to connect that nobody is there.
@@ -89,8 +89,8 @@ async function tac(page, seen, tools, name) {
   await screenshot(name);
   if (name === "tac1") {
     await seen(() => window.__calibration.dwelt > 0.3 && document.querySelector(".gauge.inside"));
-    const told = await page.evaluate(() => document.querySelector(".tac .name").textContent);
-    check(told === "In the target: relax and stay", `${name}: ${told}, and a ring closes`);
+    const reported = await page.evaluate(() => document.querySelector(".tac .name").textContent);
+    check(reported === "In the target: relax and stay", `${name}: ${reported}, and a ring closes`);
     await screenshot("dwelling");
   }
   await checkNoOverflow(page, tools, name);

@@ -135,7 +135,7 @@ async function checkAlignment(page, { check, screenshot }) {
   await page.click('button:text-is("Side by side")');
   await page.locator('input[type="number"]').fill("99");
   await page.locator('input[type="number"]').press("Enter");
-  await page.waitForFunction(() => document.querySelector(".told").textContent.includes("of these events"));
+  await page.waitForFunction(() => document.querySelector(".notice").textContent.includes("of these events"));
   check(true, "that there are not so many is said");
   await page.locator('input[type="number"]').fill("2");
   await page.locator('input[type="number"]').press("Enter");
@@ -215,7 +215,7 @@ async function checkLink(page, { check, tab }) {
     await page.waitForTimeout(1_000);
   }
   await page.click('button:text-is("Copy link")');
-  await page.waitForFunction(() => document.querySelector(".told").textContent.includes("link"));
+  await page.waitForFunction(() => document.querySelector(".notice").textContent.includes("link"));
   const moment = () => {
     const { state, views } = window.__proact;
     const { camera, speed, hidden, align, window: part } = state;

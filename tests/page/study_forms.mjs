@@ -153,8 +153,8 @@ async function checkMissingAnswers(page, study, { check, screenshot }) {
   await page.locator('[data-key="agency"]').waitFor();
   await page.click('[data-key="agency"] input >> nth=0');
   await page.click(".done");
-  await page.locator(".told:visible").waitFor();
-  check((await page.textContent(".told")) === "2 answers are still missing: 1 and 3", "who forgets something is told what");
+  await page.locator(".notice:visible").waitFor();
+  check((await page.textContent(".notice")) === "2 answers are still missing: 1 and 3", "who forgets something is told what");
   check(await page.evaluate(() => document.activeElement?.closest("[data-key]")?.dataset.key === "ease"), "and led to the first of it");
   check(study.submitted.length === 0, "and nothing is sent");
   await screenshot("missing");
@@ -237,7 +237,7 @@ async function rules(page, study, tools) {
         if (form === easeAgencySpeed) {
           await page.click('[data-key="ease"] input >> nth=1');
           await page.click(".done");
-          await page.locator(".told:visible").waitFor();
+          await page.locator(".notice:visible").waitFor();
         }
         await look(`${form.name}, ${scheme}, ${width}x${height}`);
       }

@@ -27,15 +27,15 @@ def free_port():
         return s.getsockname()[1]
 
 
-def wait_until(true, what, patience=TIMEOUT_SECS):
+def wait_until(true, what, timeout=TIMEOUT_SECS):
     """Waits until true() is true; looks fifty times a second."""
-    end = time.monotonic() + patience
+    end = time.monotonic() + timeout
     while time.monotonic() < end:
         value = true()
         if value:
             return value
         time.sleep(0.02)
-    raise AssertionError(f"waited {patience} s in vain for {what}")
+    raise AssertionError(f"waited {timeout} s in vain for {what}")
 
 
 def message_packages():
@@ -144,9 +144,9 @@ class Inbox:
             self.messages.clear()
             self.times.clear()
 
-    def wait(self, true=lambda message: True, patience=TIMEOUT_SECS):
+    def wait(self, true=lambda message: True, timeout=TIMEOUT_SECS):
         """The first message, past or to come, for which true(message)."""
-        end = time.monotonic() + patience
+        end = time.monotonic() + timeout
         with self.condition:
             looked = 0
             while True:
@@ -156,7 +156,7 @@ class Inbox:
                         return message
                 looked = self.came
                 if not self.condition.wait(max(0.0, end - time.monotonic())) and time.monotonic() >= end:
-                    raise AssertionError(f"{self.topic}: waited {patience} s in vain, {len(self.messages)} messages")
+                    raise AssertionError(f"{self.topic}: waited {timeout} s in vain, {len(self.messages)} messages")
 
-    def wait_count(self, count, patience=TIMEOUT_SECS):
-        wait_until(lambda: len(self.messages) >= count, f"{count} messages on {self.topic}", patience)
+    def wait_count(self, count, timeout=TIMEOUT_SECS):
+        wait_until(lambda: len(self.messages) >= count, f"{count} messages on {self.topic}", timeout)

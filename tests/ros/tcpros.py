@@ -75,7 +75,10 @@ class Subscriber:
         self.readers.watch(self)
 
     def take(self):
-        part = self.stream.recv(1 << 20)
+        try:
+            part = self.stream.recv(1 << 20)
+        except ConnectionResetError:
+            part = b""
         if not part:
             self.closed = True
             self.readers.unwatch(self)

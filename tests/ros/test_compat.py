@@ -61,11 +61,11 @@ class Compat(unittest.TestCase):
 
     def test_the_heads_quaternion_has_its_numbers_in_the_wrong_places(self):
         turned = {}
-        for quirk in ([], ["_compat:=head_quaternion"]):
+        for arguments in ([], ["_compat:=head_quaternion"]):
             heads = graph.Inbox("/hololens_unity_camera_pose_ros", PoseStamped)
-            node = GRAPH.node("testbed", "--method", "D", "--seed", "1", *quirk)
+            node = GRAPH.node("testbed", "--method", "D", "--seed", "1", *arguments)
             heads.wait_count(150)
-            turned[len(quirk)] = {m.header.stamp.to_nsec(): m.pose.orientation for m in heads.messages}
+            turned[len(arguments)] = {m.header.stamp.to_nsec(): m.pose.orientation for m in heads.messages}
             GRAPH.stop(node)
             heads.subscriber.unregister()
         # The person leans, so the first instant that both runs have told is compared.
@@ -79,9 +79,9 @@ class Compat(unittest.TestCase):
         done = subprocess.run([graph.BINARY, "node", "sim", "_compat:=teapot"], env=GRAPH.env, timeout=60,
                               stderr=subprocess.PIPE, universal_newlines=True)
         self.assertNotEqual(done.returncode, 0)
-        told = [line for line in done.stderr.splitlines() if line.startswith("proact:")]
-        self.assertEqual(len(told), 1, done.stderr)
-        self.assertTrue("teapot" in told[0] and "slow_poses" in told[0], told)
+        log_lines = [line for line in done.stderr.splitlines() if line.startswith("proact:")]
+        self.assertEqual(len(log_lines), 1, done.stderr)
+        self.assertTrue("teapot" in log_lines[0] and "slow_poses" in log_lines[0], log_lines)
 
 
 if __name__ == "__main__":

@@ -98,12 +98,12 @@ class IntentNodes(unittest.TestCase):
                 try:
                     if SHORT:
                         on_target = lambda m: any(b["outcome"] == "on_target" for b in json.loads(m.data)["outcomes"])
-                        trial.score.wait(on_target, patience=200.0)
+                        trial.score.wait(on_target, timeout=200.0)
                         # On the way to the next block the gaze is elsewhere.
                         end = trial.now() + NEXT_BLOCK
                         trial.states.wait(lambda m: m.header.stamp.to_sec() > end)
                     else:
-                        over = json.loads(trial.result.wait(patience=700.0).data)
+                        over = json.loads(trial.result.wait(timeout=700.0).data)
                         print(f"{method}: {over['on_target']} on target, {over['sim_seconds']:.1f} s")
                         self.assertEqual(over["on_target"], 4)
                     gap = trial.longest_without_a_hit()

@@ -74,7 +74,7 @@ class Lockstep(unittest.TestCase):
                                 *([f"_digest_file:={paths[name]}"] if name in paths else [])) for name in NODES]
             try:
                 graph.wait_until(lambda: all(len(read_spans(path)) >= len(whole) for path in paths.values()),
-                                 "the last span of every node", patience=60.0 + TIMEOUT_SECS * max(expected) / 1000)
+                                 "the last span of every node", timeout=60.0 + TIMEOUT_SECS * max(expected) / 1000)
                 self.assertEqual([node.poll() for node in nodes], [None] * len(nodes))
             finally:
                 for node in nodes:

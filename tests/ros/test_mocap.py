@@ -143,11 +143,11 @@ class Mocap(unittest.TestCase):
         fixed = rospy.Publisher("/tf_static", TFMessage, queue_size=10, latch=True)
 
         def message(parent, child, stamp, place, turn):
-            told = TransformStamped()
-            told.header.stamp, told.header.frame_id, told.child_frame_id = stamp, parent, child
-            t, q = told.transform.translation, told.transform.rotation
+            stamped = TransformStamped()
+            stamped.header.stamp, stamped.header.frame_id, stamped.child_frame_id = stamp, parent, child
+            t, q = stamped.transform.translation, stamped.transform.rotation
             (t.x, t.y, t.z), (q.x, q.y, q.z, q.w) = place, turn
-            return TFMessage(transforms=[told])
+            return TFMessage(transforms=[stamped])
 
         def send(stamp, place, turn):
             moving.publish(message("optitrack_world", "Shoulderpad", stamp, place, turn))

@@ -89,7 +89,7 @@ class Trial(unittest.TestCase):
                 result = graph.Inbox("/proact/result", String)
                 nodes = Nodes(*words)
                 try:
-                    over = json.loads(result.wait(patience=700.0).data)
+                    over = json.loads(result.wait(timeout=700.0).data)
                 finally:
                     nodes.stop()
                     result.subscriber.unregister()
@@ -187,7 +187,7 @@ class Faults(unittest.TestCase):
         rospy.wait_for_service("/gazebo/unpause_physics", graph.TIMEOUT_SECS)
         # Paused: what comes over the connections that lived on comes no more.
         graph.wait_until(lambda: time.monotonic() - models.times[-1] > 0.5, "silence")
-        paused, told = models.messages[-1], score.messages[-1].data
+        paused, old_score = models.messages[-1], score.messages[-1].data
         get = rospy.ServiceProxy("/gazebo/get_model_state", GetModelState)
         blocks = [n for n in paused.name if "cylinder" in n]
         self.assertEqual(len(blocks), 4)
@@ -207,7 +207,7 @@ class Faults(unittest.TestCase):
         # A subscriber of the new master gets the latched score: the same blocks are where they were.
         again = graph.Inbox("/proact/score", String, keep=10)
         settled = lambda text: {b["block"]: b["outcome"] for b in json.loads(text)["outcomes"] if b["place_s"] is not None}
-        self.assertLessEqual(settled(told).items(), settled(again.wait().data).items())
+        self.assertLessEqual(settled(old_score).items(), settled(again.wait().data).items())
         self.assertEqual({n: p.pid for n, p in self.nodes.processes.items() if p.poll() is None}, pids)
 
 
@@ -327,8 +327,8 @@ class Shared(unittest.TestCase):
         nodes = Nodes("--method", "D", "--seed", "1", "--setup", "still")
         try:
             graph.wait_until(lambda: command.get_num_connections() >= 1, "the controller as subscriber")
-            told = lambda m: json.loads(m.json)
-            view.wait(lambda m: told(m)["planner"]["state"] == "executing")
+            parsed = lambda m: json.loads(m.json)
+            view.wait(lambda m: parsed(m)["planner"]["state"] == "executing")
             angle = lambda m: m.position[m.name.index(ARM[6])]
             states.wait_count(1)
             goal = angle(states.messages[-1]) - 0.3
@@ -337,20 +337,20 @@ class Shared(unittest.TestCase):
                                          time_from_start=rospy.Duration(0.8))
             view.clear()
             # rospy counts a connection before it opens it: what is published then is lost, without a word.
-            for patience in (3.0, 3.0, 10.0):
+            for timeout in (3.0, 3.0, 10.0):
                 command.publish(JointTrajectory(joint_names=ARM, points=[point]))
                 try:
-                    stopped = view.wait(lambda m: told(m)["stop"] is not None, patience=patience)
+                    stopped = view.wait(lambda m: parsed(m)["stop"] is not None, timeout=timeout)
                     break
                 except AssertionError:
-                    if patience == 10.0:
+                    if timeout == 10.0:
                         raise
-            self.assertEqual(told(stopped)["stop"]["source"], "stage")
+            self.assertEqual(parsed(stopped)["stop"]["source"], "stage")
             states.clear()
             fast = lambda m: max(abs(m.velocity[m.name.index(joint)]) for joint in ARM)
-            states.wait(lambda m: fast(m) < 0.02, patience=10.0)
+            states.wait(lambda m: fast(m) < 0.02, timeout=10.0)
             view.clear()
-            view.wait(lambda m: told(m)["stop"] is None and told(m)["planner"]["state"] == "executing")
+            view.wait(lambda m: parsed(m)["stop"] is None and parsed(m)["planner"]["state"] == "executing")
         finally:
             nodes.stop()
             for inbox in (view, states):
@@ -370,7 +370,7 @@ class Judged(unittest.TestCase):
         nodes = Nodes(*words, leave_out=("sim",))
         task = GRAPH.node("task", *words)
         try:
-            trial = json.loads(result.wait(patience=300.0).data)
+            trial = json.loads(result.wait(timeout=300.0).data)
         finally:
             GRAPH.stop(task)
             GRAPH.stop(sim)

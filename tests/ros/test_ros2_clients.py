@@ -147,8 +147,8 @@ class Ros2(unittest.TestCase):
         self.assertFalse(done)
         for action in ACTIONS:
             self.assertIn(action, values)
-        told = CLIENT.wait(lambda m: m["op"] == "status" and m.get("id") == goal.id)
-        self.assertEqual((told["level"], told["msg"]), ("error", values))
+        status = CLIENT.wait(lambda m: m["op"] == "status" and m.get("id") == goal.id)
+        self.assertEqual((status["level"], status["msg"]), ("error", values))
         done, _, values = Goal({}, FOLLOW, "mpl_control/action/grasp").end()
         self.assertFalse(done)
         self.assertIn("control_msgs/FollowJointTrajectory", values)

@@ -97,15 +97,15 @@ class Bridge(unittest.TestCase):
         CLIENT.send("advertise", topic="/lab/chat", type="std_msgs/String")
         # In the other's own order: when it hears of the service it has subscribed.
         other.call("/rosapi/get_time")
-        heard = graph.Inbox("/lab/chat", String)
-        graph.wait_until(heard.connected, "the bridge as publisher")
+        inbox = graph.Inbox("/lab/chat", String)
+        graph.wait_until(inbox.connected, "the bridge as publisher")
         for n in range(50):
             CLIENT.send("publish", topic="/lab/chat", msg={"data": str(n)})
         other.topic("/lab/chat", lambda m: m["data"] == "49")
-        heard.wait(lambda m: m.data == "49")
+        inbox.wait(lambda m: m.data == "49")
         expected = [str(n) for n in range(50)]
         self.assertEqual([m["msg"]["data"] for m in other.messages if m["op"] == "publish"], expected)
-        self.assertEqual([m.data for m in heard.messages], expected)
+        self.assertEqual([m.data for m in inbox.messages], expected)
         other.close()
 
     def test_a_client_calls_a_service_of_a_node(self):
@@ -151,8 +151,8 @@ class Bridge(unittest.TestCase):
         known = lambda: CLIENT.call("/rosapi/topic_type", topic="/lab/number2")[1]["type"]
         graph.wait_until(lambda: known() == "std_msgs/Float64", "the type of the topic")
         CLIENT.send("advertise", topic="/lab/number2", type="std_msgs/String", id="wrong")
-        told = CLIENT.wait(lambda m: m["op"] == "status" and m.get("id") == "wrong")
-        self.assertIn("std_msgs/Float64", told["msg"])
+        status = CLIENT.wait(lambda m: m["op"] == "status" and m.get("id") == "wrong")
+        self.assertIn("std_msgs/Float64", status["msg"])
         inbox.subscriber.unregister()
 
     def test_rosapi_names_what_the_graph_has(self):

@@ -193,11 +193,11 @@ class Safety(unittest.TestCase):
         self.view.wait(lambda m: self.stopped(m) is None)
 
     def wait_for_diagnosis(self, kind, text):
-        def told(message):
+        def has_reason(message):
             values = {v.key: v.value for status in message.status for v in status.values}
             return text in values.get(f"{kind} last", "")
 
-        self.diagnostics.wait(told)
+        self.diagnostics.wait(has_reason)
 
 
 class GestureTopic:
@@ -380,7 +380,7 @@ class Armband(Safety):
         self.play("no_motion")
         armband = ClockedCallback(self.packet)
         try:
-            for case, told in [("silent", "silent"), ("constant", "repeats"), ("last packet again", "repeats"),
+            for case, reason in [("silent", "silent"), ("constant", "repeats"), ("last packet again", "repeats"),
                                ("zeros", "repeats"), ("half of the packets", "lost"), ("half the rate", "the armband")]:
                 with self.subTest(case=case):
                     self.wait_for_release()
@@ -395,7 +395,7 @@ class Armband(Safety):
                     self.fault = None
                     # The gesture is held all the time: long enough to be recognised again.
                     self.check_held(500)
-                    self.wait_for_diagnosis("emg_stale", told)
+                    self.wait_for_diagnosis("emg_stale", reason)
                     self.play("no_motion")
         finally:
             armband.stop()

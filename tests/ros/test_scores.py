@@ -109,11 +109,11 @@ class Recorder:
         if state.tick < self.last:
             self.participant.publish(state)
 
-    def wait(self, patience):
+    def wait(self, timeout):
         """Until the last tick is there; none comes after it."""
         with self.changed:
-            if not self.changed.wait_for(lambda: self.passed and self.state.tick >= self.last, patience):
-                raise AssertionError(f"tick {self.state and self.state.tick} of {self.last} after {patience} s")
+            if not self.changed.wait_for(lambda: self.passed and self.state.tick >= self.last, timeout):
+                raise AssertionError(f"tick {self.state and self.state.tick} of {self.last} after {timeout} s")
 
     def close(self):
         for topic in [self.participant, *self.listeners]:

@@ -122,11 +122,11 @@ class Simulator(unittest.TestCase):
     def test_frames_of_the_original_hang_where_it_has_them(self):
         moving, fixed = graph.Inbox("/tf", TFMessage), graph.Inbox("/tf_static", TFMessage)
         moving.wait_count(2)
-        told = {(t.header.frame_id, t.child_frame_id)
+        frames = {(t.header.frame_id, t.child_frame_id)
                 for m in moving.messages + [fixed.wait()] for t in m.transforms}
-        self.assertEqual(ORIGINAL_FRAMES - told, set())
+        self.assertEqual(ORIGINAL_FRAMES - frames, set())
         # One parent each: whoever counts on the original's tree gets one tree.
-        children = [child for _, child in told]
+        children = [child for _, child in frames]
         self.assertEqual(len(children), len(set(children)))
         moving.subscriber.unregister()
         fixed.subscriber.unregister()
@@ -381,9 +381,9 @@ class Simulator(unittest.TestCase):
         self.assertTrue(answer.success, answer.status_message)
         self.assertEqual((answer.link_state.link_name, answer.link_state.reference_frame), (tip, "world"))
         links = graph.Inbox("/gazebo/link_states", LinkStates, keep=10)
-        told = links.wait(lambda m: tip in m.name)
+        links_now = links.wait(lambda m: tip in m.name)
         links.subscriber.unregister()
-        expected = told.pose[told.name.index(tip)].position
+        expected = links_now.pose[links_now.name.index(tip)].position
         got = answer.link_state.pose.position
         for axis in "xyz":
             self.assertAlmostEqual(getattr(got, axis), getattr(expected, axis), delta=2e-3)
@@ -521,9 +521,9 @@ class TheEnd(unittest.TestCase):
                               stderr=subprocess.PIPE, universal_newlines=True)
         self.assertNotEqual(done.returncode, 0)
         self.assertNotIn("panicked", done.stderr)
-        told = [line for line in done.stderr.splitlines() if line.startswith("proact:")]
-        self.assertEqual(len(told), 1, done.stderr)
-        self.assertIn("no ROS master", told[0])
+        log_lines = [line for line in done.stderr.splitlines() if line.startswith("proact:")]
+        self.assertEqual(len(log_lines), 1, done.stderr)
+        self.assertIn("no ROS master", log_lines[0])
 
     def test_zz_after_a_master_restart_the_node_is_back_paused_with_its_blocks(self):
         get = rospy.ServiceProxy("/gazebo/get_model_state", GetModelState)

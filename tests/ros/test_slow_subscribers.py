@@ -370,10 +370,15 @@ def soak(seconds):
     chance = random.Random(51)
     clock, steady = READERS.subscribe(*CLOCK), READERS.subscribe(*TF)
     slow = READERS.subscribe(*TF, receive_bytes=SMALL)
-    began, report, first, going, changes = time.monotonic(), 0.0, None, True, 0
+    began, report, first, going, changes, closed = time.monotonic(), 0.0, None, True, 0, []
     while time.monotonic() - began < seconds:
         # Long enough, now and then, to fill what the kernel keeps for a connection, and less than the 60 s after which it is closed.
-        time.sleep(chance.uniform(0.05, 8.0) if going else chance.uniform(0.05, 45.0))
+        # The reader needs a moment to take anything after it goes on.
+        time.sleep(chance.uniform(1.0, 8.0) if going else chance.uniform(0.05, 45.0))
+        assert not clock.closed and not steady.closed, "a connection was closed"
+        if slow.closed:
+            # It took too little for too long. A ROS client connects again.
+            closed, going, slow = closed + [slow], False, READERS.subscribe(*TF, stopped=True, receive_bytes=SMALL)
         (slow.stop if going else slow.resume)()
         going, changes = not going, changes + 1
         now, memory = time.monotonic() - began, memory_kb(SIM)
@@ -386,10 +391,10 @@ def soak(seconds):
     for other in (clock, steady):
         steps = {later - earlier for earlier, later in zip(other.values, other.values[1:])}
         assert steps == {STEP}, (other.name, steps)
-    lost = dropped(slow.name, "/tf")
+    lost = sum(dropped(other.name, "/tf") for other in [slow, *closed])
     grown = memory_kb(SIM) - first
     print(f"{seconds:.0f} s: {len(clock.values)} ticks of /clock and none missed, {lost} messages dropped for the slow one, "
-          f"{changes} changes, memory {first} {grown:+} kB")
+          f"{changes} changes, {len(closed)} times closed and connected again, memory {first} {grown:+} kB")
     assert lost > 0, "the slow one was never slow"
     assert grown < GROWTH, grown
 

@@ -58,7 +58,7 @@ class Testbed(unittest.TestCase):
         recorder = GRAPH.spawn(["/usr/bin/rosbag", "record", "-O", bag, *topics], "record.log")
         graph.wait_until(lambda: any(n.startswith("/record") for n in GRAPH.nodes()), "rosbag record")
         node = GRAPH.node("testbed", *words)
-        over = json.loads(result.wait(patience=360.0).data)
+        over = json.loads(result.wait(timeout=360.0).data)
         self.assertEqual(over["arrangement"], alone["arrangement"])
         outcomes = lambda trial: [(b["block"], b["outcome"]) for b in trial["outcomes"]]
         self.assertEqual(outcomes(over), outcomes(alone))
@@ -118,8 +118,8 @@ class Testbed(unittest.TestCase):
         node = GRAPH.node("testbed", "--live", "--method", "A", "--setup", "still", "_keep_running:=true")
         arm = actionlib.SimpleActionClient("/mpl_right_arm/arm_controller/follow_joint_trajectory", FollowJointTrajectoryAction)
         grasp = actionlib.SimpleActionClient("/grasp", graspAction)
-        patience = rospy.Duration(graph.TIMEOUT_SECS)
-        self.assertTrue(arm.wait_for_server(patience) and grasp.wait_for_server(patience))
+        timeout = rospy.Duration(graph.TIMEOUT_SECS)
+        self.assertTrue(arm.wait_for_server(timeout) and grasp.wait_for_server(timeout))
         states.wait_count(1)
         joints = ["mpl_right_arm__" + n for n in "shoulder humerus elbow forearm wristy wristx wristz".split()]
         now = lambda name: dict(zip(states.messages[-1].name, states.messages[-1].position))[name]
@@ -132,24 +132,24 @@ class Testbed(unittest.TestCase):
 
         # To its end.
         start = now(elbow)
-        self.assertEqual(arm.send_goal_and_wait(to(0.2, 1.5), patience), GoalStatus.SUCCEEDED)
+        self.assertEqual(arm.send_goal_and_wait(to(0.2, 1.5), timeout), GoalStatus.SUCCEEDED)
         self.assertAlmostEqual(now(elbow), start + 0.2, delta=0.02)
         # Cancelled half way, and refused: the arm stays.
         arm.send_goal(to(0.3, 3.0))
         states.wait(lambda m: now(elbow) > start + 0.25)
         arm.cancel_goal()
-        self.assertTrue(arm.wait_for_result(patience))
+        self.assertTrue(arm.wait_for_result(timeout))
         self.assertEqual(arm.get_state(), GoalStatus.PREEMPTED)
         bad = to(0.1, 1.0)
         bad.trajectory.joint_names[0] = "nose"
-        self.assertEqual(arm.send_goal_and_wait(bad, patience), GoalStatus.REJECTED)
+        self.assertEqual(arm.send_goal_and_wait(bad, timeout), GoalStatus.REJECTED)
         self.assertLess(now(elbow), start + 0.4)
         # The hand, by the original's action.
         opened = now(finger)
-        self.assertEqual(grasp.send_goal_and_wait(graspGoal(instruct=1), patience), GoalStatus.SUCCEEDED)
+        self.assertEqual(grasp.send_goal_and_wait(graspGoal(instruct=1), timeout), GoalStatus.SUCCEEDED)
         self.assertEqual(grasp.get_result().done, 1)
         self.assertGreater(abs(now(finger) - opened), 0.2)
-        self.assertEqual(grasp.send_goal_and_wait(graspGoal(instruct=2), patience), GoalStatus.SUCCEEDED)
+        self.assertEqual(grasp.send_goal_and_wait(graspGoal(instruct=2), timeout), GoalStatus.SUCCEEDED)
         self.assertAlmostEqual(now(finger), opened, delta=0.05)
         # The method commands the arm: the goal is over, and the arm goes where the gesture says.
         emg = rospy.Publisher("/emg", String, queue_size=1)
@@ -163,7 +163,7 @@ class Testbed(unittest.TestCase):
         try:
             frames.wait_count(30)
             gesture.data = "wrist_extension"
-            self.assertTrue(arm.wait_for_result(patience))
+            self.assertTrue(arm.wait_for_result(timeout))
             self.assertEqual(arm.get_state(), GoalStatus.PREEMPTED)
             self.assertIn("the method", arm.get_goal_status_text())
             left = now(elbow)

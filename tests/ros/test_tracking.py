@@ -46,12 +46,12 @@ def moved_back(p):
 
 
 def lab_frame(parent, child):
-    told = TransformStamped()
-    told.header.stamp = rospy.Time.now()
-    told.header.frame_id, told.child_frame_id = parent, child
-    t, q = told.transform.translation, told.transform.rotation
+    stamped = TransformStamped()
+    stamped.header.stamp = rospy.Time.now()
+    stamped.header.frame_id, stamped.child_frame_id = parent, child
+    t, q = stamped.transform.translation, stamped.transform.rotation
     (t.x, t.y, t.z), (q.z, q.w) = ORIGIN, (math.sin(YAW / 2), math.cos(YAW / 2))
-    return TFMessage(transforms=[told])
+    return TFMessage(transforms=[stamped])
 
 
 class Frames(unittest.TestCase):
@@ -60,9 +60,9 @@ class Frames(unittest.TestCase):
         sim = GRAPH.node("sim", "--setup", "still", "_exclude_frames:=hololens_world_test, table")
         try:
             moving.wait_count(50)
-            told = {t.child_frame_id for m in moving.messages + [fixed.wait()] for t in m.transforms}
-            self.assertIn("Shoulderpad", told)
-            self.assertFalse(told & {"hololens_world_test", "table"}, told)
+            frames = {t.child_frame_id for m in moving.messages + [fixed.wait()] for t in m.transforms}
+            self.assertIn("Shoulderpad", frames)
+            self.assertFalse(frames & {"hololens_world_test", "table"}, frames)
             # A second subscriber of this process would get no latched message.
             fixed.subscriber.unregister()
             buffer = tf2_ros.Buffer(rospy.Duration(30))

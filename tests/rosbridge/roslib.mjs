@@ -169,9 +169,9 @@ async function checkActions() {
   const feedback = [];
   assert.deepEqual(await goal(count, { to: 3 }, (values) => feedback.push(values)).ended, { values: { at: 3 } });
   assert.deepEqual(feedback, [{ at: 2, left: { sec: 1, nanosec: 5 } }]);
-  const endless = goal(count, { to: 1e9 });
-  count.cancelGoal(endless.id);
-  assert.match((await endless.ended).failed, /canceled/);
+  const unbounded = goal(count, { to: 1e9 });
+  count.cancelGoal(unbounded.id);
+  assert.match((await unbounded.ended).failed, /canceled/);
   const unknown = new Action({ ros, name: "/lab/nothing", actionType });
   assert.match((await goal(unknown, {}).ended).failed, /there are \/lab\/count/);
   const wrong = new Action({ ros, name: "/lab/count", actionType: "lab_msgs/action/Other" });

@@ -55,11 +55,11 @@ def check(client, ros2):
     assert stamps[2] - stamps[0] > 0.1, stamps
 
     # Publish and hear it back.
-    heard = threading.Event()
+    received = threading.Event()
     chat = roslibpy.Topic(client, "/chat", msg("std_msgs/String"))
-    chat.subscribe(lambda message: heard.set() if message["data"] == "grüß Gott" else None)
+    chat.subscribe(lambda message: received.set() if message["data"] == "grüß Gott" else None)
     chat.publish(roslibpy.Message({"data": "grüß Gott"}))
-    assert heard.wait(LIMIT_SECS), "own message"
+    assert received.wait(LIMIT_SECS), "own message"
 
     # A service that this client offers and calls.
     service_type = "my_pkg/srv/Add" if ros2 else "my_pkg/Add"

@@ -38,8 +38,8 @@ def main():
     with tempfile.TemporaryDirectory() as place:
         place = pathlib.Path(place)
         whole = place / "whole"
-        told = json.loads(run(binary, *WORDS, "--jobs", 1, "--out", whole, "--json"))
-        assert told["merged"] and "no evidence about people" in told["note"], told
+        summary = json.loads(run(binary, *WORDS, "--jobs", 1, "--out", whole, "--json"))
+        assert summary["merged"] and "no evidence about people" in summary["note"], summary
         expected = file_contents(whole)
         assert len(expected["trials.jsonl"].splitlines()) == 8
 
@@ -47,8 +47,8 @@ def main():
         assert file_contents(place / "two") == expected, "two jobs"
 
         for number in (3, 1):
-            told = json.loads(run(binary, *WORDS, "--out", place / "shards", "--shard", f"{number}/3", "--json"))
-            assert not told["merged"], told
+            summary = json.loads(run(binary, *WORDS, "--out", place / "shards", "--shard", f"{number}/3", "--json"))
+            assert not summary["merged"], summary
         missing = run(binary, "simulate", "--merge", place / "shards", fails=True)
         assert "of shards 2/3" in missing, missing
         run(binary, *WORDS, "--out", place / "shards", "--shard", "2/3")
@@ -69,9 +69,9 @@ def main():
         chance = random.Random(1)
         kills = 0
         while kills < args.kills:
-            with (place / "killed.txt").open("ab") as told:
+            with (place / "killed.txt").open("ab") as error_log:
                 words = [binary, *WORDS, "--jobs", "2", "--out", killed]
-                program = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=told)
+                program = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=error_log)
             time.sleep(chance.uniform(0.05, 0.3))
             if program.poll() is not None:
                 break
@@ -80,8 +80,8 @@ def main():
             kills += 1
         # Its workers find nobody to answer, and end without a word.
         time.sleep(2)
-        told = (place / "killed.txt").read_text()
-        assert "Broken pipe" not in told, told
+        errors = (place / "killed.txt").read_text()
+        assert "Broken pipe" not in errors, errors
         # Torn in the middle of its last line, if the kills did not do that.
         if log.exists() and log.stat().st_size > 100:
             log.write_bytes(log.read_bytes()[:-50])

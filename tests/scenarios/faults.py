@@ -343,9 +343,9 @@ def slow_readers():
     watched = MonitoredServer("slow")
     slow = [PageClient(watched.server.port, "spectator", receive_buffer=2048) for _ in range(20)]
     pace = watched.drive(8)
-    told = watched.stop_and_check(pace)
+    report = watched.stop_and_check(pace)
     del slow
-    return told
+    return report
 
 
 def many_clients():

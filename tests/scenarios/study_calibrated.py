@@ -151,9 +151,9 @@ def shoulder_of(record):
 
 poses("rest.csv", 5, sway=False)
 poses("moving.csv", 90, sway=True)
-told = json.loads(run_program("localize", "--json", "shoulder", "rest.csv", "--body", "Shoulderpad", "--half-shoulder-width", str(HALF_WIDTH)))
-place = told["details"]["world_from_shoulder"]
-demand(abs(place[1] + HALF_WIDTH) < 1e-3, f"the shoulder is calibrated: {told}")
+fit = json.loads(run_program("localize", "--json", "shoulder", "rest.csv", "--body", "Shoulderpad", "--half-shoulder-width", str(HALF_WIDTH)))
+place = fit["details"]["world_from_shoulder"]
+demand(abs(place[1] + HALF_WIDTH) < 1e-3, f"the shoulder is calibrated: {fit}")
 reach = run_program("localize", "reach")
 demand("calibrated of 20" in reach and "% of the box is reached" in reach, f"what is in reach: {reach}")
 

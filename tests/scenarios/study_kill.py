@@ -101,7 +101,7 @@ class StudyRun:
             stderr=subprocess.PIPE,
             text=True,
         )
-        self.told = 0
+        self.acknowledged = 0
         self.reader = threading.Thread(target=self._read, daemon=True)
         self.reader.start()
         self.error = ""
@@ -111,7 +111,7 @@ class StudyRun:
         for line in self.process.stdout:
             word, _, number = line.strip().partition(" ")
             if word == "event":
-                self.told = int(number)
+                self.acknowledged = int(number)
 
     def _read_error(self):
         self.error = self.process.stderr.read()
@@ -142,8 +142,8 @@ def check_finished(folder, events):
     given = {}
     for _, event in events:
         if event["kind"] == "answered":
-            spot = event["spot"]
-            given[(str(spot["participant"]), spot["session"], spot["step"], event["item"])] = event["answer"]
+            step_id = event["spot"]
+            given[(str(step_id["participant"]), step_id["session"], step_id["step"], event["item"])] = event["answer"]
     demand(sum(1 for row in rows["answers"] if row["answer"]) == len(given), f"{len(given)} answers were told")
     demand(all(row["simulated"] == "1" for row in rows["trials"] + rows["answers"]), "all of it is marked as simulated")
     for row in rows["trials"]:
@@ -162,7 +162,7 @@ def study(number):
     folder = work / f"study{number}"
     run_program("study", "new", folder)
     (folder / "plan.toml").write_text(PLAN.format(name=folder.name, seed=number, limit=rng.choice([4, 6, 10])))
-    told = 0
+    acknowledged = 0
     while True:
         run = StudyRun(folder)
         killed = counts["kills"] < options.points
@@ -182,10 +182,10 @@ def study(number):
                 killed = False
         code = run.process.wait(timeout=600)
         run.reader.join()
-        told = max(told, run.told)
+        acknowledged = max(acknowledged, run.acknowledged)
         events = journal(folder)
         demand([number for number, _ in events] == list(range(1, len(events) + 1)), "events are numbered without gaps")
-        demand(len(events) >= told, f"event {told} was told, the journal has {len(events)}")
+        demand(len(events) >= acknowledged, f"event {acknowledged} was acknowledged, the journal has {len(events)}")
         if not killed:
             demand(code == 0, f"study run ended with {code}: {run.error}")
             check_finished(folder, events)

@@ -108,8 +108,8 @@ class Listener:
         except (OSError, ConnectionError, ValueError):
             self.ended = True
 
-    def until(self, kind, holds, what, patience=TIMEOUT_SECS):
-        end = time.monotonic() + patience
+    def until(self, kind, holds, what, timeout=TIMEOUT_SECS):
+        end = time.monotonic() + timeout
         while time.monotonic() < end:
             message = self.newest.get(kind)
             if message and holds(message):
@@ -167,7 +167,7 @@ class StudyRun:
         return self.screen(holds, what or f"a step that is {kind}")["session"]["now"]
 
     def wait_for_notice(self, words):
-        return self.screen(lambda screen: words in screen["told"], f"is told {words!r}")
+        return self.screen(lambda screen: words in screen["notice"], f"shows {words!r}")
 
     def wait_for_participant_screen(self, show):
         return self.participant.until("participant", lambda screen: screen["show"] == show, f"the participant sees {show}")
@@ -357,18 +357,18 @@ def run_until_kill():
     run.drive(0.5)
     # In the middle of the trial.
     demand(run.participant.newest["frame"]["time"] > 100, "the trial goes on")
-    told = run.acknowledged
+    acknowledged = run.acknowledged
     run.end(signal.SIGKILL)
-    return told
+    return acknowledged
 
 
-def resume_and_finish(told):
+def resume_and_finish(acknowledged):
     run = StudyRun("--usage-log", work / "use.jsonl")
     run.wait_for_notice("was interrupted")
     # Beside it nobody else runs this study, and looking is allowed.
     demand("another program runs this study" in run_refused("--port", "0"), "a second program is refused")
     run_program("study", "status", folder)
-    demand(run.acknowledged > told, "events go on where they were")
+    demand(run.acknowledged > acknowledged, "events go on where they were")
     screen = run.screen(lambda screen: screen["next"], "says who is next")
     demand(screen["next"]["begun"] and screen["next"]["id"] == "X1", f"the session goes on: {screen['next']}")
     run.ask("begin", id="X1", new=True)
@@ -398,9 +398,9 @@ def resume_and_finish(told):
     run.ask("skip", reason="no time left")
     run.screen(lambda screen: screen["session"] is None, "the session is over")
     run.wait_for_participant_screen("thanks")
-    told = run.acknowledged
+    acknowledged = run.acknowledged
     run.end()
-    return told
+    return acknowledged
 
 
 def check_use_log():
@@ -415,26 +415,26 @@ def check_use_log():
     demand(sum(day["trials"] for day in days) == trials, f"and emg usage adds them up: {days}")
 
 
-def check_exported_tables(told):
+def check_exported_tables(acknowledged):
     out = work / "tables"
     check_use_log()
     rows = json.loads(run_program("study", "export", folder, "--out", out, "--keep-pseudonyms", "--raw", "--json"))["rows"]
     demand(rows["trials"] == 2 and rows["attempts"] == 4, f"two trials count, of four attempts: {rows}")
-    demand(rows["events"] >= told, f"{told} events were told, {rows['events']} are there")
+    demand(rows["events"] >= acknowledged, f"{acknowledged} events were acknowledged, {rows['events']} are there")
     numbers = [int(row["event"]) for row in table("events", out)]
     demand(numbers == list(range(1, len(numbers) + 1)), "events are numbered without gaps")
     kinds = {row["deviation"]: row["reason"] for row in table("deviations", out)}
     demand(kinds.get("repeated") == "looked away" and kinds.get("left_out") == "no time left", f"reasons: {kinds}")
     demand(kinds.get("recalibrated") == "the headset slipped", f"reasons: {kinds}")
     trials = table("trials", out)
-    demand([row["ended"] for row in trials] == ["task", "abort"], f"how they ended: {trials}")
+    demand([row["end_reason"] for row in trials] == ["task", "abort"], f"how they ended: {trials}")
     demand(trials[0]["mark"] == "*" and "repeated" in trials[0]["deviations"], "the asterisk of what was done again")
     demand(all(row["simulated"] == "0" for row in trials), "people are no simulation")
     attempts = [(row["trial"], row["attempt"], row["outcome"]) for row in table("attempts", out)]
     demand(attempts == [("1", "1", "done"), ("1", "2", "interrupted"), ("1", "3", "done"), ("2", "1", "aborted")], f"{attempts}")
     participants = table("participants", out)
     demand(participants[0]["id"] == "X1" and participants[0]["consent_version"], f"consent is there: {participants[0]}")
-    scores = {row["score"]: row["value"] for row in table("scores", out) if row["form"] == "nasa_tlx"}
+    scores = {row["score_name"]: row["value"] for row in table("scores", out) if row["form"] == "nasa_tlx"}
     demand(float(scores["nasa_tlx_raw"]) > 0 and float(scores["nasa_tlx_weighted"]) > 0, f"scores: {scores}")
     demand(rows["raw_gaze"] > 50, "the gaze sample by sample")
     for row in table("attempts", out):
@@ -512,12 +512,12 @@ def check_allowed_plan_edits():
         except (OSError, ConnectionError):
             time.sleep(0.1)
     out, error = process.communicate(timeout=TIMEOUT_SECS)
-    told = [int(line.split()[1]) for line in out.splitlines() if line.startswith("event ")]
+    numbers = [int(line.split()[1]) for line in out.splitlines() if line.startswith("event ")]
     sentence = [line for line in error.splitlines() if line.startswith("proact:")]
     demand(process.returncode != 0 and len(sentence) == 1, f"a full disk is told in one sentence: {error[-1500:]}")
     demand("study.sqlite" in sentence[0], f"and says where: {sentence}")
     rows = json.loads(run_program("study", "export", other, "--out", work / "full-tables", "--json"))["rows"]
-    demand(rows["events"] >= max(told), f"{max(told)} events were told, {rows['events']} are there")
+    demand(rows["events"] >= max(numbers), f"{max(numbers)} events were acknowledged, {rows['events']} are there")
 
 
 def armband():
@@ -572,11 +572,11 @@ def armband():
 run_program("study", "new", folder)
 (folder / "plan.toml").write_text(PLAN)
 try:
-    told = run_until_kill()
+    acknowledged = run_until_kill()
     print("ok  a session until the program was killed in a trial")
-    told = resume_and_finish(told)
+    acknowledged = resume_and_finish(acknowledged)
     print("ok  the session goes on and ends")
-    check_exported_tables(told)
+    check_exported_tables(acknowledged)
     print("ok  tables, records, archive")
     check_allowed_plan_edits()
     print("ok  second program, edited plan, set clock, full disk")

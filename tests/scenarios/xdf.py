@@ -27,13 +27,13 @@ def main(proact):
         trial, file = os.path.join(place, "trial"), os.path.join(place, "trial.xdf")
         subprocess.run([proact, "demo", "--headless", "--seed", "1", "--time-limit", str(SECONDS), "--out", trial], check=True,
                        capture_output=True)
-        told = json.loads(subprocess.run([proact, "export", trial, "--xdf", file, "--json"], check=True, capture_output=True).stdout)
+        summary = json.loads(subprocess.run([proact, "export", trial, "--xdf", file, "--json"], check=True, capture_output=True).stdout)
         streams, header = pyxdf.load_xdf(file)
         with open(os.path.join(trial, "events.jsonl"), encoding="utf-8") as lines:
             events = [json.loads(line) for line in lines]
     assert header["info"]["version"] == ["1.0"], header
     found = {stream["info"]["name"][0]: stream for stream in streams}
-    for said in told["streams"]:
+    for said in summary["streams"]:
         stream = found.pop(said["name"])
         shape = (len(stream["time_stamps"]), int(stream["info"]["channel_count"][0]))
         assert shape == (said["samples"], said["channels"]), (said, shape)

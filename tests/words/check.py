@@ -1,10 +1,10 @@
 #!/usr/bin/python3
 """Checks names and prose against the vocabulary of the project: `./proact test words`.
 
-    tests/words/check.py [--list prose|names]
+    tests/words/check.py [--list]
 
-The rules are in words.toml beside this file. Exit code 0 only if no file breaks one. Files that are not done yet stand in
-prose_to_do.txt and names_to_do.txt, which may only get shorter; `--list` prints the files that break a rule.
+The rules are in words.toml beside this file. Exit code 0 only if no file breaks one. Files whose prose is not done yet stand
+in prose_to_do.txt, which may only get shorter; `--list` prints them.
 """
 
 import argparse
@@ -21,7 +21,7 @@ PAGE = "rust/bridge/web/src/"
 
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
 parser.add_argument("--root", type=pathlib.Path, default=HERE.parents[1], help="the repository (default: this one)")
-parser.add_argument("--list", choices=["prose", "names"])
+parser.add_argument("--list", action="store_true", help="print the files whose prose breaks a rule")
 options = parser.parse_args()
 root = options.root.resolve()
 rules = tomllib.loads((HERE / "words.toml").read_text())
@@ -98,7 +98,7 @@ def patterns(place):
 
 
 IDENTIFIER, FILE, PROSE, PAGE_STRINGS = (patterns(place) for place in ("identifier", "file", "prose", "page"))
-faults, prose_faults, name_faults = [], {}, {}
+faults, prose_faults = [], {}
 
 
 def read_list(text):
@@ -130,7 +130,7 @@ for name in names:
         continue
     pieces = parts(path, path.read_text(encoding="utf-8"))
     if "identifier" in pieces:
-        look(name_faults.setdefault(name, []), name, "identifier", pieces["identifier"], IDENTIFIER)
+        look(faults, name, "identifier", pieces["identifier"], IDENTIFIER)
     if name.startswith(PAGE) and "string" in pieces:
         look(prose_faults.setdefault(name, []), name, "page text", pieces["string"], PAGE_STRINGS)
     look(prose_faults.setdefault(name, []), name, "prose", pieces["prose"], PROSE)
@@ -149,26 +149,23 @@ for word, crates in sorted(types.items()):
         places = list(crates.values())
         faults.append(f"{places[0]}: type \"{word}\" is also in {', '.join(places[1:])}: use a name of its own for each")
 
-# What is not done yet. The lists only get shorter.
-KINDS = {"prose": prose_faults, "names": name_faults}
+# Prose that is not done yet. The list only gets shorter.
 if options.list:
-    print("\n".join(sorted(name for name, found in KINDS[options.list].items() if found)))
+    print("\n".join(sorted(name for name, found in prose_faults.items() if found)))
     sys.exit(0)
 base = os.environ.get("PROACT_BASE") or "HEAD~1"
-pending = {}
-for kind, found_in in KINDS.items():
-    path = f"tests/words/{kind}_to_do.txt"
-    to_do = pending[kind] = read_list((root / path).read_text())
-    for name, found in sorted(found_in.items()):
-        if found and name not in to_do:
-            faults += found
-    faults += [f"{path}: {name} breaks no rule any more: take it out" for name in to_do if not found_in.get(name)]
-    before = subprocess.run(["git", "-C", root, "show", f"{base}:{path}"], capture_output=True, text=True)
-    if before.returncode == 0:
-        for name in sorted(set(to_do) - set(read_list(before.stdout))):
-            # A file that was renamed keeps its place.
-            if subprocess.run(["git", "-C", root, "cat-file", "-e", f"{base}:{name}"], capture_output=True).returncode == 0:
-                faults.append(f"{path}: {name} is new in the list: correct the file instead")
+path = "tests/words/prose_to_do.txt"
+to_do = read_list((root / path).read_text())
+for name, found in sorted(prose_faults.items()):
+    if found and name not in to_do:
+        faults += found
+faults += [f"{path}: {name} breaks no rule any more: take it out" for name in to_do if not prose_faults.get(name)]
+before = subprocess.run(["git", "-C", root, "show", f"{base}:{path}"], capture_output=True, text=True)
+if before.returncode == 0:
+    for name in sorted(set(to_do) - set(read_list(before.stdout))):
+        # A file that was renamed keeps its place.
+        if subprocess.run(["git", "-C", root, "cat-file", "-e", f"{base}:{name}"], capture_output=True).returncode == 0:
+            faults.append(f"{path}: {name} is new in the list: correct the file instead")
 
 # Spelling, in American English for identifiers by the rules above; here any misspelling of prose.
 try:
@@ -181,5 +178,5 @@ except FileNotFoundError:
 
 for fault in faults:
     print(f"FAILED {fault}")
-print(f"{len(names)} files, {len(faults)} faults; to do: prose of {len(pending['prose'])} files, names of {len(pending['names'])}")
+print(f"{len(names)} files, {len(faults)} faults; prose to do: {len(to_do)} files")
 sys.exit(bool(faults))

@@ -37,7 +37,6 @@ class Words(unittest.TestCase):
             for path, text in CLEAN.items():
                 write(path, text)
             write("tests/words/prose_to_do.txt", committed_to_do)
-            write("tests/words/names_to_do.txt", "")
             git("add", "-A")
             git("commit", "-qm", "clean")
             for path, text in dict(files).items():

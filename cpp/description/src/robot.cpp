@@ -106,8 +106,8 @@ Link convert(const urdf::Link& link) {
   for (const auto& visual : link.visual_array) {
     Visual shown{convert(visual->origin), convert(*visual->geometry), {{0.8, 0.8, 0.8, 1.0}}};
     if (visual->material) {
-      const urdf::Color& colour = visual->material->color;
-      shown.color = {{double{colour.r}, double{colour.g}, double{colour.b}, double{colour.a}}};
+      const urdf::Color& color = visual->material->color;
+      shown.color = {{double{color.r}, double{color.g}, double{color.b}, double{color.a}}};
     }
     out.visuals.push_back(shown);
   }

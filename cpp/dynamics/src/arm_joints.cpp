@@ -45,7 +45,7 @@ bool ArmJoints::all_finite() const {
 
 bool ArmJoints::update_rigid(const double* position, const double* velocity) {
   const Options& options = model_.options;
-  auto& [positions, velocities, efforts, borne, last_command, held, still_ticks] = state_;
+  auto& [positions, velocities, efforts, limit_effort, last_command, held, still_ticks] = state_;
   bool changed = false;
   for (std::size_t k = model_.arm_count; k < model_.moving.size(); ++k) {
     const bool commanded = std::fabs(position[k] - last_command[k]) > 1e-9 || std::fabs(velocity[k]) > 1e-9;
@@ -63,11 +63,11 @@ bool ArmJoints::update_rigid(const double* position, const double* velocity) {
   return changed;
 }
 
-void ArmJoints::set_state(std::size_t moving, double position, double velocity, double effort, double borne) {
+void ArmJoints::set_state(std::size_t moving, double position, double velocity, double effort, double limit_effort) {
   state_.positions[moving] = position;
   state_.velocities[moving] = velocity;
   state_.efforts[moving] = effort;
-  state_.limit_effort[moving] = borne;
+  state_.limit_effort[moving] = limit_effort;
 }
 
 void ArmJoints::clear_efforts() {

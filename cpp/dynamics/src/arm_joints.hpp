@@ -42,7 +42,7 @@ class ArmJoints {
 
   /// Finds which hand joints are at rest; true if that is another set than before.
   bool update_rigid(const double* position, const double* velocity);
-  void set_state(std::size_t moving, double position, double velocity, double effort, double borne);
+  void set_state(std::size_t moving, double position, double velocity, double effort, double limit_effort);
   void clear_effort(std::size_t moving) { state_.efforts[moving] = state_.limit_effort[moving] = 0.0; }
   void clear_efforts();
 

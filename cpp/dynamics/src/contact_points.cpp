@@ -44,10 +44,10 @@ Feature cylinder_feature(const PlacedShape& placed, const Vec3& direction) {
   const Vec3 first = side > 1e-9 ? sideways * (1.0 / side) : rotate(placed.pose.rotation, {1.0, 0.0, 0.0});
   const Vec3 second = cross(axis, first);
   feature.normal = along > 0.0 ? axis : axis * -1.0;
-  const Vec3 centre = placed.pose.position + feature.normal * half;
+  const Vec3 center = placed.pose.position + feature.normal * half;
   for (std::size_t k = 0; k < face_corners; ++k) {
     const double angle = 2.0 * pi * static_cast<double>(k) / static_cast<double>(face_corners);
-    feature.add(centre + first * (radius * std::cos(angle)) + second * (radius * std::sin(angle)));
+    feature.add(center + first * (radius * std::cos(angle)) + second * (radius * std::sin(angle)));
   }
   return feature;
 }

@@ -313,14 +313,14 @@ void LargeIslands::put_to_rest(std::size_t block) {
   dBodyDisable(blocks_.body(block));
   resting_[block] = 1;
   const std::size_t first = resting_forces_.size();
-  const auto add = [&](std::size_t neighbour, const Vec3& force, const Vec3& lever) {
+  const auto add = [&](std::size_t neighbor, const Vec3& force, const Vec3& lever) {
     for (std::size_t k = first; k < resting_forces_.size(); ++k) {
-      if (resting_forces_[k].neighbor != neighbour) continue;
+      if (resting_forces_[k].neighbor != neighbor) continue;
       resting_forces_[k].force = resting_forces_[k].force + force;
       resting_forces_[k].torque = resting_forces_[k].torque + cross(lever, force);
       return;
     }
-    resting_forces_.push_back({block, neighbour, force, cross(lever, force)});
+    resting_forces_.push_back({block, neighbor, force, cross(lever, force)});
   };
   for (std::size_t k = 0; k < constraints_.size(); ++k) {
     const ContactConstraint& touch = constraints_[k];
@@ -328,9 +328,9 @@ void LargeIslands::put_to_rest(std::size_t block) {
     const bool is_first = touch.first.block == block;
     if (!is_first && touch.second.block != block) continue;
     const std::size_t other = is_first ? touch.second.block : touch.first.block;
-    const std::size_t neighbour = other != no_index ? other : touch.resting_block;
-    if (neighbour == no_index) continue;
-    add(neighbour, point.impulse * ((is_first ? 1.0 : -1.0) / tick_secs), is_first ? point.first_lever : point.second_lever);
+    const std::size_t neighbor = other != no_index ? other : touch.resting_block;
+    if (neighbor == no_index) continue;
+    add(neighbor, point.impulse * ((is_first ? 1.0 : -1.0) / tick_secs), is_first ? point.first_lever : point.second_lever);
   }
 }
 

@@ -81,8 +81,8 @@ void check_joints(const Model& model) {
     check_pose(what, joint.origin);
     if (joint.kind == JointKind::fixed) continue;
     if (!is_finite(joint.axis) || std::fabs(norm(joint.axis) - 1.0) > 1e-6) refuse(what, ": the axis is not a unit vector");
-    const bool endless = joint.lower == -infinity && joint.upper == infinity;
-    if (!endless && !(std::fabs(joint.lower) <= max_hinge_angle_rad && std::fabs(joint.upper) <= max_hinge_angle_rad)) {
+    const bool continuous = joint.lower == -infinity && joint.upper == infinity;
+    if (!continuous && !(std::fabs(joint.lower) <= max_hinge_angle_rad && std::fabs(joint.upper) <= max_hinge_angle_rad)) {
       refuse(what, ": limits ", joint.lower, " to ", joint.upper, " rad, ODE needs them within +-", max_hinge_angle_rad,
              ", or both infinite for none");
     }

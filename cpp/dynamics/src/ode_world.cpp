@@ -38,8 +38,8 @@ void OdeWorld::step() {
     done = dWorldQuickStep(world_.get(), tick_secs);
     state_.seed = dRandGetSeed();
   }
-  if (const unsigned long heard = ode_message_count() - before; heard > 0) {
-    state_.warnings += heard;
+  if (const unsigned long new_messages = ode_message_count() - before; new_messages > 0) {
+    state_.warnings += new_messages;
     last_warning_ = ode_last_message();
   }
   if (done == 0) throw std::runtime_error("out of memory in a step");

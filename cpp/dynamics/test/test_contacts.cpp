@@ -236,12 +236,12 @@ void the_same_commands_give_the_same_bits_beside_another_world() {
     const std::uint64_t alone = tumble(solver, 1500);
     check(tumble(solver, 1500) == alone, name + ": a second run differs");
     std::atomic<bool> stop{false};
-    std::thread neighbour([&] {
+    std::thread neighbor([&] {
       while (!stop) tumble(solver, 50);
     });
     for (int repeat = 0; repeat < 3; ++repeat) check(tumble(solver, 1500) == alone, name + ": a run beside another differs");
     stop = true;
-    neighbour.join();
+    neighbor.join();
     check(tumble(solver, 1499) != alone, name + ": the digest does not see the last tick");
   }
 }

@@ -389,9 +389,9 @@ Roadmap grow_roadmap(Scene& scene, const JointQuery& query, std::size_t mileston
   for (unsigned int v = 0; v < data.numVertices(); ++v) {
     const double* q = values(data.getVertex(v).getState());
     roadmap.milestones.emplace_back(q, q + scene.joint_count());
-    std::vector<unsigned int> neighbours;
-    data.getEdges(v, neighbours);
-    for (const unsigned int n : neighbours) {
+    std::vector<unsigned int> neighbors;
+    data.getEdges(v, neighbors);
+    for (const unsigned int n : neighbors) {
       if (v < n) roadmap.edges.emplace_back(v, n);
     }
   }

@@ -143,10 +143,10 @@ void Scene::set_attached(const std::optional<Object>& attached) {
   place_hand();
 }
 
-void Scene::set_padding(double metres) {
-  if (!std::isfinite(metres)) throw std::invalid_argument("the padding must be a finite number of metres");
-  if (metres == padding_) return;
-  padding_ = metres;
+void Scene::set_padding(double padding_m) {
+  if (!std::isfinite(padding_m)) throw std::invalid_argument("the padding must be a finite number of metres");
+  if (padding_m == padding_) return;
+  padding_ = padding_m;
   for (Obstacle& obstacle : obstacles_) place_obstacle(obstacle);
   list_boxes();
 }

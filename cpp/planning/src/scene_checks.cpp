@@ -191,8 +191,8 @@ void Scene::center_members(Body& body) {
   if (body.centers_valid) return;
   Eigen::Index row = 0;
   for (Member& member : body.members) {
-    const Vector centre = body.world_from_body.linear() * member.body_from_shape.translation() + body.world_from_body.translation();
-    body.centers.row(row++) = centre.transpose().array();
+    const Vector center = body.world_from_body.linear() * member.body_from_shape.translation() + body.world_from_body.translation();
+    body.centers.row(row++) = center.transpose().array();
     member.is_posed = false;
   }
   body.centers_valid = true;

@@ -51,11 +51,11 @@ inline Arm planar_arm() {
   return arm;
 }
 
-inline Object box(const std::string& name, std::array<double, 3> size, const proact::Vec3& centre) {
+inline Object box(const std::string& name, std::array<double, 3> size, const proact::Vec3& center) {
   Object object;
   object.name = name;
   object.placed.shape = {ShapeKind::box, size};
-  object.placed.pose.position = centre;
+  object.placed.pose.position = center;
   return object;
 }
 

@@ -62,8 +62,8 @@ const LIMITS: &[PlausibilityLimit] = &[
     of_phase("shoulder_sum10_m", "seconds", MAX_SHOULDER_SPEED_M_PER_S, "m/s"),
     of_phase("joint_speed_share", "", MAX_JOINT_SPEED_RATIO, "of its limit"),
     of_phase("joint_beyond_rad", "", MAX_JOINT_LIMIT_EXCESS_RAD, "rad"),
-    of_body("shoulder_range_mm", MAX_BODY_DISPLACEMENT_MM, "mm"),
-    of_body("trunk_range_mm", MAX_BODY_DISPLACEMENT_MM, "mm"),
+    of_body("shoulder_displacement_mm", MAX_BODY_DISPLACEMENT_MM, "mm"),
+    of_body("trunk_displacement_mm", MAX_BODY_DISPLACEMENT_MM, "mm"),
     of_body("shoulder_turn_deg", MAX_BODY_TURN_DEG, "degrees"),
     of_body("trunk_turn_deg", MAX_BODY_TURN_DEG, "degrees"),
 ];
@@ -125,7 +125,7 @@ mod tests {
     #[test]
     fn a_value_beyond_its_limit_is_found_with_row_value_and_limit_and_a_possible_one_is_not() {
         const fn column(name: &'static str) -> TableColumn {
-            TableColumn { name, unit: "", meaning: "", source: "" }
+            TableColumn { name, unit: "", meaning: "", source: "", formerly: "" }
         }
         const COLUMNS: &[TableColumn] =
             &[column("seconds"), column("peak_speed_m_per_s"), column("shoulder_sum10_m")];

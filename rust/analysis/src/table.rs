@@ -14,6 +14,39 @@ pub struct TableColumn {
     pub meaning: &'static str,
     /// Where it comes from.
     pub source: &'static str,
+    /// The name that it had in older exports; empty if it always had its present one.
+    pub formerly: &'static str,
+}
+
+impl TableColumn {
+    /// The column with the name that it had in older exports.
+    #[must_use]
+    pub const fn formerly(self, name: &'static str) -> Self {
+        Self { formerly: name, ..self }
+    }
+
+    /// Whether this is its present name or an older one.
+    pub fn is_named(&self, name: &str) -> bool {
+        self.name == name || !self.formerly.is_empty() && self.formerly == name
+    }
+
+    /// The name to write.
+    pub fn written_name(&self, names: ColumnNames) -> &'static str {
+        match names {
+            ColumnNames::Legacy if !self.formerly.is_empty() => self.formerly,
+            _ => self.name,
+        }
+    }
+}
+
+/// Which names columns are written with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ColumnNames {
+    /// Those of today.
+    #[default]
+    Present,
+    /// Those of older exports, for scripts that expect them.
+    Legacy,
 }
 
 /// A value in a table. As JSON: null, a number, a string.
@@ -129,9 +162,9 @@ impl Table {
         Self { name, row_meaning: row, columns, rows: Vec::new() }
     }
 
-    /// The place of the column called `name`.
+    /// The place of the column called `name`, now or in older exports.
     pub fn column_index(&self, name: &str) -> Option<usize> {
-        self.columns.iter().position(|column| column.name == name)
+        self.columns.iter().position(|column| column.is_named(name))
     }
 
     /// What `row` has in the column called `name`.

@@ -15,7 +15,7 @@ fn every_measure_is_defined_in_the_guide() {
     let columns = PHASE_MEASURES.iter().map(|measure| measure.column);
     let columns = columns.chain(OBJECT_MEASURES.iter().map(|measure| measure.column));
     let columns = columns.chain(TRIAL_MEASURES.iter().map(|measure| measure.column));
-    let row = |TableColumn { name, unit, meaning, source }: TableColumn| {
+    let row = |TableColumn { name, unit, meaning, source, .. }: TableColumn| {
         let unit = if unit.is_empty() { "–" } else { unit };
         format!("| `{name}` | {unit} | {meaning} | {source} |")
     };

@@ -21,6 +21,7 @@ pub use live::{LiveStudy, OpenUserDevices, ScreenObserver, StudyEquipment, initi
 pub use power::{
     PowerAtSampleSize, PowerOptions, pilot_scores, power_by_size, power_figure, read_expected_effect,
 };
+pub use proact_analysis::table::ColumnNames;
 pub use rehearsal::{RehearsalEvent, RehearsalOptions, rehearse};
 pub(crate) use simulated_participant::participant_histories;
 pub use simulated_participant::{

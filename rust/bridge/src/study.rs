@@ -138,7 +138,6 @@ pub struct ExperimenterScreen {
     #[serde(rename = "can")]
     pub available_buttons: Vec<StudyButton>,
     /// What came of the last request, or what was found; empty if there is nothing to say.
-    #[serde(rename = "told")]
     pub notice: String,
     /// Notes of the session, oldest first.
     pub notes: Vec<String>,
@@ -253,7 +252,8 @@ pub enum StepActivity {
     /// A simulated participant shows the method.
     Demonstrate {},
     /// The participant tries the method.
-    Practise {
+    #[serde(rename = "practise")]
+    Practice {
         /// Objects that were carried.
         #[serde(rename = "carried")]
         transferred: usize,

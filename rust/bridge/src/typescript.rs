@@ -9,7 +9,7 @@ use std::{collections::BTreeMap, fs, path::Path};
 use ts_rs::{Config, TS, TypeVisitor};
 
 const FILE: &str = "web/src/generated/types.ts";
-const HEAD: &str = "// Made from the Rust types by: PROACT_BLESS=1 cargo test --release -p proact-bridge --features ts typescript
+const HEAD: &str = "// Made from the Rust types by: UPDATE_EXPECTED=1 cargo test --release -p proact-bridge --features ts typescript
 // Metres, rad, frame `world`; quaternions x, y, z, w.
 ";
 
@@ -58,7 +58,7 @@ fn types() -> String {
 fn the_types_of_the_page_are_those_of_the_server() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(FILE);
     let expected = types();
-    if std::env::var_os("PROACT_BLESS").is_some() {
+    if std::env::var_os("UPDATE_EXPECTED").is_some() {
         fs::write(&path, &expected).unwrap();
     }
     let got = fs::read_to_string(&path).unwrap_or_default();
@@ -66,7 +66,7 @@ fn the_types_of_the_page_are_those_of_the_server() {
     assert!(
         got == expected,
         "rust/bridge/{FILE} is not what the Rust types give; first difference (expected, got): {differs:?}; write it \
-         anew with PROACT_BLESS=1 cargo test --release -p proact-bridge --features ts typescript"
+         anew with UPDATE_EXPECTED=1 cargo test --release -p proact-bridge --features ts typescript"
     );
 }
 

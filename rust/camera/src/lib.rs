@@ -139,9 +139,9 @@ impl Renderer {
         let sum: Vector = scene.targets.iter().map(|target| target.center.coords).sum();
         let starts: Vector = scene.objects.iter().map(|block| block.pose.translation.vector).sum();
         let count = (scene.targets.len() + scene.objects.len()).max(1) as f64;
-        let mut table_centre = Point::from((sum + starts) / count);
-        table_centre.z = scene.table_height;
-        Renderer { arm: arm.clone(), bodies, table_center: table_centre }
+        let mut table_center = Point::from((sum + starts) / count);
+        table_center.z = scene.table_height;
+        Renderer { arm: arm.clone(), bodies, table_center }
     }
 
     /// A camera at one of the usual places at the instant of `frame`.
@@ -336,7 +336,7 @@ mod tests {
         }
     }
 
-    fn studio() -> Renderer {
+    fn renderer() -> Renderer {
         let shape = Shape::Sphere { radius: 0.05 };
         let ball = proact_types::Object {
             color: [0.784, 0.267, 0.173],
@@ -360,7 +360,7 @@ mod tests {
 
     #[test]
     fn a_ball_is_where_the_matrix_puts_it_and_as_far_and_as_wide_as_it_is() {
-        let (renderer, frame) = (studio(), frame());
+        let (renderer, frame) = (renderer(), frame());
         let camera = camera(&[2.0, 0.1, 1.5], 1.0, 1.0);
         let picture = renderer.render(&frame, &camera);
         let red = |pixel: usize| picture.rgb[3 * pixel] / 2 > picture.rgb[3 * pixel + 2];
@@ -386,7 +386,7 @@ mod tests {
 
     #[test]
     fn what_is_nearer_hides_what_is_behind_and_what_is_behind_the_camera_is_not_seen() {
-        let (renderer, mut frame) = (studio(), frame());
+        let (renderer, mut frame) = (renderer(), frame());
         let red = |picture: &RgbdImage| picture.rgb.chunks(3).filter(|p| p[0] / 2 > p[2]).count();
         assert_eq!(
             red(&renderer.render(&frame, &camera(&[2.0, 0.1, 1.5], -1.0, 1.0))),
@@ -409,7 +409,7 @@ mod tests {
 
     #[test]
     fn a_camera_within_a_body_or_an_instant_with_little_in_it_is_no_fault() {
-        let (renderer, mut frame) = (studio(), frame());
+        let (renderer, mut frame) = (renderer(), frame());
         frame.world_from_head = frame.objects[0];
         frame.joints.clear();
         let camera = renderer.camera(CameraView::Overhead, &frame, [16, 16], 1.0);

@@ -115,7 +115,7 @@ fn a_simulated_study_has_the_rows_of_its_plan_and_the_digests_of_its_trials_what
         trials.iter().map(|row| (&row["participant"], &row["condition"], &row["trial"])).collect();
     let all: std::collections::BTreeSet<_> = keys.iter().collect();
     assert_eq!((keys.len(), all.len()), (6, 6), "{keys:?}");
-    assert!(trials.iter().all(|row| row["simulated"] == "1" && row["ended"] == "task"));
+    assert!(trials.iter().all(|row| row["simulated"] == "1" && row["end_reason"] == "task"));
     assert_eq!(table(&tables, "participants").len(), 3);
     assert_eq!(table(&tables, "sessions").len(), 3);
     assert_eq!(table(&tables, "blocks").len(), 24, "four blocks a trial");
@@ -150,6 +150,37 @@ fn a_simulated_study_has_the_rows_of_its_plan_and_the_digests_of_its_trials_what
             let entry = codebook.iter().find(|row| row["table"] == name && row["column"] == column);
             let entry = entry.unwrap_or_else(|| panic!("the codebook has no {name}.{column}"));
             assert!(!entry["meaning"].is_empty() && !entry["source"].is_empty(), "{name}.{column}");
+        }
+    }
+
+    // Scripts for older exports get the names that those had, and the analysis reads both.
+    answer(dir, &["study", "export", "one", "--legacy-names", "--out", "legacy"]);
+    let legacy = dir.join("legacy");
+    let renames = fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/renames.md")).unwrap();
+    let renamed: Vec<_> = codebook.iter().filter(|row| !row["formerly"].is_empty()).collect();
+    assert!(renamed.len() >= 5, "{renamed:?}");
+    for row in renamed {
+        let [name, old, new] = ["table", "formerly", "column"].map(|key| row[key].as_str());
+        let header = |dir: &Path| -> Vec<String> {
+            let text = fs::read_to_string(dir.join(format!("{name}.csv"))).unwrap();
+            text.lines().next().unwrap().split(',').map(str::to_owned).collect()
+        };
+        assert!(
+            header(&tables).iter().any(|column| column == new)
+                && !header(&legacy).iter().any(|column| column == new)
+        );
+        let position = |dir: &Path, column: &str| header(dir).iter().position(|other| other == column);
+        assert_eq!(position(&legacy, old), position(&tables, new), "{name}.{old}");
+        assert!(renames.contains(&format!("| `{old}` | `{new}` |")), "docs/renames.md lacks {name}.{old}");
+    }
+    for tables in ["one/tables", "legacy"] {
+        let analysis = json(dir, &["analyze", tables, "--json"]);
+        for (name, file) in analysis["tables"].as_object().unwrap() {
+            let [one, other] = [tables, "one/tables"].map(|tables| {
+                let file = file.as_str().unwrap().split_once("/analysis/").unwrap().1;
+                fs::read_to_string(dir.join(tables).join("analysis").join(file)).unwrap()
+            });
+            assert_eq!(one, other, "{name} of {tables}");
         }
     }
 

@@ -177,7 +177,7 @@ impl GazeAssisted {
             return;
         };
         let goal = match selection {
-            Selection::Block(block) => PlanGoal::Pick { object: block, centre: input.objects[block.index()] },
+            Selection::Block(block) => PlanGoal::Pick { object: block, center: input.objects[block.index()] },
             Selection::Place(point) => PlanGoal::Place { point },
         };
         self.planned_block_position = match selection {

@@ -19,7 +19,7 @@ const ARRIVED_M: f64 = 0.01;
 pub struct ReachAssistant {
     speed_m_per_s: f64,
     height_above_target_m: f64,
-    grasp_centre: Point,
+    grasp_center: Point,
     /// None where the profile has the undamped inverse: then there is no help.
     inverse: Option<DampedProfile>,
     limits: Vec<JointLimits>,
@@ -32,7 +32,7 @@ impl ReachAssistant {
         Self {
             speed_m_per_s: blend.speed_m_per_s,
             height_above_target_m: blend.height_above_target_m,
-            grasp_centre: Point::from(model.widest_grasp().center),
+            grasp_center: Point::from(model.widest_grasp().center),
             inverse: match profile.end_effector_jog.inverse {
                 InverseProfile::Damped(damped) => Some(damped),
                 InverseProfile::MoorePenrose(_) => None,
@@ -54,7 +54,7 @@ impl ReachAssistant {
         let goal = input
             .world_from_base
             .inverse_transform_point(&(below + Vector::z() * self.height_above_target_m));
-        let away = goal - kinematics.forward(input.measured).ok()? * self.grasp_centre;
+        let away = goal - kinematics.forward(input.measured).ok()? * self.grasp_center;
         if away.norm() < ARRIVED_M {
             return None;
         }

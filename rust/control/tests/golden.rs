@@ -1,6 +1,6 @@
 //! Golden traces: scripted gestures, gaze and plans in, every command out, one file for each method and profile.
 //!
-//! A trace changes only when behaviour is meant to change: `PROACT_BLESS=1 cargo test -p proact-control --test
+//! A trace changes only when behaviour is meant to change: `UPDATE_EXPECTED=1 cargo test -p proact-control --test
 //! golden` writes the files anew, and the difference belongs into the change's description.
 #![allow(clippy::disallowed_methods)] // The traces are files, and blessing them is asked for by the environment.
 mod common;
@@ -173,12 +173,12 @@ fn difference(path: &str, got: &Value, expected: &Value) -> Option<String> {
 fn golden(method: &str, profile: &str) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/golden/{method}_{profile}.jsonl"));
     let got = trace(method, profile);
-    if std::env::var_os("PROACT_BLESS").is_some() {
+    if std::env::var_os("UPDATE_EXPECTED").is_some() {
         let text: String = got.iter().map(|line| format!("{line}\n")).collect();
         std::fs::write(&path, text).expect("the folder of golden traces can be written");
         return;
     }
-    let text = std::fs::read_to_string(&path).expect("a golden trace; PROACT_BLESS=1 writes it");
+    let text = std::fs::read_to_string(&path).expect("a golden trace; UPDATE_EXPECTED=1 writes it");
     let expected: Vec<Value> =
         text.lines().map(|line| serde_json::from_str(line).expect("a line of JSON")).collect();
     for (k, (got, expected)) in got.iter().zip(&expected).enumerate() {

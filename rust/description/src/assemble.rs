@@ -109,7 +109,7 @@ fn apply_semantics(model: &mut ArmModel, semantics: &SrdfModel, findings: &mut F
             ),
         }
     }
-    if let Some((link, _)) = &semantics.grasp_centre
+    if let Some((link, _)) = &semantics.grasp_center
         && model.links[model.tip].name != *link
     {
         findings.error(
@@ -126,9 +126,9 @@ fn apply_semantics(model: &mut ArmModel, semantics: &SrdfModel, findings: &mut F
 /// The grasps, narrow objects first: their hand poses must exist.
 fn add_grasps(model: &mut ArmModel, semantics: &SrdfModel, findings: &mut Findings) {
     let common =
-        semantics.grasp_centre.as_ref().map_or_else(Vector::zeros, |(_, center)| Vector::from(*center));
-    for SrdfGrasp { grasp, has_centre, location } in &semantics.grasps {
-        let center = if *has_centre { grasp.center } else { common };
+        semantics.grasp_center.as_ref().map_or_else(Vector::zeros, |(_, center)| Vector::from(*center));
+    for SrdfGrasp { grasp, has_center, location } in &semantics.grasps {
+        let center = if *has_center { grasp.center } else { common };
         // A hand that is described has these two poses or cannot be used in a trial; that is said there.
         for pose in [&grasp.open_pose, &grasp.closed_pose] {
             let usual = [OPEN_POSE, CLOSED_POSE].contains(&&**pose);

@@ -16,7 +16,7 @@ pub(crate) struct SrdfModel {
     pub(crate) end_effector: Option<EndEffector>,
     pub(crate) states: Vec<GroupState>,
     pub(crate) allowed: Vec<(String, String)>,
-    pub(crate) grasp_centre: Option<(String, [f64; 3])>,
+    pub(crate) grasp_center: Option<(String, [f64; 3])>,
     /// As written: where no centre is given, it is that of `grasp_centre`.
     pub(crate) grasps: Vec<SrdfGrasp>,
 }
@@ -25,7 +25,7 @@ pub(crate) struct SrdfModel {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct SrdfGrasp {
     pub(crate) grasp: Grasp,
-    pub(crate) has_centre: bool,
+    pub(crate) has_center: bool,
     pub(crate) location: String,
 }
 
@@ -95,7 +95,7 @@ pub(crate) fn read(text: &str, findings: &mut Findings) -> SrdfModel {
                     (required_attribute(node, "link", findings), required_attribute(node, "xyz", findings))
                 {
                     match vector(&xyz) {
-                        Some(center) => out.grasp_centre = Some((link, center)),
+                        Some(center) => out.grasp_center = Some((link, center)),
                         None => findings.error(
                             element_location(node),
                             "xyz is not a point",
@@ -250,7 +250,7 @@ fn read_grasp(node: Node<'_, '_>, findings: &mut Findings) -> Option<SrdfGrasp> 
     );
     let closing = grasp.closing_direction.map_or(1.0, |closing| closing.norm());
     demand(closing > 0.0, "closing has no direction", closing, "a vector, or no such attribute");
-    Some(SrdfGrasp { grasp, has_centre: has_center, location: element_location(node) })
+    Some(SrdfGrasp { grasp, has_center, location: element_location(node) })
 }
 
 /// The attribute called `key`; its lack is an error finding.

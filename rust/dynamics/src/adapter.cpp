@@ -35,11 +35,11 @@ std::unique_ptr<Model> new_model(const DynamicsSettings& settings, In world_from
   options.iterations = static_cast<int>(settings.iterations);
   options.seed = settings.seed;
   options.position_gain = settings.position_gain;
-  options.lock_idle_hand = settings.hold_still_hand;
+  options.lock_idle_hand = settings.lock_idle_hand;
   options.sleep = settings.sleep;
-  options.merge_attached = settings.merge_carried;
-  options.max_base_speed_m_per_s = settings.base_speed;
-  options.max_base_turn_rate_rad_per_s = settings.base_turn_speed;
+  options.merge_attached = settings.merge_attached;
+  options.max_base_speed_m_per_s = settings.max_base_speed_m_per_s;
+  options.max_base_turn_rate_rad_per_s = settings.max_base_turn_rate_rad_per_s;
   model->world_from_base = pose_from_array(world_from_base);
   return model;
 }
@@ -83,11 +83,11 @@ void step_world(World& world, In position, In velocity, In world_from_base) {
   world.step(position.data(), velocity.data(), pose_from_array(world_from_base));
 }
 
-void read_joints(const World& world, Out position, Out velocity, Out effort, Out borne) {
+void read_joints(const World& world, Out position, Out velocity, Out effort, Out limit_effort) {
   std::copy(world.positions().begin(), world.positions().end(), position.begin());
   std::copy(world.velocities().begin(), world.velocities().end(), velocity.begin());
   std::copy(world.efforts().begin(), world.efforts().end(), effort.begin());
-  std::copy(world.limit_effort().begin(), world.limit_effort().end(), borne.begin());
+  std::copy(world.limit_effort().begin(), world.limit_effort().end(), limit_effort.begin());
 }
 
 void read_block(const World& world, std::size_t block, Out out) {

@@ -27,7 +27,7 @@ void add_block(Model& model, rust::Str name, ShapeKind kind, In size, In pose, I
 std::unique_ptr<World> new_world(const Model& model);
 
 void step_world(World& world, In position, In velocity, In world_from_base);
-void read_joints(const World& world, Out position, Out velocity, Out effort, Out borne);
+void read_joints(const World& world, Out position, Out velocity, Out effort, Out limit_effort);
 void read_block(const World& world, std::size_t block, Out out);
 std::size_t contact_count(const World& world);
 ContactRecord read_contact(const World& world, std::size_t index);

@@ -63,11 +63,11 @@ pub(crate) mod ffi {
         iterations: u32,
         seed: u64,
         position_gain: f64,
-        hold_still_hand: bool,
+        lock_idle_hand: bool,
         sleep: bool,
-        merge_carried: bool,
-        base_speed: f64,
-        base_turn_speed: f64,
+        merge_attached: bool,
+        max_base_speed_m_per_s: f64,
+        max_base_turn_rate_rad_per_s: f64,
     }
 
     unsafe extern "C++" {
@@ -126,7 +126,7 @@ pub(crate) mod ffi {
             position: &mut [f64],
             velocity: &mut [f64],
             effort: &mut [f64],
-            borne: &mut [f64],
+            limit_effort: &mut [f64],
         );
         /// 13 numbers: pose, linear and angular velocity.
         fn read_block(world: &World, block: usize, out: &mut [f64]) -> Result<()>;

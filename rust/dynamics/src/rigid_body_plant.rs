@@ -372,11 +372,11 @@ fn build_model(
         iterations,
         seed: seed.into(),
         position_gain: options.position_gain,
-        hold_still_hand: options.lock_idle_hand,
+        lock_idle_hand: options.lock_idle_hand,
         sleep: options.sleep,
-        merge_carried: options.merge_attached,
-        base_speed: options.max_base_speed_m_per_s,
-        base_turn_speed: options.max_base_turn_rate_rad_per_s,
+        merge_attached: options.merge_attached,
+        max_base_speed_m_per_s: options.max_base_speed_m_per_s,
+        max_base_turn_rate_rad_per_s: options.max_base_turn_rate_rad_per_s,
     };
     let factor = options.mass_set.factor();
     let mut described = ffi::new_model(&settings, &from_pose(world_from_base));

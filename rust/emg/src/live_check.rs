@@ -164,7 +164,7 @@ mod tests {
     }
 
     /// The times, s, at which what is found changed, and the kinds then, in 20 s of four channels.
-    fn told(stream: &StreamQuality, value: impl Fn(usize, u64) -> f64) -> Vec<(f64, Vec<String>)> {
+    fn warnings_of(stream: &StreamQuality, value: impl Fn(usize, u64) -> f64) -> Vec<(f64, Vec<String>)> {
         let own = ChannelStatistics { rest_median: 0.0, rest_sd: 2.0, max_sd: 20.0, noise_floor: None };
         let mut check = LiveCheck::new(RATE_HZ, 4, &[own; 4]);
         let mut reports = Vec::new();
@@ -185,24 +185,27 @@ mod tests {
     #[test]
     fn what_lasts_is_told_once_and_so_is_its_end() {
         let good = StreamQuality::default();
-        assert_eq!(told(&good, noise), []);
+        assert_eq!(warnings_of(&good, noise), []);
         let off = StreamQuality { rate_hz: Some(167.0), ..good };
         let kinds = |reports: Vec<(f64, Vec<String>)>| {
             reports.into_iter().map(|(_, kinds)| kinds).collect::<Vec<_>>()
         };
-        assert_eq!(kinds(told(&off, noise)), [["other_rate"]]);
-        assert_eq!(kinds(told(&good, |c, k| 10.0 * noise(c, k))), [["other_range"]]);
-        assert_eq!(kinds(told(&good, |c, k| 0.001 * noise(c, k))), [["other_range"]]);
+        assert_eq!(kinds(warnings_of(&off, noise)), [["other_rate"]]);
+        assert_eq!(kinds(warnings_of(&good, |c, k| 10.0 * noise(c, k))), [["other_range"]]);
+        assert_eq!(kinds(warnings_of(&good, |c, k| 0.001 * noise(c, k))), [["other_range"]]);
         let held = |c: usize, k: u64| if c < 2 { noise(c, k - k % 2) } else { noise(c, k) };
-        assert_eq!(kinds(told(&good, held)), [["held_channels"]]);
+        assert_eq!(kinds(warnings_of(&good, held)), [["held_channels"]]);
         let turns = |c: usize, k: u64| if c == 3 { 100.0 * (k as f64 / 8.0).sin() } else { noise(c, k) };
-        assert_eq!(kinds(told(&good, turns)), [["slow"]]);
+        assert_eq!(kinds(warnings_of(&good, turns)), [["slow"]]);
         // For ten seconds: it is told when it has lasted, and when it is over.
         let a_while = |c: usize, k: u64| if (400..2400).contains(&k) { held(c, k) } else { noise(c, k) };
-        let changes = told(&good, a_while);
+        let changes = warnings_of(&good, a_while);
         assert_eq!(kinds(changes.clone()), [vec!["held_channels".to_owned()], vec![]]);
         assert!(changes[0].0 < 11.0 && (12.0..18.0).contains(&changes[1].0), "{changes:?}");
         // A jolt of a second is nothing.
-        assert_eq!(told(&good, |c, k| if (1000..1010).contains(&k) { 300.0 } else { noise(c, k) }), []);
+        assert_eq!(
+            warnings_of(&good, |c, k| if (1000..1010).contains(&k) { 300.0 } else { noise(c, k) }),
+            []
+        );
     }
 }

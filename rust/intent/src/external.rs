@@ -220,7 +220,7 @@ mod tests {
         GazeSample { origin: Point::origin(), direction: Vector::x(), valid: true }
     }
 
-    fn told(respond: impl FnMut(IntentRequest) -> IntentAnswer + Send + 'static) -> IntentReply {
+    fn reply_to(respond: impl FnMut(IntentRequest) -> IntentAnswer + Send + 'static) -> IntentReply {
         let mut model = ExternalIntentModel::new(IntentOptions::default());
         model.set_process(Some(Box::new(Says(Box::new(respond)))));
         model.observe(SimTime(40), &gaze(), &scene(), None)
@@ -228,12 +228,12 @@ mod tests {
 
     fn answered(posterior: &str) -> IntentReply {
         let line = format!("{{\"time\": 40, \"posterior\": {posterior}}}");
-        told(move |_| IntentAnswer::Line(line.clone()))
+        reply_to(move |_| IntentAnswer::Line(line.clone()))
     }
 
     #[test]
     fn a_program_sees_gaze_and_scene_and_its_numbers_are_brought_to_one_over_what_may_be_meant() {
-        let seen = told(|line| {
+        let seen = reply_to(|line| {
             assert_eq!(line.expected_objects, [true, true, false, false]);
             assert_eq!(line.pickable, [true, true, false, true]);
             assert_eq!((line.selection, line.prior[2]), (7, 0.0));
@@ -265,10 +265,11 @@ mod tests {
             assert!(reason.contains(words), "{posterior}: {reason}");
             assert!(matches!(reply.answer, IntentAnswer::Line(_)), "what was said belongs to the log");
         }
-        let other = told(|_| IntentAnswer::Line("{\"time\": 39, \"posterior\": null}".to_owned())).posterior;
+        let other =
+            reply_to(|_| IntentAnswer::Line("{\"time\": 39, \"posterior\": null}".to_owned())).posterior;
         assert_eq!(other, Err("it answered the gaze of 39 ms, expected 40 ms".to_owned()));
         for dead in [IntentAnswer::Failed, IntentAnswer::TimedOut] {
-            let reply = told(move |_| dead("it has ended".to_owned()));
+            let reply = reply_to(move |_| dead("it has ended".to_owned()));
             assert_eq!(reply.posterior, Err("it has ended".to_owned()));
         }
     }

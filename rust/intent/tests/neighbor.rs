@@ -29,14 +29,14 @@ enum LookedAt {
 }
 
 /// Two blocks, `degrees` apart, at a distance of one metre; the others are behind the eye.
-fn centres(degrees: f64) -> [Point; 4] {
+fn centers_at(degrees: f64) -> [Point; 4] {
     let angle = degrees.to_radians();
     let behind = Point::new(-1.0, 0.0, 0.0);
     [Point::new(1.0, 0.0, 0.0), behind, Point::new(angle.cos(), angle.sin(), 0.0), behind]
 }
 
 fn selected(options: &IntentOptions, degrees: f64, fixated: LookedAt, error_rad: [f64; 2]) -> bool {
-    let centers = centres(degrees);
+    let centers = centers_at(degrees);
     let (target, other) = match fixated {
         LookedAt::Dropped => (0, 2),
         LookedAt::Due => (2, 0),

@@ -388,7 +388,7 @@ impl JoggingParticipant {
             return;
         }
         let over = |block: ObjectId| {
-            let center = seen.world_from_tip * self.arm_model.grasp_centre(shape(block).grip_width());
+            let center = seen.world_from_tip * self.arm_model.grasp_center(shape(block).grip_width());
             center.coords - seen.objects[block.index()].translation.vector
         };
         let gripped = |block: ObjectId| {

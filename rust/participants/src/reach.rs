@@ -109,12 +109,12 @@ impl InternalArmModel {
     }
 
     /// Where the middle of a grasped object of `width` is, metres, in the tip's frame.
-    pub(crate) fn grasp_centre(&self, width: f64) -> Point {
+    pub(crate) fn grasp_center(&self, width: f64) -> Point {
         Point::from(self.model.grasp_for(width).center)
     }
 
     /// The same for the widest objects.
-    pub(crate) fn widest_grasp_centre(&self) -> Point {
+    pub(crate) fn widest_grasp_center(&self) -> Point {
         Point::from(self.model.widest_grasp().center)
     }
 

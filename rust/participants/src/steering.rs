@@ -191,7 +191,7 @@ impl SteeringParticipant {
 
     /// From the hand's grasp centre to `goal_point`, along the axes of the base.
     fn hand_error(&self, seen: &DisplayFrame, goal_point: &Point) -> Vector {
-        let hand = seen.world_from_tip * self.arm_model.widest_grasp_centre();
+        let hand = seen.world_from_tip * self.arm_model.widest_grasp_center();
         seen.world_from_base.inverse() * (goal_point - hand)
     }
 
@@ -203,7 +203,7 @@ impl SteeringParticipant {
         goal_point: &Point,
         radius: f64,
     ) -> JointVector {
-        let point = self.arm_model.widest_grasp_centre();
+        let point = self.arm_model.widest_grasp_center();
         let target = seen.world_from_base.inverse() * goal_point;
         if let Some(wanted) = &self.target_joints
             && (self.arm_model.forward(wanted) * point - target).norm() < REPLAN_SHARE * radius

@@ -202,7 +202,7 @@ mod tests {
         }
     }
 
-    fn told() -> Briefing {
+    fn briefing() -> Briefing {
         Briefing {
             title: String::new(),
             text: String::new(),
@@ -222,7 +222,7 @@ mod tests {
 
     #[test]
     fn who_may_choose_takes_what_has_room_and_another_one_when_that_does_not_work() {
-        let mut choice = TargetChoice::new(&scene(3), &told());
+        let mut choice = TargetChoice::new(&scene(3), &briefing());
         let seen = seen(&[[0.0, -0.1], [0.0, -0.13], [0.0, -0.2]]);
         assert_eq!(choice.next_object(&seen), Some(ObjectId(2)), "the others stand close to each other");
         choice.give_up();
@@ -232,14 +232,14 @@ mod tests {
 
     #[test]
     fn what_lies_below_takes_no_room_from_what_lies_on_it() {
-        let mut choice = TargetChoice::new(&scene(3), &told());
+        let mut choice = TargetChoice::new(&scene(3), &briefing());
         let mut seen = seen(&[[0.0, -0.1], [0.0, -0.11], [0.0, -0.13]]);
         assert_eq!(
             choice.next_object(&seen),
             Some(ObjectId(2)),
             "it has the most room of those that stand side by side"
         );
-        let mut choice = TargetChoice::new(&scene(3), &told());
+        let mut choice = TargetChoice::new(&scene(3), &briefing());
         seen.objects[0].translation.vector.z += 0.025;
         assert_eq!(
             choice.next_object(&seen),
@@ -263,17 +263,17 @@ mod tests {
             }
             (first != choice.next_object(&seen), choice.next_object(&seen) == Some(ObjectId(other)))
         };
-        assert_eq!(settles(&told(), 1, false), (true, true));
-        assert_eq!(settles(&told(), 2, false), (false, false), "it is across already");
-        assert_eq!(settles(&told(), 3, false), (false, false), "it is on the floor");
-        assert_eq!(settles(&told(), 1, true), (false, false), "it was taken in vain");
-        let own = Briefing { destination: Destination::OwnTarget, ..told() };
+        assert_eq!(settles(&briefing(), 1, false), (true, true));
+        assert_eq!(settles(&briefing(), 2, false), (false, false), "it is across already");
+        assert_eq!(settles(&briefing(), 3, false), (false, false), "it is on the floor");
+        assert_eq!(settles(&briefing(), 1, true), (false, false), "it was taken in vain");
+        let own = Briefing { destination: Destination::OwnTarget, ..briefing() };
         assert_eq!(settles(&own, 1, false), (false, false), "each belongs somewhere else");
     }
 
     #[test]
     fn what_is_across_or_on_the_floor_is_not_taken_again() {
-        let mut choice = TargetChoice::new(&scene(2), &told());
+        let mut choice = TargetChoice::new(&scene(2), &briefing());
         let mut seen = seen(&[[0.0, 0.1], [0.0, -0.1]]);
         seen.objects[1].translation.vector.z = 0.0;
         assert_eq!(choice.next_object(&seen), None);
@@ -281,7 +281,7 @@ mod tests {
 
     #[test]
     fn what_something_lies_on_is_not_as_good_and_what_is_past_the_partition_may_fall() {
-        let mut choice = TargetChoice::new(&scene(2), &told());
+        let mut choice = TargetChoice::new(&scene(2), &briefing());
         let mut seen = seen(&[[0.0, -0.1], [0.005, -0.1]]);
         seen.objects[1].translation.vector.z += 0.025;
         choice.next_object(&seen);
@@ -291,14 +291,15 @@ mod tests {
             seen.objects[0].translation.vector.y = y;
             assert_eq!(choice.may_drop(ObjectId(0), &seen), falls, "{y}");
         }
-        let own = TargetChoice::new(&scene(2), &Briefing { destination: Destination::OwnTarget, ..told() });
+        let own =
+            TargetChoice::new(&scene(2), &Briefing { destination: Destination::OwnTarget, ..briefing() });
         seen.objects[0].translation.vector.y = 0.1;
         assert!(!own.may_drop(ObjectId(0), &seen), "it has a place of its own");
     }
 
     #[test]
     fn a_place_that_cannot_be_had_is_given_up_for_another_one() {
-        let mut choice = TargetChoice::new(&scene(2), &told());
+        let mut choice = TargetChoice::new(&scene(2), &briefing());
         let seen = seen(&[[0.0, 0.3], [0.0, -0.1]]);
         let mut place_points = vec![choice.place_for(ObjectId(0), &seen)];
         for _ in 0..4 {
@@ -311,7 +312,7 @@ mod tests {
 
     #[test]
     fn a_spot_across_is_free_and_stays_while_it_is_carried_there() {
-        let mut choice = TargetChoice::new(&scene(2), &told());
+        let mut choice = TargetChoice::new(&scene(2), &briefing());
         let mut seen = seen(&[[0.0, -0.1], [-0.066, 0.058]]);
         let place_point = choice.place_for(ObjectId(0), &seen);
         assert!(

@@ -16,7 +16,7 @@ PlacedShape placed_of(const ShapeRow& row) {
 }
 
 Resolution resolution_of(const SearchRow& search) {
-  return {search.step_radians, search.step_metres, search.equal_steps};
+  return {search.step_rad, search.step_m, search.equal_steps};
 }
 
 JointQuery query_of(const SearchRow& search) {
@@ -30,7 +30,7 @@ JointQuery query_of(const SearchRow& search) {
   query.max_seconds = search.max_seconds;
   query.more_searches = search.more_searches;
   query.range = search.range;
-  query.shortcut_attempts = search.shortcuts;
+  query.shortcut_attempts = search.shortcut_attempts;
   query.resolution = resolution_of(search);
   return query;
 }
@@ -124,7 +124,7 @@ void set_attached(Scene& scene, rust::Str name, const ShapeRow& shape) {
 
 void clear_attached(Scene& scene) { scene.set_attached(std::nullopt); }
 
-void set_padding(Scene& scene, double metres) { scene.set_padding(metres); }
+void set_padding(Scene& scene, double padding_m) { scene.set_padding(padding_m); }
 
 void allow_contact(Scene& scene, rust::Str member, rust::Str obstacle) {
   scene.allow_contact(std::string(member), std::string(obstacle));

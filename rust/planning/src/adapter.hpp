@@ -34,7 +34,7 @@ void set_obstacles(Scene& scene, rust::Slice<const rust::String> names, rust::Sl
                    rust::Slice<const MeshRow> meshes);
 void set_attached(Scene& scene, rust::Str name, const ShapeRow& shape);
 void clear_attached(Scene& scene);
-void set_padding(Scene& scene, double metres);
+void set_padding(Scene& scene, double padding_m);
 void allow_contact(Scene& scene, rust::Str member, rust::Str obstacle);
 void clear_allowed_contacts(Scene& scene);
 rust::Vec<ContactRow> collisions(Scene& scene, rust::Slice<const double> q, bool all_links);

@@ -170,7 +170,7 @@ impl ApproachPlanner {
 
     fn paths_for_goal(&self, mut search: ApproachSearch) -> Result<Vec<ApproachPath>, PlanFailure> {
         match &search.problem.request.goal {
-            PlanGoal::Pick { centre: center, .. } => self.paths_to_pick(&mut search, center),
+            PlanGoal::Pick { center, .. } => self.paths_to_pick(&mut search, center),
             PlanGoal::Place { point } => self.paths_to_place(&mut search, point),
             PlanGoal::Joints { q } => search.paths_to_joints(q),
             PlanGoal::TipPose { pose } => search.paths_to_pose(pose),

@@ -109,9 +109,9 @@ pub(crate) mod ffi {
         max_seconds: f64,
         more_searches: u32,
         range: f64,
-        shortcuts: u32,
-        step_radians: f64,
-        step_metres: f64,
+        shortcut_attempts: u32,
+        step_rad: f64,
+        step_m: f64,
     }
 
     /// A plan; the path is row-major, one row of arm angles a point.
@@ -169,7 +169,7 @@ pub(crate) mod ffi {
         ) -> Result<()>;
         fn set_attached(scene: Pin<&mut Scene>, name: &str, shape: &ShapeRow) -> Result<()>;
         fn clear_attached(scene: Pin<&mut Scene>) -> Result<()>;
-        fn set_padding(scene: Pin<&mut Scene>, metres: f64) -> Result<()>;
+        fn set_padding(scene: Pin<&mut Scene>, padding_m: f64) -> Result<()>;
         fn allow_contact(scene: Pin<&mut Scene>, member: &str, obstacle: &str) -> Result<()>;
         fn clear_allowed_contacts(scene: Pin<&mut Scene>) -> Result<()>;
         fn collisions(scene: Pin<&mut Scene>, q: &[f64], all_links: bool) -> Result<Vec<ContactRow>>;

@@ -50,7 +50,7 @@ impl IntermediateGoalPlanner {
                     &postures,
                 );
             }
-            PlanGoal::Pick { centre: center, .. } => (Point::from(problem.grasp.center), *center),
+            PlanGoal::Pick { center, .. } => (Point::from(problem.grasp.center), *center),
             PlanGoal::Place { point } => {
                 let object = problem.request.attached.as_ref().ok_or_else(none)?;
                 (Point::from(object.tip_from_object.translation.vector), *point)

@@ -36,9 +36,7 @@ impl<'a> PlanProblem<'a> {
         let joints = context.model.arm.len();
         check_vector("start", &request.start, joints)?;
         match &request.goal {
-            PlanGoal::Pick { centre: center, .. } => {
-                check_vector("block centre", center.coords.as_slice(), 3)?
-            }
+            PlanGoal::Pick { center, .. } => check_vector("block centre", center.coords.as_slice(), 3)?,
             PlanGoal::Place { point } => {
                 check_vector("place", point.coords.as_slice(), 3)?;
                 if request.attached.is_none() {
@@ -77,7 +75,7 @@ impl<'a> PlanProblem<'a> {
         let world_from_tip =
             request.world_from_base * context.kinematics.forward(&start).map_err(PlanningError::from)?;
         let mut grips = vec![world_from_tip * Point::from(grasp.center)];
-        if let PlanGoal::Pick { centre: center, .. } = &request.goal {
+        if let PlanGoal::Pick { center, .. } = &request.goal {
             grips.push(*center);
         }
         let is_near = |o: &&Obstacle| {

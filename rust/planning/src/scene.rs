@@ -488,8 +488,8 @@ fn search_row(
         max_seconds: limits.max_secs.unwrap_or(0.0),
         more_searches: limits.more_searches,
         range: limits.range_rad,
-        shortcuts: limits.shortcut_attempts,
-        step_radians: limits.step_rad,
-        step_metres: limits.step_m,
+        shortcut_attempts: limits.shortcut_attempts,
+        step_rad: limits.step_rad,
+        step_m: limits.step_m,
     }
 }

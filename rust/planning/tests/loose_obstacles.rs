@@ -17,7 +17,7 @@ const HEIGHT: f64 = 0.06;
 /// A pick of a cube that eight others stand around, side by side.
 fn crowded_pick_request(loose: bool) -> PlanRequest {
     let mut request = pick(&model(), still(), BlockRegion::NM, 1);
-    let center = block_centre(BlockRegion::NM);
+    let center = block_center(BlockRegion::NM);
     let at =
         |x: f64, y: f64| Point::new(center.x + x * SIDE, center.y + y * SIDE, scene().table_height + HEIGHT);
     let cube = |name: &str, at: Point| Obstacle {
@@ -32,7 +32,7 @@ fn crowded_pick_request(loose: bool) -> PlanRequest {
         request.obstacles.push(cube(&format!("beside {x} {y}"), at(f64::from(x), f64::from(y))));
     }
     request.picked_object = Some("picked".to_owned());
-    if let PlanGoal::Pick { centre: center, .. } = &mut request.goal {
+    if let PlanGoal::Pick { center, .. } = &mut request.goal {
         *center = at(0.0, 0.0);
     }
     request

@@ -38,7 +38,7 @@ fn pick(model: &ArmModel, shape: Shape, yaw: f64, start: JointVector) -> PlanReq
         world_from_base: Pose::translation(-0.39, 0.12, 1.5),
         start,
         hand: joints(open),
-        goal: PlanGoal::Pick { object: ObjectId(0), centre: Point::from(at) },
+        goal: PlanGoal::Pick { object: ObjectId(0), center: Point::from(at) },
         picked_object: Some("thing".to_owned()),
         obstacles: vec![
             obstacle("table", Shape::Box { size: [0.31, 0.61, 0.03] }, table),
@@ -113,7 +113,7 @@ fn the_joints_of_the_limb_stay_and_the_others_bring_the_hand_to_the_block() {
                 assert_eq!((point.q[joint], point.qd[joint]), (request.start[joint], 0.0));
             }
         }
-        let PlanGoal::Pick { centre: center, .. } = request.goal else { unreachable!() };
+        let PlanGoal::Pick { center, .. } = request.goal else { unreachable!() };
         let tip = tip(&model, &request, &end(&reply));
         let off = (tip * Point::from(model.grasp_for_request(&request).center) - center).norm();
         assert!(!whole || off < 0.0121, "the grasp centre is {off} m off, {held:?}");
@@ -147,7 +147,7 @@ fn a_cube_is_gripped_by_two_faces_however_it_stands() {
         assert_eq!((reply.status, reply.reason.as_str()), (PlanStatus::Ok, ""), "turned by {yaw}");
         let grasp = model.grasp_for_request(&request);
         let tip = tip(&model, &request, &end(&reply));
-        let PlanGoal::Pick { centre: center, .. } = request.goal else { unreachable!() };
+        let PlanGoal::Pick { center, .. } = request.goal else { unreachable!() };
         assert!((tip * Point::from(grasp.center) - center).norm() < 1e-4);
         let closing = tip.rotation * grasp.closing_direction.unwrap();
         let off = (closing.y.atan2(closing.x) - yaw).rem_euclid(std::f64::consts::FRAC_PI_2);

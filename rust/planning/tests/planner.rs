@@ -90,7 +90,7 @@ fn every_block_is_gripped_from_above_and_put_down_upright_on_every_target_withou
             assert_eq!((reply.status, reply.reason.as_str()), (PlanStatus::Ok, ""), "pick {region:?}");
             let q = end(&reply);
             let gripped = tip(&request, &q) * Point::from(model.widest_grasp().center);
-            assert!((gripped - block_centre(region)).norm() < 1e-4, "the grasp centre is at the block");
+            assert!((gripped - block_center(region)).norm() < 1e-4, "the grasp centre is at the block");
             assert_eq!(contacts_along(&mut checker, &request, &reply), [], "pick {region:?}");
 
             for to in BlockRegion::ALL {
@@ -214,7 +214,7 @@ fn a_block_out_of_reach_gives_a_way_towards_it_that_stays_above_the_table() {
     assert_eq!(reply.status, PlanStatus::Intermediate);
     assert_eq!(reply.reason, "The block is out of the hand's reach.");
     let distance = |q: &[f64]| {
-        (tip(&request, q) * Point::from(model.widest_grasp().center) - block_centre(BlockRegion::FL)).norm()
+        (tip(&request, q) * Point::from(model.widest_grasp().center) - block_center(BlockRegion::FL)).norm()
     };
     assert!(distance(&end(&reply)) < distance(&request.start) - 0.03, "it brings the hand closer");
     for q in samples(&reply.trajectory, 0.02) {
@@ -222,7 +222,7 @@ fn a_block_out_of_reach_gives_a_way_towards_it_that_stays_above_the_table() {
     }
 
     let mut away = pick(&model, base, BlockRegion::FL, 1);
-    away.goal = PlanGoal::Pick { object: ObjectId(0), centre: Point::new(0.0, 0.0, -50.0) };
+    away.goal = PlanGoal::Pick { object: ObjectId(0), center: Point::new(0.0, 0.0, -50.0) };
     let reply = planner.solve(&away);
     assert_eq!(reply.status, PlanStatus::Unreachable);
     assert!(reply.trajectory.points.is_empty());
@@ -344,7 +344,7 @@ fn a_malformed_request_is_answered_as_invalid_with_what_was_wrong() {
     assert!(ask(&|r| r.obstacles[0].shape = Shape::Sphere { radius: 0.0 }).contains("\"table\": extent 0"));
     assert!(ask(&|r| r.obstacles[1].pose.translation.y = f64::NAN).contains("\"partition\""));
     assert!(ask(&|r| r.obstacles[1].name = "table".to_owned()).contains("two obstacles"));
-    let nowhere = PlanGoal::Pick { object: ObjectId(0), centre: Point::new(f64::NAN, 0.0, 0.0) };
+    let nowhere = PlanGoal::Pick { object: ObjectId(0), center: Point::new(f64::NAN, 0.0, 0.0) };
     assert!(ask(&|r| r.goal = nowhere.clone()).starts_with("block centre 0 is NaN"));
     assert!(ask(&|r| r.goal = PlanGoal::Place { point: Point::origin() }).contains("nothing in the hand"));
     assert_eq!(ask(&|r| r.goal = PlanGoal::Joints { q: joints(&[0.0; 3]) }), "goal has 3 values, expected 7");

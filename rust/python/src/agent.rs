@@ -25,7 +25,7 @@ fn thread_cpu_time() -> Duration {
 #[pyclass(unsendable, module = "proact._proact")]
 pub(crate) struct PyAgentTrial {
     trial: agent::AgentEnvironment,
-    studio: Option<Renderer>,
+    renderer: Option<Renderer>,
     /// Of the last step, without what the border costs.
     step_secs: f64,
 }
@@ -58,7 +58,7 @@ impl PyAgentTrial {
             record,
         };
         let trial = agent::AgentEnvironment::new(&methods, &arm, config, &options).map_err(value_error)?;
-        Ok(Self { trial, studio: None, step_secs: 0.0 })
+        Ok(Self { trial, renderer: None, step_secs: 0.0 })
     }
 
     /// Holds `action` (float64) for one period and writes the observation into `out` (float64, one number a name):
@@ -169,7 +169,7 @@ impl PyAgentTrial {
         }
         let testbed = self.trial.running_trial().testbed();
         let renderer =
-            self.studio.get_or_insert_with(|| Renderer::new(testbed.model(), testbed.task().scene()));
+            self.renderer.get_or_insert_with(|| Renderer::new(testbed.model(), testbed.task().scene()));
         let view = if overhead { CameraView::Overhead } else { CameraView::Head };
         let camera = renderer.camera(view, self.trial.frame(), [width, height], VERTICAL_FOV_RAD);
         Ok(PyArray1::from_vec(py, renderer.render(self.trial.frame(), &camera).rgb))

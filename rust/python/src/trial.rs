@@ -39,7 +39,7 @@ const FAULTS_FILE: &str = "python_faults.json";
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 struct PythonParts {
-    /// Told of the method, JSON text.
+    /// Description of the method, JSON text.
     method_info: Option<String>,
     method: Option<Py<PyAny>>,
     participant: Option<Py<PyAny>>,
@@ -105,7 +105,7 @@ impl TrialRun {
         let (interrupted, faults) = (Arc::new(AtomicBool::new(false)), FaultList::default());
         if !(python.timeout_secs > 0.0 && python.timeout_secs <= 3600.0) {
             return Err(format!(
-                "patience_secs is {}, expected above 0 and at most 3600",
+                "answer_timeout_secs is {}, expected above 0 and at most 3600",
                 python.timeout_secs
             ));
         }

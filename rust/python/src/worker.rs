@@ -38,7 +38,7 @@ impl WorkerFault {
     }
 }
 
-/// A Python object with `ask(text, patience_secs)`, which gives `(answer, None)`, `(None, reason)` when it raised, or
+/// A Python object with `ask(text, timeout_secs)`, which gives `(answer, None)`, `(None, reason)` when it raised, or
 /// `(None, None)` when it is late (`proact/_worker.py`).
 pub(crate) struct PythonWorker {
     worker: Py<PyAny>,

@@ -1,7 +1,7 @@
 //! The journal of a study: events, each on the disk before it is acknowledged, in one SQLite file.
 
 use crate::FileLock;
-use proact_analysis::table::{Table, TableCell};
+use proact_analysis::table::{ColumnNames, Table, TableCell};
 use rusqlite::{Connection, OpenFlags, ToSql, params, types::ToSqlOutput};
 use serde::{Serialize, de::DeserializeOwned};
 use std::{
@@ -267,18 +267,18 @@ impl Journal {
     /// # Errors
     /// [`JournalError`].
     pub fn put_tables(&mut self, tables: &[Table]) -> Result<(), JournalError> {
-        insert_tables(&mut self.db, tables).map_err(sqlite_error(&self.path))
+        insert_tables(&mut self.db, tables, ColumnNames::Present).map_err(sqlite_error(&self.path))
     }
 
     /// Writes these tables into the new SQLite file `path`, without a journal.
     ///
     /// # Errors
     /// [`JournalError`], also if `path` exists.
-    pub fn write_tables(path: &Path, tables: &[Table]) -> Result<(), JournalError> {
+    pub fn write_tables(path: &Path, tables: &[Table], names: ColumnNames) -> Result<(), JournalError> {
         // SQLite opens what is there.
         File::create_new(path).map_err(|source| JournalError::Io { path: path.to_owned(), source })?;
         let mut db = Connection::open(path).map_err(sqlite_error(path))?;
-        insert_tables(&mut db, tables).map_err(sqlite_error(path))
+        insert_tables(&mut db, tables, names).map_err(sqlite_error(path))
     }
 
     /// Copies the whole file, as it is at one moment, to `to`.
@@ -292,11 +292,12 @@ impl Journal {
     }
 }
 
-fn insert_tables(db: &mut Connection, tables: &[Table]) -> rusqlite::Result<()> {
+fn insert_tables(db: &mut Connection, tables: &[Table], names: ColumnNames) -> rusqlite::Result<()> {
     let transaction = db.transaction()?;
     for table in tables.iter().filter(|table| !RESERVED_TABLES.contains(&table.name)) {
         let name = quote_identifier(table.name);
-        let columns: Vec<String> = table.columns.iter().map(|column| quote_identifier(column.name)).collect();
+        let columns: Vec<String> =
+            table.columns.iter().map(|column| quote_identifier(column.written_name(names))).collect();
         transaction.execute_batch(&format!(
             "DROP TABLE IF EXISTS {name}; CREATE TABLE {name} ({});",
             columns.join(", ")
@@ -408,8 +409,8 @@ mod tests {
         assert_eq!(journal.text("ab").unwrap().as_deref(), Some("participants = 1"));
         assert_eq!(journal.text("cd").unwrap(), None);
         const COLUMNS: &[TableColumn] = &[
-            TableColumn { name: "who", unit: "", meaning: "a name", source: "test" },
-            TableColumn { name: "much", unit: "s", meaning: "a number", source: "test" },
+            TableColumn { name: "who", unit: "", meaning: "a name", source: "test", formerly: "" },
+            TableColumn { name: "much", unit: "s", meaning: "a number", source: "test", formerly: "" },
         ];
         let mut table = Table::new("trials", "a trial", COLUMNS);
         table.push(vec!["a".into(), 1.5.into()]);

@@ -42,22 +42,22 @@ proptest! {
         let mut progress = begun(&plan());
         let mut counted = Vec::new();
         let mut fates = fates.into_iter();
-        while let Some(spot) = next(&progress) {
-            let attempt = progress.step(&spot).attempts + 1;
-            progress.apply(&begin(&spot, attempt)).unwrap();
-            prop_assert!(progress.apply(&begin(&spot, attempt + 1)).is_err(), "it is under way");
-            prop_assert_eq!(progress.open(), vec![spot.clone()]);
+        while let Some(step_id) = next(&progress) {
+            let attempt = progress.step(&step_id).attempts + 1;
+            progress.apply(&begin(&step_id, attempt)).unwrap();
+            prop_assert!(progress.apply(&begin(&step_id, attempt + 1)).is_err(), "it is under way");
+            prop_assert_eq!(progress.open(), vec![step_id.clone()]);
             match fates.next() {
-                Some(0) => progress.apply(&end(&spot, attempt, StepOutcome::Interrupted)).unwrap(),
+                Some(0) => progress.apply(&end(&step_id, attempt, StepOutcome::Interrupted)).unwrap(),
                 Some(1) => {
-                    progress.apply(&end(&spot, attempt, StepOutcome::Aborted)).unwrap();
+                    progress.apply(&end(&step_id, attempt, StepOutcome::Aborted)).unwrap();
                     let reason = "the armband slipped".to_owned();
-                    progress.apply(&StudyEvent::Repeated { step_id: spot, reason }).unwrap();
+                    progress.apply(&StudyEvent::Repeated { step_id, reason }).unwrap();
                 }
                 _ => {
-                    progress.apply(&end(&spot, attempt, StepOutcome::Done)).unwrap();
-                    prop_assert!(progress.apply(&begin(&spot, attempt + 1)).is_err(), "it counts already");
-                    counted.push(spot);
+                    progress.apply(&end(&step_id, attempt, StepOutcome::Done)).unwrap();
+                    prop_assert!(progress.apply(&begin(&step_id, attempt + 1)).is_err(), "it counts already");
+                    counted.push(step_id);
                 }
             }
         }

@@ -22,7 +22,7 @@ pub struct ModifiedBbt {
 }
 
 /// Centre of a region on the start side (`y < 0`); its target is the mirror image in y.
-fn region_centre(region: Region) -> [f64; 2] {
+fn region_center(region: Region) -> [f64; 2] {
     let x = match region {
         Region::FL | Region::FM => X_FAR,
         Region::NL | Region::NM => X_NEAR,
@@ -45,7 +45,7 @@ impl ModifiedBbt {
     pub fn file(arrangement: Arrangement) -> Result<TaskFile, TaskError> {
         let mut file = TaskFile::read(FILE)?;
         for (object, region) in file.scene.objects.iter_mut().zip(arrangement.regions()) {
-            object.position_m = region_centre(region);
+            object.position_m = region_center(region);
         }
         Ok(file)
     }

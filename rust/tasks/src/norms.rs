@@ -101,7 +101,7 @@ impl fmt::Display for NormativeScore {
 mod tests {
     use super::*;
 
-    fn told(user_profile: UserProfile) -> Vec<String> {
+    fn warnings(user_profile: UserProfile) -> Vec<String> {
         norms("bbt", &user_profile, false).iter().map(NormativeScore::to_string).collect()
     }
 
@@ -109,7 +109,7 @@ mod tests {
     fn norms_are_those_of_people_like_the_wearer_and_say_when_they_are_recalled() {
         let woman = UserProfile { age_years: Some(23), sex: Some(Sex::Female) };
         assert_eq!(
-            told(woman),
+            warnings(woman),
             [
                 "norm 81.3 (SD 15.4), women: Benin, 692 people, dominant hand",
                 "norm 89.1, up to 24 years: Benin, 692 people, dominant hand",
@@ -117,7 +117,7 @@ mod tests {
             ]
         );
         assert_eq!(
-            told(UserProfile::default()).len(),
+            warnings(UserProfile::default()).len(),
             2,
             "of nobody in particular: those of women and of men"
         );

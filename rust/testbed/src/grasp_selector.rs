@@ -18,7 +18,7 @@ pub struct GraspSelector {
 /// A grasp, with the angles of its hand poses.
 #[derive(Clone, Debug)]
 struct GraspHandPoses {
-    centre: Point,
+    center: Point,
     opening_m: f64,
     is_closed_grasp: bool,
     open: JointVector,
@@ -63,7 +63,7 @@ impl GraspSelector {
                 let (open, closed) = (pose(&grasp.open_pose)?, pose(&grasp.closed_pose)?);
                 let (center, opening) = (Point::from(grasp.center), grasp.capture_radius_m);
                 choice.grasps.push(GraspHandPoses {
-                    centre: center,
+                    center,
                     opening_m: opening,
                     is_closed_grasp,
                     open,
@@ -80,8 +80,7 @@ impl GraspSelector {
         let arm = world.position.get(..self.chain.joint_count())?;
         let world_from_tip = world.world_from_base * self.chain.forward(arm);
         let near = |(object, (grasp, body)): (usize, (&usize, &proact_types::BodyState))| {
-            let GraspHandPoses { centre: center, opening_m: opening, is_closed_grasp, .. } =
-                self.grasps[*grasp];
+            let GraspHandPoses { center, opening_m: opening, is_closed_grasp, .. } = self.grasps[*grasp];
             let distance = (world_from_tip * center - Point::from(body.pose.translation.vector)).norm();
             NearObject {
                 object,
@@ -97,13 +96,13 @@ impl GraspSelector {
 
     /// Centre of the grasp for an object of the scene, in the tip's frame.
     pub fn grasp_center_of(&self, object: usize) -> Option<Point> {
-        self.of_object.get(object).map(|grasp| self.grasps[*grasp].centre)
+        self.of_object.get(object).map(|grasp| self.grasps[*grasp].center)
     }
 
     /// Centre of the grasp for the object that the hand is about, in the tip's frame; none in an empty scene.
     pub fn grasp_center(&self, world: &PlantState) -> Option<Point> {
         match self.grasps.as_slice() {
-            [only] => Some(only.centre),
+            [only] => Some(only.center),
             _ => self.nearest(world).map(|near| near.center),
         }
     }

@@ -108,9 +108,9 @@ fn assignments_take_old_names_and_not_both() {
         "participant={ person = { error_detection_probability = 0.5 } }",
     ];
     assert_eq!(config.with_overrides_noting(&old, &mut noted), config.with_overrides(&new));
-    let told: Vec<String> = noted.iter().map(ToString::to_string).collect();
+    let messages: Vec<String> = noted.iter().map(ToString::to_string).collect();
     assert_eq!(
-        told,
+        messages,
         [
             "planner.max_velocity is now planner.max_velocity_rad_per_s",
             "profile.dead_man.gaze_ms is now profile.dead_man.gaze_timeout_ms",

@@ -37,8 +37,9 @@ pub enum PlanGoal {
     Pick {
         /// Which object.
         object: ObjectId,
-        /// Its centre, in `world`.
-        centre: Point,
+        /// Its center, in `world`.
+        #[serde(rename = "centre")]
+        center: Point,
     },
     /// Lift the carried object, carry it, and lower it until it stands on the table here.
     Place {

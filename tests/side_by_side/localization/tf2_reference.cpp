@@ -20,16 +20,16 @@ ros::Time time_of(std::int64_t nanoseconds) {
 }
 
 geometry_msgs::TransformStamped read_transform(std::istringstream& words, bool moving) {
-    geometry_msgs::TransformStamped told;
-    words >> told.header.frame_id >> told.child_frame_id;
+    geometry_msgs::TransformStamped stamped;
+    words >> stamped.header.frame_id >> stamped.child_frame_id;
     std::int64_t stamp = 0;
     if (moving) words >> stamp;
-    told.header.stamp = time_of(stamp);
-    auto& translation = told.transform.translation;
-    auto& rotation = told.transform.rotation;
+    stamped.header.stamp = time_of(stamp);
+    auto& translation = stamped.transform.translation;
+    auto& rotation = stamped.transform.rotation;
     words >> translation.x >> translation.y >> translation.z;
     words >> rotation.x >> rotation.y >> rotation.z >> rotation.w;
-    return told;
+    return stamped;
 }
 
 }  // namespace

@@ -23,8 +23,11 @@ const OURS: &str = "ProACT, docs/analysis.md";
 
 macro_rules! measure {
     ($name:literal, $unit:literal, $meaning:literal, $source:expr, $of:expr) => {
+        measure!($name formerly "", $unit, $meaning, $source, $of)
+    };
+    ($name:literal formerly $old:literal, $unit:literal, $meaning:literal, $source:expr, $of:expr) => {
         Measure {
-            column: TableColumn { name: $name, unit: $unit, meaning: $meaning, source: $source },
+            column: TableColumn { name: $name, unit: $unit, meaning: $meaning, source: $source, formerly: $old },
             compute: $of,
         }
     };
@@ -88,7 +91,7 @@ pub const PHASE_MEASURES: &[Measure<ActionPhase>] = &[
         shoulder::path(s.trace, p.from, p.to)
     }),
     measure!(
-        "shoulder_range_mm",
+        "shoulder_displacement_mm" formerly "shoulder_range_mm",
         "mm",
         "furthest of the shoulder from where it was first, low-passed at 6 Hz",
         "Major et al. 2014, JNER 11:132",
@@ -102,7 +105,7 @@ pub const PHASE_MEASURES: &[Measure<ActionPhase>] = &[
         |s, p| { shoulder::max_turn_deg(s.trace, p.from, p.to) }
     ),
     measure!(
-        "trunk_range_mm",
+        "trunk_displacement_mm" formerly "trunk_range_mm",
         "mm",
         "furthest of the trunk's body from where it was first; empty if it was not tracked",
         OURS,
@@ -374,7 +377,7 @@ pub const TRIAL_MEASURES: &[Measure<()>] = &[
         shoulder::path(s.trace, SimTime(0), s.trace.duration)
     }),
     measure!(
-        "shoulder_range_mm",
+        "shoulder_displacement_mm" formerly "shoulder_range_mm",
         "mm",
         "furthest of the shoulder from where it was first",
         "Major et al. 2014, JNER 11:132",
@@ -390,7 +393,7 @@ pub const TRIAL_MEASURES: &[Measure<()>] = &[
         |s, ()| { shoulder::max_turn_deg(s.trace, SimTime(0), s.trace.duration) }
     ),
     measure!(
-        "trunk_range_mm",
+        "trunk_displacement_mm" formerly "trunk_range_mm",
         "mm",
         "furthest of the trunk's body from where it was first; empty if it was not tracked",
         OURS,

@@ -206,11 +206,11 @@ fn what_the_body_did_and_what_the_joints() {
     // 0.4 m in 2 s, in 20 steps; the low pass takes the same from both ends, some 2 times 3.5 mm.
     near(of("shoulder_sum10_m", place), 0.4, 1e-9);
     near(of("shoulder_path_m", place), 0.4, 0.01);
-    near(of("shoulder_range_mm", place), 400.0, 10.0);
+    near(of("shoulder_displacement_mm", place), 400.0, 10.0);
     near(of("shoulder_turn_sum10_deg", place), 0.0, 1e-5);
     near(of("trunk_turn_deg", place), 0.0, 1e-9);
     near(value(TRIAL_MEASURES, "trunk_turn_deg", &scored, &()), 0.1_f64.to_degrees(), 1e-6);
-    near(value(TRIAL_MEASURES, "trunk_range_mm", &scored, &()), 50.0, 1e-6);
+    near(value(TRIAL_MEASURES, "trunk_displacement_mm", &scored, &()), 50.0, 1e-6);
     let unseen = Trace { trunk: Vec::new(), ..trace.clone() };
     assert_eq!(value(TRIAL_MEASURES, "trunk_turn_deg", &ScoredTrial::of(&unseen), &()), None);
     near(of("base_share", place), 1.0, 1e-9);

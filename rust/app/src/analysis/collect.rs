@@ -15,7 +15,7 @@ use crate::{
         tables::{self, columns, columns::TRIAL_KEY},
     },
 };
-use proact_analysis::table::{Table, TableCell, TableColumn};
+use proact_analysis::table::{ColumnNames, Table, TableCell, TableColumn};
 use proact_control::MethodRegistry;
 use proact_recording::{HASH_MISMATCH_TEXT, MANIFEST_FILE, RecordingError, TrialRecord, verify_manifest};
 use proact_testbed::TrialEnd;
@@ -316,7 +316,7 @@ fn read_tables(dir: &Path, collected: &mut AnalysisData) -> Result<(), Box<dyn E
 
 /// Tables and their columns of numbers that have no unit.
 const UNITLESS_NUMBER_COLUMNS: [(&str, &str); 4] =
-    [("trials", "score"), ("trials", "position"), ("trials", "simulated"), ("scores", "value")];
+    [("trials", "score"), ("trials", "condition_order"), ("trials", "simulated"), ("scores", "value")];
 /// Tables whose columns are all measured, but for those that name what was measured.
 const MEASURE_TABLES: [&str; 3] = ["measures", "objects", "phases"];
 
@@ -333,8 +333,10 @@ fn check_cell(table: &Table, column: &TableColumn, cell: &TableCell) -> Result<(
     let TableCell::Text(words) = cell else { return Ok(()) };
     let outcomes = OUTCOMES.map(|(outcome, ..)| outcome);
     match (table.name, column.name) {
-        ("trials", "ended") if serde_json::from_value::<TrialEnd>(words.as_str().into()).is_err() => {
-            Err(format!("ended {words:?} is unknown, expected task, failed, abort, restart or interrupt"))
+        ("trials", "end_reason") if serde_json::from_value::<TrialEnd>(words.as_str().into()).is_err() => {
+            Err(format!(
+                "end_reason {words:?} is unknown, expected task, failed, abort, restart or interrupt"
+            ))
         }
         ("blocks", "outcome") if !outcomes.contains(&words.as_str()) => {
             Err(format!("outcome {words:?} is unknown, expected one of {}", outcomes.join(", ")))
@@ -350,14 +352,18 @@ fn check_cell(table: &Table, column: &TableColumn, cell: &TableCell) -> Result<(
 fn read_table(path: &Path, mut table: Table, varied: &[&str]) -> Result<Table, Box<dyn Error>> {
     let mut reader = csv::Reader::from_path(path)?;
     let heads = reader.headers()?.clone();
-    let indices: Vec<Option<usize>> =
-        table.columns.iter().map(|column| heads.iter().position(|head| head == column.name)).collect();
+    let index_of = |name: &str| heads.iter().position(|head| head == name);
+    let indices: Vec<Option<usize>> = table
+        .columns
+        .iter()
+        .map(|column| index_of(column.name).or_else(|| index_of(column.written_name(ColumnNames::Legacy))))
+        .collect();
     if indices.iter().all(Option::is_none) {
         let known: Vec<&str> = table.columns.iter().map(|column| column.name).collect();
         return Err(format!("none of its columns is known, expected {}", known.join(", ")).into());
     }
     let known =
-        |head: &&str| table.columns.iter().any(|column| column.name == *head) || varied.contains(head);
+        |head: &&str| table.columns.iter().any(|column| column.is_named(head)) || varied.contains(head);
     if let Some(head) = heads.iter().find(|head| !known(head)) {
         let columns: Vec<&str> = table.columns.iter().map(|column| column.name).collect();
         return Err(format!("column {head:?} is unknown, expected {}", columns.join(", ")).into());

@@ -109,7 +109,7 @@ pub(super) fn scores_by_form(collected: &AnalysisData) -> BTreeMap<String, Vec<P
         };
         if !condition.is_empty() {
             found
-                .entry(score_name(&scores.text(row, "form"), &scores.text(row, "score")))
+                .entry(score_name(&scores.text(row, "form"), &scores.text(row, "score_name")))
                 .or_default()
                 .push(ParticipantValue { participant: participant(scores, row), condition, value });
         }

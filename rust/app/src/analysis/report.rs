@@ -12,6 +12,7 @@ use super::{
     summaries::{self, ReportTable},
 };
 use crate::study::{codebook_csv, table_csv};
+use proact_analysis::table::ColumnNames;
 use proact_files::{WriteError, check_output_dir_claim, claim_output_dir, make_folder, write_atomically};
 use proact_recording::TrialRecord;
 use std::{
@@ -120,10 +121,10 @@ fn write_report(
     let all: Vec<_> = collected.tables.values().cloned().collect();
     for table in &all {
         let path = observed.join(format!("{}.csv", table.name));
-        write_atomically(&path, &table_csv(table)?)?;
+        write_atomically(&path, &table_csv(table, ColumnNames::Present)?)?;
         report.tables.insert(table.name.to_owned(), path);
     }
-    write_atomically(&observed.join("codebook.csv"), &codebook_csv(&all)?)?;
+    write_atomically(&observed.join("codebook.csv"), &codebook_csv(&all, ColumnNames::Present)?)?;
     // R reads the tables of observations, and writes one of its own.
     let mut notes = collected.notes.clone();
     match mixed_models::fit_mixed_models(out)? {

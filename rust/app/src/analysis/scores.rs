@@ -28,7 +28,7 @@ use std::{
 };
 
 const fn record_column(name: &'static str, meaning: &'static str) -> TableColumn {
-    TableColumn { name, unit: "", meaning, source: "record" }
+    TableColumn { name, unit: "", meaning, source: "record", formerly: "" }
 }
 
 /// Key, own columns and measures of a table, and the flaw of the record.
@@ -55,7 +55,13 @@ static PHASES: LazyLock<Vec<TableColumn>> = LazyLock::new(|| {
 static FAULTS: LazyLock<Vec<TableColumn>> = LazyLock::new(|| {
     let mut columns = TRIAL_KEY.to_vec();
     columns.extend([
-        TableColumn { name: "time_s", unit: "s", meaning: "since the trial's start", source: "record" },
+        TableColumn {
+            name: "time_s",
+            unit: "s",
+            meaning: "since the trial's start",
+            source: "record",
+            formerly: "",
+        },
         record_column("fault", "what went wrong"),
         record_column("block", "with which object"),
         record_column("detail", "more of it"),
@@ -166,7 +172,7 @@ pub(crate) fn mark_flaw<'a>(tables: impl IntoIterator<Item = &'a mut Table>, key
     for table in tables {
         let Some(index) = table.column_index(FLAW.name) else { continue };
         let [position, asterisk, counts] =
-            ["position", "mark", "counts"].map(|name| table.column_index(name));
+            ["condition_order", "mark", "counts"].map(|name| table.column_index(name));
         let is_of_record =
             |row: &Vec<TableCell>| counts.is_none_or(|counts| row[counts] == TableCell::from(true));
         for row in table.rows.iter_mut().filter(|row| row.starts_with(key) && is_of_record(row)) {
@@ -282,7 +288,7 @@ fn score_standalone_trial(methods: &MethodRegistry, dir: &Path) -> Result<Source
         "task" => result.task.as_str().into(),
         "arm" => result.arm.as_str().into(),
         "setup" => result.setup.as_str().into(),
-        "ended" => serialized_name(&result.ended).into(),
+        "end_reason" => serialized_name(&result.ended).into(),
         "score" => result.counted_score().into(),
         "score_name" => result.score_name.as_str().into(),
         "seconds" => result.sim_seconds.into(),

@@ -74,7 +74,7 @@ pub(super) fn conditions(collected: &AnalysisData) -> Vec<String> {
 
 /// Whether a row of the trials is of one that failed.
 fn has_failed(trials: &Table, row: &[TableCell]) -> bool {
-    trials.text(row, "ended") == serialized_name(&TrialEnd::Failed)
+    trials.text(row, "end_reason") == serialized_name(&TrialEnd::Failed)
 }
 
 /// A note about the trials of each condition that failed.
@@ -187,7 +187,7 @@ fn sequence(collected: &AnalysisData) -> Option<ReportTable> {
     let trials = collected.table("trials")?;
     let mut outcomes_by_position: BTreeMap<(NaturalSortKey, i64), (String, bool)> = BTreeMap::new();
     for row in &trials.rows {
-        let Some(position) = trials.number(row, "position") else { continue };
+        let Some(position) = trials.number(row, "condition_order") else { continue };
         let of = (NaturalSortKey::of(participant(trials, row)), position as i64);
         let entry = outcomes_by_position.entry(of).or_insert_with(|| (trials.text(row, "condition"), false));
         entry.1 |= trials.text(row, "mark") == "*";
@@ -354,7 +354,7 @@ const COMPENSATION: PhaseMeansTable = (
         ("translation, sum at 10 Hz, m", "shoulder_sum10_m", 3),
         ("rotation, sum at 10 Hz, deg", "shoulder_turn_sum10_deg", 1),
         ("way, m", "shoulder_path_m", 3),
-        ("range, mm", "shoulder_range_mm", 0),
+        ("range, mm", "shoulder_displacement_mm", 0),
         ("turn, deg", "shoulder_turn_deg", 1),
         ("trunk's turn, deg", "trunk_turn_deg", 1),
         ("share of the shoulder", "base_share", 2),

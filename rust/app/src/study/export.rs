@@ -6,7 +6,7 @@ use super::{
     tables::{armsym_files, check_answers, columns::TRIALS, counted_trial_records, faulty_records, tables},
 };
 use crate::analysis::score_study;
-use proact_analysis::table::{Table, TableCell};
+use proact_analysis::table::{ColumnNames, Table, TableCell};
 use proact_control::MethodRegistry;
 use proact_files::{OutputFile, check_output_dir_claim, claim_output_dir, make_folder, write_atomically};
 use proact_recording::{
@@ -47,6 +47,8 @@ pub struct ExportOptions {
     pub keep_pseudonyms: bool,
     /// The events and joints of each trial as ArmSym writes them too, in the folder `armsym`.
     pub armsym: bool,
+    /// Names of the columns.
+    pub column_names: ColumnNames,
     /// With these methods trials are recomputed.
     pub methods: MethodRegistry,
 }
@@ -81,10 +83,12 @@ pub fn export(
     made.push(compensation);
     claim_export_dir(&folder)?;
     // The codebook first: by it the next export knows the folder as its own, whatever ends this one.
-    let mut texts =
-        vec![(CODEBOOK.to_owned(), codebook_csv(&made)?), (QUESTIONS.to_owned(), questions(study)?)];
+    let mut texts = vec![
+        (CODEBOOK.to_owned(), codebook_csv(&made, options.column_names)?),
+        (QUESTIONS.to_owned(), questions(study)?),
+    ];
     for table in &made {
-        texts.push((format!("{}.csv", table.name), table_csv(table)?));
+        texts.push((format!("{}.csv", table.name), table_csv(table, options.column_names)?));
     }
     texts.push((super::PLAN_FILE.to_owned(), study.plan_text.clone()));
     for (name, text) in texts {
@@ -101,7 +105,7 @@ pub fn export(
     // SQLite makes files of its own beside the one that it writes.
     let scratch = folder.join(format!(".{TABLES_FILE}"));
     remove(&scratch)?;
-    Journal::write_tables(&scratch, &made)?;
+    Journal::write_tables(&scratch, &made, options.column_names)?;
     write_atomically(&folder.join(TABLES_FILE), fs::read(&scratch)?)?;
     remove(&scratch)?;
     write_manifest(&folder)?;
@@ -187,9 +191,9 @@ fn remove(path: &Path) -> Result<(), Box<dyn Error>> {
 }
 
 /// A table as CSV.
-pub(crate) fn table_csv(table: &Table) -> Result<String, Box<dyn Error>> {
+pub(crate) fn table_csv(table: &Table, names: ColumnNames) -> Result<String, Box<dyn Error>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(table.columns.iter().map(|column| column.name))?;
+    writer.write_record(table.columns.iter().map(|column| column.written_name(names)))?;
     for row in &table.rows {
         writer.write_record(row.iter().map(TableCell::to_string))?;
     }
@@ -197,18 +201,19 @@ pub(crate) fn table_csv(table: &Table) -> Result<String, Box<dyn Error>> {
 }
 
 /// What each column of each table is.
-pub(crate) fn codebook_csv(tables: &[Table]) -> Result<String, Box<dyn Error>> {
+pub(crate) fn codebook_csv(tables: &[Table], names: ColumnNames) -> Result<String, Box<dyn Error>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(["table", "row", "column", "unit", "meaning", "source"])?;
+    writer.write_record(["table", "row", "column", "unit", "meaning", "source", "formerly"])?;
     for table in tables {
         for column in table.columns {
             writer.write_record([
                 table.name,
                 table.row_meaning,
-                column.name,
+                column.written_name(names),
                 column.unit,
                 column.meaning,
                 column.source,
+                column.formerly,
             ])?;
         }
     }

@@ -176,7 +176,7 @@ fn times(entries: &[JournalEntry<StudyEvent>]) -> EventTimes {
 /// A trial that counts: planned, begun and not done again.
 struct CountedTrial<'a> {
     planned: &'a PlannedTrial,
-    spot: StepId,
+    step_id: StepId,
     attempt: usize,
     record: String,
     /// That the journal has; none of older journals.
@@ -215,7 +215,7 @@ impl StudyTables<'_> {
                 let done = matches!(state.outcome, Some(StepOutcome::Done | StepOutcome::Aborted));
                 if let (true, Some(record)) = (done, state.record) {
                     let (attempt, digest) = (state.attempts, state.digest);
-                    counted.push(CountedTrial { planned, spot: step_id, attempt, record, digest });
+                    counted.push(CountedTrial { planned, step_id, attempt, record, digest });
                 }
             }
         }

@@ -146,7 +146,7 @@ impl ProblemGenerator {
             world_from_base: self.sample_base(),
             start: JointVector::new(),
             hand: joints(self.model.pose("hand", "open")?),
-            goal: PlanGoal::Pick { object: ObjectId(0), centre: blocks[0] },
+            goal: PlanGoal::Pick { object: ObjectId(0), center: blocks[0] },
             picked_object: Some(BLOCK_NAMES[0].to_owned()),
             obstacles: obstacles(&blocks),
             held_joints: Vec::new(),

@@ -32,7 +32,7 @@ export class Conduct {
   private readonly progress = element("div");
   private readonly participant = element("strong");
   private readonly remaining = element("span", "small");
-  private readonly notice = element("p", "told");
+  private readonly notice = element("p", "notice");
   private readonly step = element("p", "only-heard");
   private readonly connectionNotice = element("div", "lost");
   private readonly currentStep = new CurrentStepView({
@@ -91,7 +91,7 @@ export class Conduct {
     setWidth(this.progress, trials[0] / Math.max(trials[1], 1));
     setText(this.participant, session ? participantText(session) : "");
     setText(this.remaining, session ? leftText(session.minutes_left) : "");
-    this.showNotice(screen.told);
+    this.showNotice(screen.notice);
     this.begin.root.hidden = session !== null;
     this.steps.root.hidden = session === null;
     this.notes.root.hidden = session === null;

@@ -40,7 +40,7 @@ export class FormView {
   private readonly progressFill = element("i", "fill");
   private readonly progressBar = element("div", "rail", this.progressFill);
   private readonly progress = element("span", "tally");
-  private readonly message = element("p", "told");
+  private readonly message = element("p", "notice");
   private readonly liveRegion = element("p", "only-heard");
   private readonly done: HTMLButtonElement;
   private readonly id: string;
@@ -236,7 +236,7 @@ export class FormView {
       const marks = { none: open ? texts.notAnswered : "", sending: texts.saving, saved: texts.saved, refused: "" };
       setText(mark, marks[state]);
       // An answer that was kept before the page came is no news.
-      if (state === "saved" && root.dataset["state"] === "sending") setText(this.liveRegion, texts.heardSaved(progress));
+      if (state === "saved" && root.dataset["state"] === "sending") setText(this.liveRegion, texts.announceSaved(progress));
       root.dataset["state"] = state;
       setClass(root, "missing", open);
       clear.hidden = answer === null || !hasClearButton(question);

@@ -61,9 +61,9 @@ export function languagesOf(form: Form): string[] {
 /** Of the languages that there are the one that is wanted most, English, or the first. */
 export function chooseLanguage(languages: readonly string[], wanted: readonly string[]): string {
   const plain = (language: string) => language.toLowerCase().split("-")[0];
-  for (const wish of wanted) {
-    const exact = languages.find((language) => language.toLowerCase() === wish.toLowerCase());
-    const found = exact ?? languages.find((language) => plain(language) === plain(wish));
+  for (const requested of wanted) {
+    const exact = languages.find((language) => language.toLowerCase() === requested.toLowerCase());
+    const found = exact ?? languages.find((language) => plain(language) === plain(requested));
     if (found !== undefined) return found;
   }
   return languages.find((language) => plain(language) === "en") ?? languages[0] ?? "en";

@@ -4,7 +4,7 @@
 import type { Command, Gesture } from "./generated/types";
 import { strings } from "./strings";
 
-const NAMES: Record<Command, string> = strings.gestures.told;
+const NAMES: Record<Command, string> = strings.gestures.instructions;
 
 function isDrawn(gesture: Gesture): gesture is Command {
   return Object.hasOwn(NAMES, gesture);

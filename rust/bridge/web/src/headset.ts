@@ -86,8 +86,8 @@ export class Headset {
     this.dragWorld(space, seconds);
     rig.updateMatrixWorld();
     const head = eye.clone().applyMatrix4(rig.matrixWorld);
-    const facing = rig.quaternion.clone().multiply(turn).multiply(WORLD_FROM_XR.clone().invert());
-    this.handlers.head(head.toArray(), facing.toArray());
+    const orientation = rig.quaternion.clone().multiply(turn).multiply(WORLD_FROM_XR.clone().invert());
+    this.handlers.head(head.toArray(), orientation.toArray());
 
     this.sendBracePose(xr.getFrame(), space);
 
@@ -98,7 +98,7 @@ export class Headset {
     const from = pose ? vector(pose.transform.position).applyMatrix4(rig.matrixWorld) : head;
     const along = pose
       ? new Vector3(0, 0, -1).applyQuaternion(quaternion(pose.transform.orientation)).applyQuaternion(rig.quaternion)
-      : new Vector3(1, 0, 0).applyQuaternion(facing);
+      : new Vector3(1, 0, 0).applyQuaternion(orientation);
     this.handlers.ray(from, along, head);
   }
 

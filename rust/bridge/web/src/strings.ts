@@ -917,7 +917,7 @@ export const strings = {
       no_motion: "No motion",
     },
     /** What a person is told to do. */
-    told: {
+    instructions: {
       wrist_extension: "Bend the wrist back",
       wrist_flexion: "Bend the wrist in",
       hand_close: "Close the hand",
@@ -935,7 +935,7 @@ export const strings = {
     inARow: (count: number) => `${count} in a row`,
     inARowOf: (count: number, wanted: number) => `In a row: ${count} of ${wanted}`,
     progress: (kept: number, all: number) => `${kept} of ${all} answered`,
-    heardSaved: (progress: string) => `Saved. ${progress}`,
+    announceSaved: (progress: string) => `Saved. ${progress}`,
     wait: "One moment",
     waitAbout: "There is nothing to do now.",
     listen: "Please listen",

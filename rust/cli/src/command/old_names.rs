@@ -312,10 +312,10 @@ fn the_page_of_renames_is_what_the_table_says() {
     let (before, rest) = page.split_once(SECTION).expect("the page has a section on flags");
     let after = rest.find("\n## ").map_or("", |at| &rest[at..]);
     let expected = format!("{before}{}{after}", section());
-    if std::env::var_os("PROACT_BLESS").is_some() {
+    if std::env::var_os("UPDATE_EXPECTED").is_some() {
         fs::write(PAGE, &expected).unwrap();
     } else {
-        assert!(page == expected, "PROACT_BLESS=1 writes it anew; expected is\n{}", section());
+        assert!(page == expected, "UPDATE_EXPECTED=1 writes it anew; expected is\n{}", section());
     }
 }
 

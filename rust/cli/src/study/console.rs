@@ -175,7 +175,7 @@ fn step_lines(what: &StepActivity) -> Vec<String> {
         }
         StepActivity::CalibrateGaze { error_deg: Some(error) } => vec![format!("  {error:.1} degrees off")],
         StepActivity::CalibrateGaze { error_deg: None } => vec!["  on the participant's page".to_owned()],
-        StepActivity::Practise { transferred: carried, planned_transfers: transfers } => {
+        StepActivity::Practice { transferred: carried, planned_transfers: transfers } => {
             vec![format!("  {carried} of {transfers} carried")]
         }
         StepActivity::Demonstrate {} | StepActivity::Rest { .. } => Vec::new(),

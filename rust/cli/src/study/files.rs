@@ -4,7 +4,7 @@ use crate::progress::progress_bar;
 use clap::Args;
 use proact_app::{
     print_result, print_result_json, print_status,
-    study::{self, ArchiveSummary, ExportOptions, ExportSummary, FaultyRecordPolicy, Study},
+    study::{self, ArchiveSummary, ColumnNames, ExportOptions, ExportSummary, FaultyRecordPolicy, Study},
 };
 use proact_control::MethodRegistry;
 use serde_json::json;
@@ -25,6 +25,9 @@ pub struct StudyExportArgs {
     /// Keep the pseudonyms under which people were enrolled
     #[arg(long)]
     keep_pseudonyms: bool,
+    /// Name columns as older exports did; codebook.csv of an export without it has both names
+    #[arg(long)]
+    legacy_names: bool,
     /// Write the events and joints of each trial as another system does too, into a folder of its name
     #[arg(long, value_name = "SYSTEM", value_parser = ["armsym"])]
     extra_format: Option<String>,
@@ -54,6 +57,7 @@ pub(super) fn export(
         out: args.out.clone(),
         raw: args.raw,
         keep_pseudonyms: args.keep_pseudonyms,
+        column_names: if args.legacy_names { ColumnNames::Legacy } else { ColumnNames::Present },
         armsym: args.extra_format.is_some(),
         methods: methods.clone(),
     };

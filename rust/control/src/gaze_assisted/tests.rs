@@ -155,7 +155,7 @@ fn a_second_wrist_flexion_takes_the_lock_off() {
 fn without_a_lock_wrist_extension_acts_on_the_highlight() {
     let mut bench = Bench::new();
     bench.highlight = Some(ObjectId(2));
-    let Some(PlanCommand::Request(PlanGoal::Pick { object: block, centre: center })) =
+    let Some(PlanCommand::Request(PlanGoal::Pick { object: block, center })) =
         bench.step(WristExtension, None).plan
     else {
         panic!("a pick was expected")

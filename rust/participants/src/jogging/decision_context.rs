@@ -116,7 +116,7 @@ impl<'a> DecisionContext<'a> {
     pub(crate) fn hand_goal_of(&self, stage: TransferPhase, lean: f64) -> HandGoal {
         let Self { sense, scene, frame: seen, block, target } = self;
         let half = scene.objects[block.index()].shape.half_height();
-        let grasp_center = sense.grasp_centre(self.grip_width_m());
+        let grasp_center = sense.grasp_center(self.grip_width_m());
         let at = |pose: &Pose| Point::from(pose.translation.vector);
         // Not joint by joint: along axes, or by the own limb.
         let by_axis =

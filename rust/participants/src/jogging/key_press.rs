@@ -154,7 +154,7 @@ impl KeyPress {
     fn progress(&self, context: &DecisionContext) -> f64 {
         let (q, tip) = &self.start_pose;
         let base_from_tip = context.base_from_tip();
-        let grasp_center = context.sense.grasp_centre(context.grip_width_m());
+        let grasp_center = context.sense.grasp_center(context.grip_width_m());
         let mode = usize::from(self.error.mode);
         let moved = if self.error.mode < FIRST_AXIS_MODE {
             context.frame.joints[mode] - q[mode]
@@ -177,7 +177,7 @@ impl KeyPress {
     pub(super) fn was_blocked(&self, context: &DecisionContext) -> bool {
         let (q, tip) = &self.start_pose;
         let base_from_tip = context.base_from_tip();
-        let grasp_center = context.sense.grasp_centre(context.grip_width_m());
+        let grasp_center = context.sense.grasp_center(context.grip_width_m());
         let moved = match self.error.mode {
             joint if joint < FIRST_AXIS_MODE => {
                 context.frame.joints[usize::from(joint)] - q[usize::from(joint)]

@@ -145,7 +145,7 @@ impl ResidualLimbReach {
         });
         let width = shape.grip_width();
         let (point, axis) =
-            held.unwrap_or_else(|| (self.arm_model.grasp_centre(width), self.arm_model.grasp_axis(width)));
+            held.unwrap_or_else(|| (self.arm_model.grasp_center(width), self.arm_model.grasp_axis(width)));
         let axis = if (seen.world_from_tip * axis).z < 0.0 { -axis } else { axis };
         let low = errand.place.map_or_else(
             || at(errand.object) + Vector::z() * GRASP_OFFSET_M,

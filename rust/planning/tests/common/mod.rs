@@ -99,13 +99,13 @@ pub fn block_name(region: BlockRegion) -> String {
 }
 
 /// Where the block in `region` stands at the start: its centre.
-pub fn block_centre(region: BlockRegion) -> Point {
+pub fn block_center(region: BlockRegion) -> Point {
     scene().objects[region as usize].pose.translation.vector.into()
 }
 
 /// The mirrored place on the table top.
 pub fn target(region: BlockRegion) -> Point {
-    let start = block_centre(region);
+    let start = block_center(region);
     Point::new(start.x, -start.y, scene().table_height)
 }
 
@@ -120,7 +120,7 @@ pub fn pick(model: &ArmModel, world_from_base: Pose, region: BlockRegion, seed: 
         world_from_base,
         start: pose_of(model, "arm", "start"),
         hand: pose_of(model, "hand", "open"),
-        goal: PlanGoal::Pick { object: ObjectId::new(region as usize), centre: block_centre(region) },
+        goal: PlanGoal::Pick { object: ObjectId::new(region as usize), center: block_center(region) },
         picked_object: Some(block_name(region)),
         obstacles: obstacles(),
         held_joints: Vec::new(),
@@ -142,7 +142,7 @@ pub fn place(
     let block = block_name(region);
     let tip = world_from_base * kinematics(model).forward(q).expect("angles of a plan");
     let block_pose =
-        Pose::translation(block_centre(region).x, block_centre(region).y, block_centre(region).z);
+        Pose::translation(block_center(region).x, block_center(region).y, block_center(region).z);
     PlanRequest {
         id: 2,
         world_from_base,

@@ -88,7 +88,7 @@ fn goal_constraints(model: &ArmModel, request: &PlanRequest, stamp: SimTime) -> 
     let at = |offset: &Vector, point: &Point| vec![position_constraint(model, stamp, offset, point)];
     let empty = moveit_msgs::Constraints::default();
     match &request.goal {
-        PlanGoal::Pick { centre: center, .. } => moveit_msgs::Constraints {
+        PlanGoal::Pick { center, .. } => moveit_msgs::Constraints {
             name: format!("pick {}", request.picked_object.as_deref().unwrap_or("an object")),
             position_constraints: at(&model.grasp_for_request(request).center, center),
             ..empty

@@ -88,7 +88,7 @@ impl InstantPlans {
             PlanGoal::TipPose { pose } => {
                 return self.kinematics.inverse(&(base_from_world * pose), &request.start);
             }
-            PlanGoal::Pick { centre: center, .. } => {
+            PlanGoal::Pick { center, .. } => {
                 (Point::from(self.model.grasp_for_request(request).center), *center)
             }
             PlanGoal::Place { point } => {

@@ -1,4 +1,4 @@
-use super::object_centres;
+use super::object_centers;
 use crate::{ConfigError, GraspSelector, TestbedError, TrialConfig};
 use proact_arm::ArmModel;
 use proact_control::ports::ArmKinematics;
@@ -196,7 +196,7 @@ impl IntentStage {
         let IntentInput { world, task, .. } = input;
         let tip = kinematics.forward(&world.position[..self.model.arm_count()]).ok();
         Candidates {
-            centers: object_centres(world),
+            centers: object_centers(world),
             pickable: self
                 .scene
                 .ids()

@@ -1,4 +1,4 @@
-use super::{ActuationOutput, EmgStageOutput, GazeFreshness, IntentOutput, object_centres};
+use super::{ActuationOutput, EmgStageOutput, GazeFreshness, IntentOutput, object_centers};
 use crate::{
     ResultFault, ResultFaultKind, TestbedError, TrialConfig,
     plans::{PendingPlan, plan_request},
@@ -405,7 +405,7 @@ impl MethodStage {
         let (world, arm) = (input.world, self.model.arm_count());
         let commanded = &input.actuation.command.position[..arm];
         let age = |at: Option<SimTime>| at.map(|at| now.millis_since(at));
-        let objects = object_centres(world);
+        let objects = object_centers(world);
         let felt = self.joint_states(world);
         let seen = ControlInput {
             command: input.emg.command,

@@ -57,6 +57,6 @@ pub enum StageName {
 }
 
 /// Centres of the objects in `world`, in the order of the scene.
-fn object_centres(state: &PlantState) -> Vec<Point> {
+fn object_centers(state: &PlantState) -> Vec<Point> {
     state.objects.iter().map(|object| Point::from(object.pose.translation.vector)).collect()
 }

@@ -172,7 +172,7 @@ fn a_text_without_old_names_stays_as_it_is() {
     assert_eq!((text.trim(), used.len()), ("[blend]\nassistance_share = 0.5", 1));
 }
 
-/// `docs/renames.md` lists the table. With `UPDATE_DOCS=1` the test writes it there.
+/// `docs/renames.md` lists the table. With `UPDATE_EXPECTED=1` the test writes it there.
 #[test]
 fn the_page_of_renames_has_every_row() {
     const HEADING: &str = "## Configuration keys\n";
@@ -183,10 +183,10 @@ fn the_page_of_renames_has_every_row() {
     let section = &page[start..end];
     let first = section.find("### ").unwrap_or(section.len());
     let expected = renamed_keys_page();
-    if std::env::var_os("UPDATE_DOCS").is_some() {
+    if std::env::var_os("UPDATE_EXPECTED").is_some() {
         let written = format!("{}{expected}{}", &page[..start + first], &page[end..]);
         std::fs::write(path, written.trim_end().to_owned() + "\n").unwrap();
     } else {
-        assert_eq!(section[first..].trim(), expected.trim(), "UPDATE_DOCS=1 writes it");
+        assert_eq!(section[first..].trim(), expected.trim(), "UPDATE_EXPECTED=1 writes it");
     }
 }

@@ -94,15 +94,15 @@ void OdeArm::set_masses() {
       continue;
     }
     add_attached_mass(body, total);
-    const Vec3 centre = to_vec(total.c);
-    dMassTranslate(&total, -centre.x, -centre.y, -centre.z);
+    const Vec3 center = to_vec(total.c);
+    dMassTranslate(&total, -center.x, -center.y, -center.z);
     // Rounding leaves a remainder, and ODE asks for exactly zero.
     std::fill(std::begin(total.c), std::end(total.c), 0.0);
     dBodySetMass(bodies_[body], &total);
     for (std::size_t link = 0; link < model_.links.size(); ++link) {
       if (links_.body_of(link) != body) continue;
       Pose& body_from_link = links_.body_from_link(link);
-      body_from_link.position = body_from_link.position - centre;
+      body_from_link.position = body_from_link.position - center;
     }
   }
 }
@@ -210,8 +210,8 @@ void OdeArm::build_at(const Pose& world_from_base) {
   place_bodies();
   for (std::size_t body = 0; body < bodies_.size(); ++body) {
     const FrameMotion& root = motions_[links_.root_of(body)];
-    const Vec3 centre = to_vec(dBodyGetPosition(bodies_[body]));
-    set_body_velocity(bodies_[body], root.linear + cross(root.angular, centre - root.pose.position), root.angular);
+    const Vec3 center = to_vec(dBodyGetPosition(bodies_[body]));
+    set_body_velocity(bodies_[body], root.linear + cross(root.angular, center - root.pose.position), root.angular);
   }
   // Infinitesimal rotation would leave the base behind its command by the square of the turn.
   dBodySetFiniteRotationMode(bodies_[0], 1);
@@ -294,8 +294,8 @@ void OdeArm::finish() {
     dJointGetHingeAxis(hinge.joint, axis_at);
     const Vec3 lever = to_vec(anchor_at) - to_vec(dBodyGetPosition(dJointGetBody(hinge.joint, 0)));
     const double effort = dot(to_vec(axis_at), to_vec(hinge.feedback.t1) - cross(lever, to_vec(hinge.feedback.f1)));
-    const double borne = control_.limit_effort(hinge.moving, effort);
-    joints_.set_state(hinge.moving, angle, rate, effort - borne, borne);
+    const double limit_effort = control_.limit_effort(hinge.moving, effort);
+    joints_.set_state(hinge.moving, angle, rate, effort - limit_effort, limit_effort);
   }
 }
 

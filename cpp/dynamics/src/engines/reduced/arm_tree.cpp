@@ -84,9 +84,9 @@ void ArmTree::inverse_dynamics(const BaseMotion& base, const Vec3& gravity, cons
     const Vec3 arm = placed.pose.position - placed_[body.parent].pose.position;
     own.acceleration = parent.acceleration + cross(parent.angular_acceleration, arm) +
                        cross(parent.angular, cross(parent.angular, arm));
-    const Vec3 centre = own.acceleration + cross(own.angular_acceleration, placed.center) +
+    const Vec3 center = own.acceleration + cross(own.angular_acceleration, placed.center) +
                         cross(own.angular, cross(own.angular, placed.center));
-    own.force = centre * body.mass;
+    own.force = center * body.mass;
     own.moment = placed.inertia * own.angular_acceleration + cross(own.angular, placed.inertia * own.angular) +
                  cross(placed.center, own.force);
   }

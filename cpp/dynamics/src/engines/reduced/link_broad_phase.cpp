@@ -71,8 +71,8 @@ LinkBroadPhase::FarBound LinkBroadPhase::far_bound(const Sphere& sphere) const {
   return {c, block_travel_m_ + least - bounds_margin};
 }
 
-bool LinkBroadPhase::stays_far(const FarBound& far, const Vec3& centre) const {
-  const Vec3 way = centre - far.center;
+bool LinkBroadPhase::stays_far(const FarBound& far, const Vec3& center) const {
+  const Vec3 way = center - far.center;
   const double left = far.travel - block_travel_m_;
   return (std::abs(way.x) < left) & (std::abs(way.y) < left) & (std::abs(way.z) < left);
 }
@@ -94,17 +94,17 @@ bool LinkBroadPhase::update_shapes(const ShapeRun& run, const Pose& pose) {
   bool none = true;
   for (std::size_t k = run.first; k < run.last; ++k) {
     Geom& geom = geoms_.links[k];
-    const Vec3 centre = pose * body_from_shape_[k].position;
-    if (stays_far(far_bounds_[k], centre)) {
+    const Vec3 center = pose * body_from_shape_[k].position;
+    if (stays_far(far_bounds_[k], center)) {
       geom.bounds = empty_bounds;
       continue;
     }
     const auto near = [&](const std::array<dReal, 6>& bounds) {
-      return sphere_overlaps_bounds(centre, geom.bounding_radius, bounds);
+      return sphere_overlaps_bounds(center, geom.bounding_radius, bounds);
     };
     if (std::none_of(near_obstacles_.begin(), near_obstacles_.end(), near)) {
       geom.bounds = empty_bounds;
-      far_bounds_[k] = far_bound({centre, geom.bounding_radius});
+      far_bounds_[k] = far_bound({center, geom.bounding_radius});
       continue;
     }
     geom.world_from_shape = pose * body_from_shape_[k];

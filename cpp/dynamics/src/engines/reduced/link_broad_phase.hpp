@@ -42,7 +42,7 @@ class LinkBroadPhase {
 
   void update_block_bounds();
   FarBound far_bound(const Sphere& sphere) const;
-  bool stays_far(const FarBound& far, const Vec3& centre) const;
+  bool stays_far(const FarBound& far, const Vec3& center) const;
   bool find_near_obstacles(const Sphere& sphere);
   bool update_shapes(const ShapeRun& run, const Pose& pose);
 

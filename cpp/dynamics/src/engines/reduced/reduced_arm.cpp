@@ -120,11 +120,11 @@ void ReducedArm::sum_masses() {
 }
 
 /// Adds a mass about the body's origin, until sum_masses() has them all.
-void ReducedArm::add_mass(std::size_t body, double mass, const Vec3& centre, const SymmetricMatrix3& about_centre) {
+void ReducedArm::add_mass(std::size_t body, double mass, const Vec3& center, const SymmetricMatrix3& about_center) {
   ArmTree::Body& sum = tree_.bodies[body];
   sum.mass += mass;
-  sum.center = sum.center + centre * mass;
-  sum.inertia = sum.inertia + about_centre + point_inertia(mass, centre);
+  sum.center = sum.center + center * mass;
+  sum.inertia = sum.inertia + about_center + point_inertia(mass, center);
 }
 
 /// Brings all that is kept by hinge or body to the present number of them.

@@ -54,7 +54,7 @@ class ReducedArm final : public Arm {
  private:
   void join_links();
   void sum_masses();
-  void add_mass(std::size_t body, double mass, const Vec3& centre, const SymmetricMatrix3& about_centre);
+  void add_mass(std::size_t body, double mass, const Vec3& center, const SymmetricMatrix3& about_center);
   void resize_scratch();
   void attach_block_shapes();
   bool step_without_contacts();

@@ -73,7 +73,7 @@ class Scene {
   void set_attached(const std::optional<Object>& attached);
 
   /// Grows every obstacle by `metres` on all sides; a negative number shrinks it.
-  void set_padding(double metres);
+  void set_padding(double padding_m);
 
   /// From now on `member` (a link or the carried object) may touch `obstacle`. Throws std::invalid_argument
   /// for an unknown name.
@@ -179,10 +179,10 @@ class Scene {
     /// Metres in t.
     double travel(double t) const { return std::min(max_rate * t, (initial_rate + rate_growth * t) * t); }
     /// A t in which it travels no farther than that many metres.
-    double time(double metres) const {
+    double time(double distance_m) const {
       return std::max(
-          metres / max_rate,
-          2.0 * metres / (initial_rate + std::sqrt(initial_rate * initial_rate + 4.0 * rate_growth * metres)));
+          distance_m / max_rate,
+          2.0 * distance_m / (initial_rate + std::sqrt(initial_rate * initial_rate + 4.0 * rate_growth * distance_m)));
     }
   };
 

@@ -39,7 +39,7 @@ impl ArmActivity {
             ArmActivity::GazeCalibration => StepActivity::CalibrateGaze { error_deg: None },
             ArmActivity::Demonstration => StepActivity::Demonstrate {},
             ArmActivity::Practice { transfers } => {
-                StepActivity::Practise { transferred: 0, planned_transfers: transfers }
+                StepActivity::Practice { transferred: 0, planned_transfers: transfers }
             }
         }
     }

@@ -351,7 +351,7 @@ impl StudyState<'_> {
         let (gaze, carried) = (self.gaze_check, self.transferred_count);
         if let Some(now) = &mut self.current_step {
             match &mut now.content {
-                StepActivity::Practise { transferred: shown, .. } => *shown = carried,
+                StepActivity::Practice { transferred: shown, .. } => *shown = carried,
                 StepActivity::CalibrateGaze { error_deg } => {
                     *error_deg = gaze.filter(|gaze| gaze.at >= now.since).and_then(|gaze| gaze.error_deg);
                 }

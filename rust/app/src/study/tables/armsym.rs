@@ -96,7 +96,7 @@ pub(super) fn trial_files(
         };
         let (mut data, joints) = read().map_err(|error| with_path(&dir, &error))?;
         let end = SimTime::from_secs(data.times.last().copied().unwrap_or_default());
-        for (question, answer) in tables.questions_after(&counted.spot) {
+        for (question, answer) in tables.questions_after(&counted.step_id) {
             data.push(end, question, answer);
         }
         let planned = counted.planned;

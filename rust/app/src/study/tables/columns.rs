@@ -8,7 +8,7 @@ const fn column(
     meaning: &'static str,
     source: &'static str,
 ) -> TableColumn {
-    TableColumn { name, unit, meaning, source }
+    TableColumn { name, unit, meaning, source, formerly: "" }
 }
 
 const PARTICIPANT: TableColumn = column("participant", "", "place in the plan, from 1", "plan");
@@ -71,14 +71,16 @@ pub(crate) const SESSIONS: &[TableColumn] = &[
 ];
 
 pub(crate) const TRIALS: &[TableColumn] = of_a_trial![
-    column("position", "", "place of the condition in the participant's order, from 1", "plan"),
+    column("condition_order", "", "place of the condition in the participant's order, from 1", "plan")
+        .formerly("position"),
     column("arrangement", "", "where the objects stood, by the task's name", "plan"),
     column("seed", "", "of every random stream of the trial", "plan"),
     column("method", "", "control method", "record"),
     column("task", "", "the task", "record"),
     column("arm", "", "the arm", "record"),
     column("setup", "", "where person and box were", "record"),
-    column("ended", "", "what ended it: task, failed, abort, restart or interrupt", "record"),
+    column("end_reason", "", "what ended it: task, failed, abort, restart or interrupt", "record")
+        .formerly("ended"),
     column("attempt", "", "which attempt counts, from 1; all are in attempts", "journal"),
     column(
         "mark",
@@ -149,14 +151,16 @@ pub(crate) const COMPENSATION: &[TableColumn] = of_a_trial![
         "length of the shoulder's way; empty if it was not tracked",
         "computed from the record"
     ),
-    column("shoulder_range_mm", "mm", "furthest from where it was first", "computed from the record"),
+    column("shoulder_displacement_mm", "mm", "furthest from where it was first", "computed from the record")
+        .formerly("shoulder_range_mm"),
     column("shoulder_turn_deg", "degree", "furthest turn from how it was first", "computed from the record"),
     column(
-        "trunk_range_mm",
+        "trunk_displacement_mm",
         "mm",
         "furthest of the trunk's body from where it was first; empty if it was not tracked",
         "computed from trunk.csv beside the record"
-    ),
+    )
+    .formerly("trunk_range_mm"),
     column(
         "trunk_turn_deg",
         "degree",
@@ -244,7 +248,7 @@ pub(crate) const SCORES: &[TableColumn] = &[
     ITEM_KEY[2],
     ITEM_KEY[3],
     ITEM_KEY[4],
-    column("score", "", "name of the score", "questionnaire"),
+    column("score_name", "", "name of the score", "questionnaire").formerly("score"),
     column("value", "", "the score; empty where too much is missing", "computed from answers"),
     column("missing", "", "questions without an answer, with commas between", "computed from answers"),
     SIMULATED,

@@ -86,7 +86,7 @@ impl TrialTables {
 
     fn trial(&mut self, tables: &StudyTables<'_>, counted: &CountedTrial<'_>, result: &TrialResult) {
         let planned = counted.planned;
-        let departures = tables.deviation_labels(std::iter::once(&counted.spot));
+        let departures = tables.deviation_labels(std::iter::once(&counted.step_id));
         let mut row = tables.trial_key(planned);
         row.extend([
             planned.position.into(),

@@ -1,4 +1,4 @@
-// Made from the Rust types by: PROACT_BLESS=1 cargo test --release -p proact-bridge --features ts typescript
+// Made from the Rust types by: UPDATE_EXPECTED=1 cargo test --release -p proact-bridge --features ts typescript
 // Metres, rad, frame `world`; quaternions x, y, z, w.
 
 /** A calibration that is in use. */
@@ -440,7 +440,7 @@ session: SessionScreen | null,
 /** What may be asked for now. */
 can: Array<StudyButton>,
 /** What came of the last request, or what was found; empty if there is nothing to say. */
-told: string,
+notice: string,
 /** Notes of the session, oldest first. */
 notes: Array<string>, };
 
