@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """A control node for ROS 1 in the place of ProACT's `method`: carries each object that the task asks for to its target.
 
-    carry_blocks.py [_objects:=1]     how many objects to carry; 0 (default) for all
+    carry_blocks.py [COUNT]     how many objects to carry; all by default
 
 The hand goes along straight lines: above the object, down, grip, up, across, down, release, up. Damped least squares on the
 arm's Jacobian give the joint angles of each point. There is no planner: obstacles beside the lines are not seen.
@@ -9,6 +9,7 @@ arm's Jacobian give the joint angles of each point. There is no planner: obstacl
 Lengths are in metres, angles in radians. `a_from_b` is a 4 x 4 matrix that takes points of frame b to frame a.
 """
 
+import argparse
 import sys
 import xml.etree.ElementTree
 
@@ -232,9 +233,12 @@ def wait_for_result(action, goal):
 
 
 if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description="Carries each object that the task asks for to its target.")
+    parser.add_argument("count", nargs="?", type=int, default=0, help="how many objects to carry; all by default")
+    options = parser.parse_args(rospy.myargv(sys.argv)[1:])
     rospy.init_node("carry_blocks")
     try:
-        Node().run(rospy.get_param("~objects", 0))
+        Node().run(options.count)
     except RuntimeError as error:
         rospy.logerr(str(error))
         sys.exit(1)

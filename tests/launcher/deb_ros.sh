@@ -23,7 +23,7 @@ with_lane=${3:-}
 # From `apt install ./proact.deb` to the first joint state, s.
 most_secs=60
 # What does not come in this time does not come at all, s.
-timeout_secs=${PROACT_TIMEOUT_SECS:-${PROACT_PATIENCE:-120}}
+timeout_secs=${PROACT_TIMEOUT_SECS:-120}
 # What a lab installs beside ProACT: a master, roslaunch and rostopic, robot_state_publisher, and Python classes of messages.
 ros="ros-core rosbash ros-robot-state-publisher python3-geometry-msgs python3-sensor-msgs python3-tf2-msgs"
 
@@ -37,6 +37,7 @@ try() { # TITLE COMMANDS
     echo "--- $1"
     printf 'set -eu\nexport ROS_MASTER_URI=http://127.0.0.1:%s ROS_IP=127.0.0.1 ROS_HOME=/ros_home DEBIAN_FRONTEND=noninteractive\n%s\n' "$port" "$2" >"$root/try"
     inside "$root" bash /try >"$root/log" 2>&1 || {
+        grep -nE '^(FAIL|ERROR)|Error: ' "$root/log" | tail -n 40 || true
         tail -n 40 "$root/log"
         refuse "$1"
     }

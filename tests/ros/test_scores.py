@@ -41,7 +41,7 @@ TOLERANCE = 1e-9
 # What a bag tells of when something began is known to one of its instants, 20 ms apart.
 TIME_TOLERANCES = {"pick_s": 0.02, "place_s": 0.02, "gesture_to_motion_ms": 20.0, "false_trigger_ms": 20.0, "time_s": 0.02, "detail": 20.0}
 # What a bag of the original's topics does not tell: who, in which trial, and what planner and grasp rule did.
-COLUMNS_NOT_ON_TOPICS = {"participant", "arrangement", "seed", "arm", "setup", "ended", "mark", "gesture_source", "unsolved_ticks", "record",
+COLUMNS_NOT_ON_TOPICS = {"participant", "arrangement", "seed", "arm", "setup", "end_reason", "mark", "gesture_source", "unsolved_ticks", "record",
                          "digest", "flaw", "attempts", "failed_grasps", "plan_failures", "stops"}
 
 

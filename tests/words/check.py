@@ -17,6 +17,7 @@ import tomllib
 
 HERE = pathlib.Path(__file__).resolve().parent
 CODE = {".rs", ".cpp", ".hpp", ".ts", ".mjs", ".py", ".sh"}
+TEXT = {".md", ".html"}
 PAGE = "rust/bridge/web/src/"
 
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -58,8 +59,10 @@ def parts(path, text):
         strings += [blank(between), blank(token) if is_comment else token]
         end = match.end()
     code.append(text[end:])
-    # The name of a test is a sentence, so it is prose.
-    code = SENTENCE.sub(lambda match: blank(match[0]), "".join(code))
+    # The name of a test is a sentence, so it is prose. Product code comes before the tests of a Rust file.
+    code = "".join(code)
+    product = 0 if path.suffix != ".rs" or "test" in str(path) else re.search(r"#\[cfg\(test\)\]|#\[test\]|$(?![\s\S])", code).start()
+    code = code[:product] + SENTENCE.sub(lambda match: blank(match[0]), code[product:])
     return {"identifier": code, "prose": "".join(comments), "string": "".join(strings)}
 
 
@@ -89,7 +92,8 @@ def patterns(place):
         words = "|".join(rule["words"])
         if place in ("identifier", "file"):
             capitals = "|".join("".join(part.title() for part in word.split("_")) for word in rule["words"])
-            pattern = re.compile(rf"(?<![a-z])(?:{words})(?![a-z])|(?<![A-Z])(?:{capitals})(?![a-z])")
+            upper = words.upper()
+            pattern = re.compile(rf"(?<![a-z])(?:{words})(?![a-z])|(?<![A-Z])(?:{capitals})(?![a-z])|(?<![A-Z])(?:{upper})(?![A-Z])")
         else:
             pattern = re.compile(rf"\b(?:{words})\b", re.I)
         exempt = {entry["file"] for entry in rule.get("except", []) if entry["reason"]}
@@ -119,16 +123,16 @@ def look(found, name, place, text, rules_of_place):
 
 for name in names:
     path = root / name
-    stem = path.name.split(".")[0]
+    stem = name.rsplit(".", 1)[0]
     for pattern, use, exempt, files in FILE:
         match = pattern.search(stem)
         if match and name not in exempt and files.search(name):
             faults.append(f"{name}:1: file name \"{match[0]}\": use {use}")
-    if re.match(r"rust/[^/]+/src/.*_test\.rs$", name):
+    if re.match(r"rust/[^/]+/src/(?:.*_test|(?:.*/)?test_[^/]*)\.rs$", name):
         faults.append(f"{name}:1: file name: a product file is named like a test: use another name")
-    if path.suffix not in CODE | {".md"}:
+    if path.suffix not in CODE | TEXT:
         continue
-    pieces = parts(path, path.read_text(encoding="utf-8"))
+    pieces = parts(pathlib.Path(name), path.read_text(encoding="utf-8"))
     if "identifier" in pieces:
         look(faults, name, "identifier", pieces["identifier"], IDENTIFIER)
     if name.startswith(PAGE) and "string" in pieces:
@@ -170,7 +174,7 @@ if before.returncode == 0:
 # Spelling, in American English for identifiers by the rules above; here any misspelling of prose.
 try:
     spelling = subprocess.run(
-        ["codespell", "--ignore-words", HERE / "spelling.txt", *[n for n in names if pathlib.Path(n).suffix in CODE | {".md"}]],
+        ["codespell", "--ignore-words", HERE / "spelling.txt", *[n for n in names if pathlib.Path(n).suffix in CODE | TEXT]],
         cwd=root, capture_output=True, text=True)
     faults += [f"{line.removeprefix('./')} (spelling)" for line in spelling.stdout.splitlines()]
 except FileNotFoundError:

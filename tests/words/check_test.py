@@ -60,14 +60,18 @@ class Words(unittest.TestCase):
 
     def test_an_identifier(self):
         self.refuse({"rust/one/src/lib.rs": "//! Reads.\nfn film_of_bag() {}\n"}, "rust/one/src/lib.rs:2", '"film"', "use playback")
+        self.refuse({"rust/one/src/lib.rs": "//! Reads.\nconst FILM_RATE: u32 = 1;\n"}, '"FILM"', "use playback")
+        self.refuse({"rust/one/src/lib.rs": "//! Reads.\nfn a_film_of_the_whole_trial() {}\n"}, '"film"', "use playback")
         self.refuse({"rust/one/src/lib.rs": "//! Reads.\nstruct EndlessJoints;\n"}, "rust/one/src/lib.rs:2", '"Endless"', "continuous")
 
     def test_words_of_strings_and_of_sentences_are_no_identifiers(self):
-        text = '//! Reads.\nconst NAME: &str = "film";\nfn a_film_that_was_cut_is_read() {}\n'
+        text = '//! Reads.\nconst NAME: &str = "film";\n#[test]\nfn a_film_that_was_cut_is_read() {}\n'
         self.assertEqual(self.check({"rust/one/src/lib.rs": text}), (0, []))
 
     def test_a_file_name(self):
         self.refuse({"rust/one/src/studio.rs": ""}, "rust/one/src/studio.rs", "renderer")
+        self.refuse({"rust/one/src/studio/mod.rs": ""}, "rust/one/src/studio/mod.rs", "renderer")
+        self.refuse({"rust/one/src/test_motion.rs": ""}, "rust/one/src/test_motion.rs", "named like a test")
         self.refuse({"rust/one/src/motion_test.rs": ""}, "rust/one/src/motion_test.rs", "named like a test")
 
     def test_prose_of_a_comment_and_of_a_page(self):

@@ -13,7 +13,6 @@ constexpr std::size_t face_corners = 6;
 constexpr double flat_cosine = 0.98;
 // Two lines count as parallel within 3 degrees.
 constexpr double parallel_sine = 0.05;
-constexpr double pi = 3.14159265358979323846;
 
 /// The face (three corners or more), line (two) or point (one) of a shape that lies farthest along a direction.
 struct Feature {

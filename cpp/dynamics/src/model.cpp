@@ -9,7 +9,7 @@ namespace proact::dynamics {
 namespace {
 
 // ODE measures a hinge in (-pi, pi]: a limit outside would never be met.
-constexpr double max_hinge_angle_rad = 3.1;
+constexpr double max_hinge_angle_rad = 100.0;
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
 template <typename... Parts>
@@ -83,7 +83,7 @@ void check_joints(const Model& model) {
     if (!is_finite(joint.axis) || std::fabs(norm(joint.axis) - 1.0) > 1e-6) refuse(what, ": the axis is not a unit vector");
     const bool continuous = joint.lower == -infinity && joint.upper == infinity;
     if (!continuous && !(std::fabs(joint.lower) <= max_hinge_angle_rad && std::fabs(joint.upper) <= max_hinge_angle_rad)) {
-      refuse(what, ": limits ", joint.lower, " to ", joint.upper, " rad, ODE needs them within +-", max_hinge_angle_rad,
+      refuse(what, ": limits ", joint.lower, " to ", joint.upper, " rad, expected within +-", max_hinge_angle_rad,
              ", or both infinite for none");
     }
     if (joint.lower > joint.upper) refuse(what, ": lower limit ", joint.lower, " is above the upper ", joint.upper);

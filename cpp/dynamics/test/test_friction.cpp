@@ -13,7 +13,6 @@ using namespace proact::dynamics::testing;
 
 namespace {
 
-constexpr double pi = 3.14159265358979323846;
 
 /// A block that slides over the table alone is ODE's; the way is v^2 / 2 mu g.
 void a_block_slides_as_far_in_every_direction() {

@@ -13,7 +13,6 @@ using namespace proact::dynamics::testing;
 
 namespace {
 
-constexpr double pi = 3.14159265358979323846;
 constexpr double radius = 0.025;
 constexpr double height = 0.05;
 constexpr double overlap = 1e-4;

@@ -5,8 +5,8 @@ use clap::{Args, Subcommand};
 use proact_app::{arm_comparison::compare_arm, print_result, print_result_json};
 use proact_arm::{Grasp, PinchError, PinchGrasp, find_pinch};
 use proact_description::{
-    ArmFolder, DescriptionError, DescriptionReport, ImportedArm, check, collect_meshes, import, parse,
-    parse_urdf, read_text, settings_template, to_urdf, with_pinch,
+    ArmFolder, DescriptionError, DescriptionReport, ImportOptions, ImportedArm, MeshFit, MeshFolders, check,
+    collect_meshes, import, parse, parse_urdf, read_text, settings_template, to_urdf, with_pinch,
 };
 use proact_files::{OutputFile, WriteError, check_folder, check_output, make_folder, write_atomically};
 use proact_types::Number;
@@ -31,9 +31,8 @@ pub enum ModelCommand {
     #[command(
         after_help = "Examples:\n  proact model import gazebo_models/my_arm/model.sdf --out my_arm\n  \
         proact query --urdf my_arm/arm.urdf\n\n\
-        Nothing is written unless the result can be used. Without --srdf the arm ends where the tree of links \
-        branches, and all beyond is the hand; edit the SRDF file to change that, and to add the poses start, open and closed that \
-        a trial needs."
+        Nothing is written unless the result can be used. What the file lacks is completed, and said: docs/arms.md. Without --srdf the \
+        arm ends where several joints lead on, and all beyond is the hand; edit the SRDF file to change that."
     )]
     Import(ImportArgs),
     /// Find how the hand of an arm pinches objects of one width, and store it with the hand
@@ -78,9 +77,18 @@ pub struct ImportArgs {
     /// Folder for the result; made if it does not exist
     #[arg(long)]
     out: PathBuf,
-    /// SRDF file with groups and poses; without it they are guessed
+    /// SRDF file with groups and poses; without it arm and hand are found from the joints
     #[arg(long)]
     srdf: Option<PathBuf>,
+    /// Link at the arm's base; by default the root that carries most joints
+    #[arg(long, value_name = "LINK")]
+    base: Option<String>,
+    /// Link at which the arm ends and the hand begins; joints elsewhere are held
+    #[arg(long, value_name = "LINK")]
+    tip: Option<String>,
+    /// Folder that contains packages of meshes, beside those of ROS_PACKAGE_PATH; may be given several times
+    #[arg(long, value_name = "DIR")]
+    package_path: Vec<PathBuf>,
     /// Replace files of an earlier import
     #[arg(long)]
     replace: bool,
@@ -164,22 +172,36 @@ fn run_check(args: &ModelCheckArgs, json: bool) -> Result<bool, Box<dyn Error>> 
 fn run_import(args: &ImportArgs, json: bool) -> Result<bool, Box<dyn Error>> {
     check_folder(&args.out).map_err(|error| format!("{error}. Choose another folder with --out"))?;
     let srdf = args.srdf.as_deref().map(read_text).transpose()?;
-    match import(&read_text(&args.file)?, srdf.as_deref()) {
+    let ros = std::env::var_os("ROS_PACKAGE_PATH").unwrap_or_default();
+    let packages = args.package_path.iter().cloned().chain(std::env::split_paths(&ros));
+    let meshes = MeshFolders::of(&args.file, packages.filter(|path| !path.as_os_str().is_empty()));
+    let options = ImportOptions {
+        srdf: srdf.as_deref(),
+        base: args.base.as_deref(),
+        tip: args.tip.as_deref(),
+        meshes: Some(&meshes),
+    };
+    match import(&read_text(&args.file)?, &options) {
         Ok(imported) => {
-            let (files, missing) = write_arm_folder(&imported, &args.file, &args.out, args.replace)?;
+            let (files, missing) = write_arm_folder(&imported, &meshes, &args.out, args.replace)?;
             if json {
                 let mut object = serde_json::to_value(&imported.report)?;
                 object["urdf"] = json!(files[0]);
                 object["srdf"] = json!(files[1]);
                 object["settings"] = json!(files[2]);
                 object["missing_meshes"] = json!(missing);
+                object["mesh_fits"] = json!(imported.fits);
+                object["found"] = json!(imported.found);
                 print_result_json(&object)?;
             } else {
                 print_result(format_args!("{}", imported.report))?;
+                for sentence in &imported.found {
+                    print_result(format_args!("found: {sentence}"))?;
+                }
+                print_fits(&imported.fits)?;
                 for address in missing {
                     print_result(format_args!(
-                        "mesh {address} is not beside {}; its link is drawn by its collision shapes",
-                        args.file.display()
+                        "mesh {address} is not drawn; its link is drawn by its collision shapes"
                     ))?;
                 }
                 let meshes = files.len() - 3;
@@ -283,6 +305,26 @@ fn pinch_summary(pinch: &PinchGrasp, args: &GraspsArgs) -> String {
     )
 }
 
+/// How well primitives enclose the meshes of the links.
+fn print_fits(fits: &[MeshFit]) -> Result<(), Box<dyn Error>> {
+    if fits.is_empty() {
+        return Ok(());
+    }
+    let width = fits.iter().map(|fit| fit.link.chars().count()).max().unwrap_or_default().max(4);
+    print_result(format_args!("\n{:width$}  shapes  volume, cm^3  convex hulls, cm^3  excess", "link"))?;
+    for fit in fits {
+        print_result(format_args!(
+            "{:width$}  {:6}  {:12.1}  {:18.1}  {:5.0} %",
+            fit.link,
+            fit.shapes,
+            Number(fit.volume_cm3),
+            Number(fit.hull_volume_cm3),
+            Number(100.0 * fit.excess())
+        ))?;
+    }
+    Ok(())
+}
+
 fn print_report(report: &DescriptionReport) -> Result<(), Box<dyn Error>> {
     Ok(print_result_json(report)?)
 }
@@ -291,7 +333,7 @@ fn print_report(report: &DescriptionReport) -> Result<(), Box<dyn Error>> {
 /// files have other names until all of them are there, so that a full disk leaves no half of an arm.
 fn write_arm_folder(
     imported: &ImportedArm,
-    file: &Path,
+    meshes: &MeshFolders,
     folder: &Path,
     replace: bool,
 ) -> Result<(Vec<PathBuf>, Vec<String>), Box<dyn Error>> {
@@ -299,7 +341,7 @@ fn write_arm_folder(
     let harmless = |c: char| if c.is_ascii_alphanumeric() || "_-".contains(c) { c } else { '_' };
     let name: String = imported.model.name.chars().map(harmless).collect();
     let mut model = imported.model.clone();
-    let (meshes, missing) = collect_meshes(&mut model, &name, file);
+    let (meshes, missing) = collect_meshes(&mut model, &name, meshes);
     let mut files = vec![
         ("arm.urdf".to_owned(), to_urdf(&model).into_bytes()),
         ("arm.srdf".to_owned(), imported.srdf.clone().into_bytes()),
@@ -341,7 +383,15 @@ mod tests {
     use proact_description::{MPL_RIGHT_ARM_SRDF, MPL_RIGHT_ARM_URDF, load};
 
     fn import_args(file: PathBuf, out: PathBuf, replace: bool) -> ModelCommand {
-        ModelCommand::Import(ImportArgs { file, out, srdf: None, replace })
+        ModelCommand::Import(ImportArgs {
+            file,
+            out,
+            srdf: None,
+            base: None,
+            tip: None,
+            package_path: Vec::new(),
+            replace,
+        })
     }
 
     #[test]

@@ -10,7 +10,7 @@ use std::{error::Error, path::PathBuf};
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  proact node testbed --method D --seed 3\n  \
     proact node sim _paused:=true\n  proact node sim __ns:=left emg:=/other/emg\n  \
-    proact node emg --model arm.json --emg-source ble\n  proact node sim _leave_out:=Shoulderpad,hololens_world_test\n\n\
+    proact node emg --model arm.json --emg-source ble\n  proact node sim _exclude_frames:=Shoulderpad,hololens_world_test\n\n\
     Words with := are roslaunch's: remaps, __name, __ns and private parameters. docs/ros1.md lists topics, \
     services and parameters. Needs a build with the feature ros.")]
 pub(crate) struct NodeArgs {
@@ -30,7 +30,7 @@ pub(crate) struct NodeArgs {
     emg_model: Option<PathBuf>,
     #[command(flatten)]
     rosbridge: RosbridgeArgs,
-    /// roslaunch's words, such as __name:=arm or _rate:=50
+    /// roslaunch's words, such as __name:=arm or _rate_hz:=50
     #[arg(value_name = "NAME:=VALUE", value_parser = parse_ros_argument)]
     ros_arguments: Vec<String>,
 }

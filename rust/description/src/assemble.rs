@@ -63,20 +63,46 @@ fn moving_joints(model: &ArmModel, joints: impl IntoIterator<Item = usize>) -> V
     joints.into_iter().filter(|&j| model.joints[j].kind.moves()).collect()
 }
 
-/// Without an SRDF file: the arm runs from the base to the first link at which the tree branches, or to its end;
-/// all that follows is the hand.
+/// Without an SRDF file: the arm runs from the base to the first body from which several joints lead on, or to its end; all
+/// that follows is the hand. Links that are fixed to another one are one body with it, so frames beside the arm are no branches.
 fn infer_groups(model: &mut ArmModel) {
-    let mut link = 0;
-    loop {
-        let mut below = model.joints.iter().filter(|j| j.parent == link);
-        match (below.next(), below.next()) {
-            (Some(only), None) => link = only.child,
-            _ => break,
+    // The joints that move what hangs on `link`, each with what it moves; parents stand before their children.
+    let body_of: Vec<usize> = (0..model.links.len()).fold(Vec::new(), |mut bodies, link| {
+        let carrier = link.checked_sub(1).map(|joint| &model.joints[joint]);
+        bodies.push(carrier.filter(|joint| !joint.kind.moves()).map_or(link, |joint| bodies[joint.parent]));
+        bodies
+    });
+    let leading_on = |body: usize| {
+        model.joints.iter().filter(|j| j.kind.moves() && body_of[j.parent] == body).collect::<Vec<_>>()
+    };
+    let mut body = 0;
+    let branches = loop {
+        match leading_on(body).as_slice() {
+            [only] => body = only.child,
+            several => break several.iter().map(|joint| joint.parent).collect::<Vec<usize>>(),
         }
-    }
-    model.tip = link;
-    model.arm = moving_joints(model, chain(model, 0, link).unwrap_or_default());
-    model.hand = moving_joints(model, link..model.joints.len());
+    };
+    // The link of that body from which all of them lead on; at the end of a chain without branches the last of a row of links.
+    let above = |link: usize| {
+        std::iter::successors(Some(link), |&link| link.checked_sub(1).map(|joint| model.joints[joint].parent))
+    };
+    let shared = |link: &usize| branches.iter().all(|&branch| above(branch).any(|other| other == *link));
+    model.tip = match branches.first() {
+        Some(&branch) => above(branch).find(shared).unwrap_or(body),
+        None => {
+            let mut last = body;
+            while let [only] = model.joints.iter().filter(|j| j.parent == last).collect::<Vec<_>>().as_slice()
+            {
+                last = only.child;
+            }
+            last
+        }
+    };
+    model.arm = moving_joints(model, chain(model, 0, model.tip).unwrap_or_default());
+    let arm = &model.arm;
+    model.hand = (0..model.joints.len())
+        .filter(|joint| model.joints[*joint].kind.moves() && !arm.contains(joint))
+        .collect();
 }
 
 fn apply_semantics(model: &mut ArmModel, semantics: &SrdfModel, findings: &mut Findings) {

@@ -1,6 +1,6 @@
 //! An arm as a folder: URDF, SRDF, meshes, and `arm.toml`.
 
-use crate::{DescriptionError, parse, parse_urdf, read_text, settings};
+use crate::{DescriptionError, MeshFolders, TriangleMesh, parse, parse_urdf, read_text, settings};
 use proact_arm::{ArmModel, VisualGeometry};
 use rust_embed::RustEmbed;
 use std::{
@@ -189,20 +189,20 @@ fn aliases(shipped: &str) -> Vec<String> {
     text.as_deref().map(settings::aliases).unwrap_or_default()
 }
 
-/// Takes the meshes of `model` along into a folder of its own: finds each beside the file at `from` or above it, gives it
-/// the address `package://NAME/meshes/FILE`, and returns the files by their names. A visual whose mesh is nowhere is left
-/// out, so that its link is drawn by its collision shapes; its address is in the second list.
+/// Takes the meshes of `model` along into a folder of its own: finds each in `folders`, gives it the address
+/// `package://NAME/meshes/FILE`, and returns the files by their names. A visual whose mesh is nowhere, or is no mesh, is left out,
+/// so that its link is drawn by its collision shapes; its address is in the second list.
 pub fn collect_meshes(
     model: &mut ArmModel,
     name: &str,
-    from: &Path,
+    folders: &MeshFolders,
 ) -> (BTreeMap<String, Vec<u8>>, Vec<String>) {
     let (mut files, mut missing): (BTreeMap<String, Vec<u8>>, Vec<String>) = Default::default();
     let mut moved: BTreeMap<String, String> = BTreeMap::new();
-    let whole = from.canonicalize().unwrap_or_else(|_| from.to_owned());
     for address in mesh_uris(model).into_keys() {
-        let mut above = whole.ancestors().skip(1).take(PACKAGE_DEPTH);
-        let Some((bytes, path)) = above.find_map(|folder| read_mesh(folder, &address).ok()) else {
+        let found = folders.read(&address).ok();
+        let Some((bytes, path)) = found.filter(|(bytes, path)| TriangleMesh::parse(bytes, path).is_ok())
+        else {
             missing.push(address);
             continue;
         };
@@ -287,7 +287,13 @@ pub(crate) fn read_mesh(folder: &Path, address: &str) -> Result<(Vec<u8>, PathBu
     let tails = below.match_indices('/').map(|(at, _)| folder.join(&below[at + 1..]));
     let mut locations =
         [expected.clone()].into_iter().chain(package.map(|above| above.join(below))).chain(tails);
-    let Some(path) = locations.find(|path| path.is_file()) else {
+    // Nothing outside of the folder or its package is read, whatever the description names.
+    let root = package.unwrap_or(folder).canonicalize().ok();
+    let inside = |path: &PathBuf| {
+        let whole = path.canonicalize().ok();
+        path.is_file() && whole.zip(root.as_ref()).is_some_and(|(whole, root)| whole.starts_with(root))
+    };
+    let Some(path) = locations.find(inside) else {
         return Err(MeshFailure::NotFound(expected));
     };
     let failed = |source| MeshFailure::File(path.clone(), source);

@@ -1,11 +1,48 @@
 //! A lab's own arm, as URDF or SDF, into a checked description.
+//!
+//! What a file lacks is completed, and said: mass and inertia, limits, poses of the hand; meshes become the primitives that physics
+//! and planner know. The result is written as URDF and SRDF and read once more by urdfdom, so that what is handed out is what was
+//! checked.
+
+mod complete;
+mod fit;
+mod hand;
+mod meshes;
+mod parts;
+mod sdf;
+mod urdf;
+
+pub use meshes::{MeshFolders, TriangleMesh};
 
 use crate::{
     DescriptionError, DescriptionReport, Finding, check, examine,
-    finding::{Findings, Severity},
-    sdf, write, xml,
+    finding::{Findings, Severity, joint_location},
+    write, xml,
 };
-use proact_arm::ArmModel;
+use parts::{PartKind, RobotParts};
+use proact_arm::{
+    ArmModel, CollisionShape, Inertial, Joint, JointKind, JointLimits, Link, Mimic, VisualGeometry,
+    find_pinch,
+};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// Width of the cube for which a grasp is looked for, metres, and the friction between finger and cube.
+const BLOCK_WIDTH_M: f64 = 0.05;
+const FRICTION: f64 = 0.8;
+
+/// How a file is imported.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ImportOptions<'a> {
+    /// Groups and poses; without them arm and hand are found from the joints.
+    pub srdf: Option<&'a str>,
+    /// Link at the arm's base; without it the root that carries most joints.
+    pub base: Option<&'a str>,
+    /// Link at which the arm ends and the hand begins; without it the first one from which several joints lead on.
+    pub tip: Option<&'a str>,
+    /// Where meshes may lie.
+    pub meshes: Option<&'a MeshFolders>,
+}
 
 /// What [`import`] made.
 #[derive(Clone, Debug)]
@@ -18,48 +55,214 @@ pub struct ImportedArm {
     pub srdf: String,
     /// What was found on the way and in the result.
     pub report: DescriptionReport,
+    /// How well primitives enclose the meshes that were given for collision.
+    pub fits: Vec<MeshFit>,
+    /// What was found out about the hand and the poses, a sentence each.
+    pub found: Vec<String>,
+}
+
+/// How primitives enclose the collision mesh of a link.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MeshFit {
+    /// The link.
+    pub link: String,
+    /// Address of the mesh.
+    pub mesh: String,
+    /// How many primitives.
+    pub shapes: usize,
+    /// Their volume, cm^3.
+    pub volume_cm3: f64,
+    /// Volume of the convex hulls of what they enclose, cm^3.
+    pub hull_volume_cm3: f64,
+}
+
+impl MeshFit {
+    /// By how much the primitives are larger than what they enclose, as a share.
+    pub fn excess(&self) -> f64 {
+        self.volume_cm3 / self.hull_volume_cm3 - 1.0
+    }
 }
 
 /// Turns the text of a URDF file, or of an SDF file with one model, into a description that passes [`check`].
 ///
-/// `srdf` names groups and poses. Without it the arm ends where the tree branches, and links of the hand may touch
-/// each other and the link that carries them. Addresses of meshes are kept as they are.
+/// Links of a hand that was found without SRDF may touch each other and the link that carries them. Addresses of meshes that are
+/// drawn are kept as they are. Deterministic.
 ///
 /// # Errors
 /// [`DescriptionError::Invalid`] with all findings, if one of them is an error.
-pub fn import(text: &str, srdf: Option<&str>) -> Result<ImportedArm, DescriptionError> {
+pub fn import(text: &str, options: &ImportOptions<'_>) -> Result<ImportedArm, DescriptionError> {
     let mut findings = Findings::default();
     let text = strip_preamble(text, &mut findings);
-    let urdf = if is_sdf(text) {
-        match sdf::read(text, &mut findings) {
-            Some(parts) if !findings.has_error() => {
-                write::urdf(&parts.name, &parts.links, &parts.joints, &[])
-            }
-            _ => return Err(DescriptionError::Invalid { findings: findings.0 }),
-        }
-    } else {
-        text.to_owned()
+    let read = if is_sdf(text) { sdf::read(text, &mut findings) } else { urdf::read(text, &mut findings) };
+    let Some(parts) = read.filter(|_| !findings.has_error()) else {
+        return Err(invalid(text, findings));
     };
-    let (model, more) = examine(&urdf, srdf);
+    let Some((urdf_text, fits)) = complete(parts, options, &mut findings) else {
+        return Err(invalid(text, findings));
+    };
+    let (model, more) = examine(&urdf_text, options.srdf);
     let Some(mut model) = model else {
         findings.0.extend(more);
-        return Err(DescriptionError::Invalid { findings: findings.0 });
+        return Err(invalid(text, findings));
     };
-    if srdf.is_none() {
+    if options.srdf.is_none() {
         allow_hand_self_contact(&mut model);
     }
+    let mut found = hand::add_poses(&mut model);
+    add_grasp(&mut model, &mut found);
     let (urdf, srdf) = (write::to_urdf(&model), write::to_srdf(&model));
     // What is handed out is what was checked: the texts are read once more.
     let mut report = check(&urdf, Some(&srdf));
     let new_findings: Vec<Finding> =
         more.into_iter().filter(|f| !is_known_finding(f, &report.findings)).collect();
-    report.findings.extend(findings.0.into_iter().chain(new_findings));
+    let mut own = findings.0;
+    crate::lint::add_line_numbers(text, &mut own);
+    report.findings.extend(own.into_iter().chain(new_findings));
     report.findings.sort_by_key(|f| f.severity);
     // Such as a joint without a name, which the model can hold and the text cannot.
     if !report.usable {
         return Err(DescriptionError::Invalid { findings: report.findings });
     }
-    Ok(ImportedArm { model, urdf, srdf, report })
+    Ok(ImportedArm { model, urdf, srdf, report, fits, found })
+}
+
+fn invalid(text: &str, mut findings: Findings) -> DescriptionError {
+    crate::lint::add_line_numbers(text, &mut findings.0);
+    findings.0.sort_by_key(|f| f.severity);
+    DescriptionError::Invalid { findings: findings.0 }
+}
+
+/// Completes the parts and writes them as URDF; none if an error was found.
+fn complete(
+    mut parts: RobotParts,
+    options: &ImportOptions<'_>,
+    findings: &mut Findings,
+) -> Option<(String, Vec<MeshFit>)> {
+    complete::find_wrong_units(&parts, findings);
+    complete::choose_base(&mut parts, options.base, findings);
+    if let Some(tip) = options.tip.filter(|_| !findings.has_error()) {
+        complete::hold_beside_chain(&mut parts, tip, findings);
+    }
+    if !findings.has_error() && options.srdf.is_none() {
+        complete::demand_one_arm(&parts, findings);
+    }
+    if findings.has_error() {
+        return None;
+    }
+    complete::resolve_mimics(&mut parts, findings);
+    let nowhere = MeshFolders::default();
+    let meshes = meshes::load_collision_meshes(&parts, options.meshes.unwrap_or(&nowhere));
+    complete::note_missing_meshes(&parts, &meshes, findings);
+    complete::complete_masses(&mut parts, &meshes, findings);
+    complete::complete_limits(&mut parts, findings);
+    let mut fits = Vec::new();
+    let links: Vec<Link> = parts.links.iter().map(|link| enclose_link(link, &meshes, &mut fits)).collect();
+    let (joints, mimics) = finish_joints(&parts, findings);
+    (!findings.has_error()).then(|| (write::urdf(&parts.name, &links, &joints, &mimics), fits))
+}
+
+/// A link with primitives in the place of its collision meshes.
+fn enclose_link(
+    part: &parts::PartLink,
+    meshes: &BTreeMap<String, Result<TriangleMesh, String>>,
+    fits: &mut Vec<MeshFit>,
+) -> Link {
+    let mut collisions = Vec::new();
+    for collision in &part.collisions {
+        match &collision.geometry {
+            VisualGeometry::Shape(shape) => {
+                collisions.push(CollisionShape { pose: collision.pose, shape: *shape })
+            }
+            VisualGeometry::Mesh { file, scale } => {
+                let mesh = meshes.get(file).and_then(|mesh| mesh.as_ref().ok());
+                let Some(fit) = mesh.and_then(|mesh| fit::enclose(mesh, *scale)) else { continue };
+                let placed = fit
+                    .shapes
+                    .iter()
+                    .map(|(pose, shape)| CollisionShape { pose: collision.pose * pose, shape: *shape });
+                collisions.extend(placed);
+                fits.push(MeshFit {
+                    link: part.name.clone(),
+                    mesh: file.clone(),
+                    shapes: fit.shapes.len(),
+                    volume_cm3: fit.volume * 1e6,
+                    hull_volume_cm3: fit.hull_volume * 1e6,
+                });
+            }
+        }
+    }
+    let inertial = part.inertial.map(|inertial| Inertial { ..inertial });
+    Link { name: part.name.clone(), inertial, collisions, visuals: part.visuals.clone() }
+}
+
+fn finish_joints(parts: &RobotParts, findings: &mut Findings) -> (Vec<Joint>, Vec<Mimic>) {
+    let mut mimics = Vec::new();
+    let mut joints = Vec::new();
+    for (index, part) in parts.joints.iter().enumerate() {
+        let kind = match part.kind {
+            PartKind::Fixed => JointKind::Fixed,
+            PartKind::Revolute => JointKind::Revolute,
+            PartKind::Continuous => JointKind::Continuous,
+            PartKind::Prismatic => {
+                findings.error(
+                    joint_location(&part.name),
+                    "the joint slides, which the physics cannot do yet",
+                    "prismatic",
+                    "revolute, continuous or fixed",
+                    "Make it fixed, or model the part with revolute joints.",
+                );
+                JointKind::Fixed
+            }
+        };
+        let [lower, upper] = part.range.unwrap_or_default();
+        let limits = JointLimits {
+            lower,
+            upper,
+            velocity: part.velocity.unwrap_or_default(),
+            effort: part.effort.unwrap_or_default(),
+        };
+        joints.push(Joint {
+            name: part.name.clone(),
+            kind,
+            parent: part.parent,
+            child: part.child,
+            origin: part.origin,
+            axis: part.axis,
+            limits: if kind.moves() { limits } else { JointLimits::default() },
+            damping: part.damping,
+            friction: part.friction,
+        });
+        let master =
+            part.mimic.as_ref().and_then(|m| parts.joints.iter().position(|joint| joint.name == m.master));
+        if let (Some(mimic), Some(master)) = (&part.mimic, master) {
+            mimics.push(Mimic { joint: index, master, multiplier: mimic.multiplier, offset: mimic.offset });
+        }
+    }
+    (joints, mimics)
+}
+
+/// A pinch of the usual block, if the hand can.
+fn add_grasp(model: &mut ArmModel, found: &mut Vec<String>) {
+    let is_default = |grasp: &proact_arm::Grasp| *grasp == proact_arm::Grasp::default();
+    if model.hand.is_empty() || !model.grasps.iter().all(is_default) {
+        return;
+    }
+    match find_pinch(model, BLOCK_WIDTH_M, FRICTION) {
+        Ok(pinch) => {
+            found.push(format!(
+                "the hand pinches a block of {:.0} mm between {} and {}",
+                1e3 * BLOCK_WIDTH_M,
+                pinch.digits[0],
+                pinch.digits[1]
+            ));
+            model.poses.retain(|pose| {
+                pose.group != "hand" || (pose.name != pinch.open.name && pose.name != pinch.closed.name)
+            });
+            model.poses.extend([pinch.open, pinch.closed]);
+            model.grasps = vec![pinch.grasp];
+        }
+        Err(error) => found.push(format!("no grasp was found: {error}")),
+    }
 }
 
 /// Lines move when the text is written anew, so findings are compared without them.
@@ -69,9 +272,9 @@ fn is_known_finding(finding: &Finding, others: &[Finding]) -> bool {
         .any(|o| o.location == finding.location && o.problem == finding.problem && o.got == finding.got)
 }
 
-/// The text from its XML declaration on. Some published models have a comment before it, which XML forbids.
+/// The text from its XML declaration on. Some published models have a comment or blank lines before it, which XML forbids.
 fn strip_preamble<'a>(text: &'a str, findings: &mut Findings) -> &'a str {
-    let text = text.trim_start_matches('\u{feff}');
+    let text = text.trim_start_matches('\u{feff}').trim_start();
     let Some(start) = text.find("<?xml") else { return text };
     let preamble = text[..start].trim();
     let comment =

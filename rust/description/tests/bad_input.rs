@@ -2,7 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)]
 
 use proact_description::{
-    DescriptionError, MPL_RIGHT_ARM_SRDF, MPL_RIGHT_ARM_URDF, check, import, load, mirror, parse, parse_urdf,
+    DescriptionError, ImportOptions, MPL_RIGHT_ARM_SRDF, MPL_RIGHT_ARM_URDF, check, import, load, mirror,
+    parse, parse_urdf,
 };
 use std::path::Path;
 
@@ -327,7 +328,7 @@ fn elements_in_elements_and_attributes_without_end_are_refused_before_a_parser_d
     let deep = format!("<robot name='r'>{}{}</robot>", "<x>".repeat(100_000), "</x>".repeat(100_000));
     refused(&deep, &["elements stand too deep in each other", "got 100001", "at most 64"]);
     assert!(parse(MPL_RIGHT_ARM_URDF, &deep).is_err(), "an SRDF as well");
-    assert!(import(&deep.replace("robot", "sdf"), None).is_err(), "and an SDF");
+    assert!(import(&deep.replace("robot", "sdf"), &ImportOptions::default()).is_err(), "and an SDF");
     assert!(mirror(&deep).is_err());
     let attributes: String = (0..100_000).map(|k| format!(" a{k}=''")).collect();
     let wide = format!("<robot name='r'{attributes}/>");

@@ -37,6 +37,41 @@ const FREE_ANGLES: f64 = 1e-4;
 /// Of the arm's torques, N m; they reach 1.5.
 const FREE_EFFORTS: f64 = 0.02;
 
+/// A wrist that turns by more than a whole turn, as many industrial arms do.
+#[test]
+fn a_joint_with_limits_beyond_half_a_turn_goes_from_end_to_end_in_both_engines() {
+    const END: f64 = 6.2;
+    const TICKS: usize = 32_000;
+    let mut model = proact_description::mpl_right_arm();
+    let wrist = model.arm[4];
+    (model.joints[wrist].limits.lower, model.joints[wrist].limits.upper) = (-END, END);
+    for engine in [PhysicsEngine::Reduced, PhysicsEngine::Ode] {
+        let options = DynamicsOptions { engine, ..DynamicsOptions::default() };
+        let mut start = positions(&model, &START, "open");
+        start[4] = -END;
+        let mut plant =
+            RigidBodyPlant::new(&model, &bare_table(Vec::new()), &start, &still(), options).unwrap();
+        let speed = 2.0 * END / TICKS as f64;
+        let mut command = hold_command(&start, still());
+        command.velocity[4] = speed * 1e3;
+        let mut off = 0.0_f64;
+        for _ in 0..TICKS {
+            command.position[4] += speed;
+            plant.step(&command).unwrap();
+            off = off.max((plant.state().position[4] - command.position[4]).abs());
+        }
+        assert!(off < 0.02, "{engine:?}: {off} rad behind");
+        command.velocity[4] = 0.0;
+        // The end stops it, and not half a turn.
+        command.position[4] = END + 0.5;
+        for _ in 0..1000 {
+            plant.step(&command).unwrap();
+        }
+        let at = plant.state().position[4];
+        assert!((at - END).abs() < 0.01, "{engine:?}: {at}");
+    }
+}
+
 #[test]
 fn an_arm_that_touches_nothing_moves_alike_in_both_engines() {
     let model = proact_description::mpl_right_arm();

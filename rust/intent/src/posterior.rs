@@ -201,7 +201,7 @@ mod tests {
     use super::*;
     use proact_types::{ObjectSet, Vector};
 
-    const CENTRES: [Point; 4] = [
+    const CENTERS: [Point; 4] = [
         Point::new(0.6, 0.1, -0.5),
         Point::new(0.6, -0.1, -0.5),
         Point::new(0.8, 0.1, -0.5),
@@ -224,12 +224,12 @@ mod tests {
     fn ask(gaze: &GazeSample, context: Option<TaskContext>) -> Posterior {
         let options = IntentOptions::default();
         let prior = prior_weights(4, context.as_ref(), &options);
-        posterior(gaze, &CENTRES, &[true; 4], &prior, &options).expect("a finite gaze").expect("blocks ahead")
+        posterior(gaze, &CENTERS, &[true; 4], &prior, &options).expect("a finite gaze").expect("blocks ahead")
     }
 
     #[test]
     fn the_posterior_sums_to_one_and_prefers_the_block_looked_at() {
-        for (i, center) in CENTRES.iter().enumerate() {
+        for (i, center) in CENTERS.iter().enumerate() {
             let p = ask(&look(center.coords * 3.0), None);
             assert!((p.iter().sum::<f64>() - 1.0).abs() < 1e-12);
             assert!((0..4).all(|k| k == i || p[k] < p[i]), "{p:?}");
@@ -258,12 +258,12 @@ mod tests {
         let options = IntentOptions::default();
         let prior = prior_weights(4, None, &options);
         let away = look(Vector::new(-1.0, 0.0, 0.0));
-        assert_eq!(posterior(&away, &CENTRES, &[true; 4], &prior, &options), Ok(None));
-        let p = posterior(&look(CENTRES[0].coords), &CENTRES, &[false, true, true, true], &prior, &options)
+        assert_eq!(posterior(&away, &CENTERS, &[true; 4], &prior, &options), Ok(None));
+        let p = posterior(&look(CENTERS[0].coords), &CENTERS, &[false, true, true, true], &prior, &options)
             .expect("finite")
             .expect("three are left");
         assert_eq!(p[0], 0.0);
-        assert_eq!(posterior(&look(Vector::x()), &CENTRES, &[false; 4], &prior, &options), Ok(None));
+        assert_eq!(posterior(&look(Vector::x()), &CENTERS, &[false; 4], &prior, &options), Ok(None));
     }
 
     #[test]
@@ -277,7 +277,7 @@ mod tests {
     fn a_gaze_that_is_not_a_number_or_has_no_direction_is_an_error() {
         let options = IntentOptions::default();
         for direction in [Vector::new(f64::NAN, 0.0, 0.0), Vector::zeros()] {
-            let error = posterior(&look(direction), &CENTRES, &[true; 4], &[0.25; 4], &options);
+            let error = posterior(&look(direction), &CENTERS, &[true; 4], &[0.25; 4], &options);
             assert!(matches!(error, Err(IntentError::Gaze { what: "direction", .. })), "{error:?}");
         }
     }

@@ -142,8 +142,38 @@ pub fn rename_keys_in_toml<'a>(
     let Ok(table) = toml::from_str::<toml::Table>(text) else { return Ok((Cow::Borrowed(text), Vec::new())) };
     let mut tree = toml::Value::Table(table);
     let used = rename_keys(&mut tree, file, section)?;
-    let renamed = tree.as_table().filter(|_| !used.is_empty()).map(toml::Table::to_string);
-    Ok((renamed.map_or(Cow::Borrowed(text), Cow::Owned), used))
+    let Some(renamed) = tree.as_table().filter(|_| !used.is_empty()) else {
+        return Ok((Cow::Borrowed(text), used));
+    };
+    // Lines stay where they are if names alone change, so that an error names the line of the file.
+    let in_place = rename_in_place(text, &used);
+    let same = toml::from_str::<toml::Table>(&in_place).is_ok_and(|table| table == *renamed);
+    Ok((Cow::Owned(if same { in_place } else { renamed.to_string() }), used))
+}
+
+/// `text` with each old name replaced where it stands as a key or in the heading of a table.
+fn rename_in_place(text: &str, used: &[&RenamedKey]) -> String {
+    let mut out = text.to_owned();
+    for row in used {
+        let (_, old, new) = row.split();
+        let is_word = |c: char| c.is_alphanumeric() || c == '_' || c == '-';
+        let lines = out.split_inclusive('\n').map(|line| {
+            let mut renamed = String::with_capacity(line.len());
+            let mut rest = line;
+            while let Some(at) = rest.find(old) {
+                let (before, after) = (&rest[..at], &rest[at + old.len()..]);
+                let starts = !before.ends_with(is_word);
+                let ends =
+                    matches!(after.trim_start_matches([' ', '\t']).chars().next(), Some('=' | '.' | ']'));
+                renamed += before;
+                renamed += if starts && ends { new } else { old };
+                rest = after;
+            }
+            renamed + rest
+        });
+        out = lines.collect();
+    }
+    out
 }
 
 fn rename_keys_of<'a, T: ConfigTree>(

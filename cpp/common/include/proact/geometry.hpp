@@ -10,6 +10,8 @@
 
 namespace proact {
 
+constexpr double pi = 3.14159265358979323846;
+
 /// Three numbers: metres, m/s, rad/s or N, as the user says.
 struct Vec3 {
   double x = 0.0;

@@ -44,7 +44,7 @@ mod tests {
     use lsl::Pullable;
 
     /// How long a marker has to come.
-    const PATIENCE_SECS: f64 = 10.0;
+    const TIMEOUT_SECS: f64 = 10.0;
     /// Clocks of one machine differ by no more, s.
     const CLOCKS_SECS: f64 = 0.05;
 
@@ -55,10 +55,10 @@ mod tests {
         let found = resolve_stream("name", &name).unwrap();
         assert_eq!((found.stream_type(), found.channel_count()), ("Markers".to_owned(), 1));
         let inlet = subscribe(&found, &name).unwrap();
-        assert!(markers.outlet.wait_for_consumers(PATIENCE_SECS));
+        assert!(markers.outlet.wait_for_consumers(TIMEOUT_SECS));
         let before = lsl::local_clock();
         markers.send("1", 2.0).unwrap();
-        let (sample, stamp): (Vec<String>, f64) = inlet.pull_sample(PATIENCE_SECS).unwrap();
+        let (sample, stamp): (Vec<String>, f64) = inlet.pull_sample(TIMEOUT_SECS).unwrap();
         assert_eq!(sample, ["1"]);
         assert!((stamp - (before - 2.0)).abs() < CLOCKS_SECS, "{stamp} after {before}");
         assert!(LslMarkers::open("").is_err());

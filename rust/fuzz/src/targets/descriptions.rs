@@ -2,7 +2,7 @@
 
 use super::{TargetFn, utf8_text};
 use proact_app::query::{self, QueryOptions};
-use proact_description::{MPL_RIGHT_ARM_URDF, check, import, parse};
+use proact_description::{ImportOptions, MPL_RIGHT_ARM_URDF, check, import, parse};
 use std::{fs, path::Path};
 
 /// Longer lists would be answered, in minutes.
@@ -31,7 +31,7 @@ pub(super) fn urdf(scratch: &Path) -> TargetFn {
 
 pub(super) fn sdf(_: &Path) -> TargetFn {
     Box::new(|bytes| {
-        if let Some(Ok(imported)) = utf8_text(bytes).map(|text| import(text, None)) {
+        if let Some(Ok(imported)) = utf8_text(bytes).map(|text| import(text, &ImportOptions::default())) {
             assert!(imported.report.usable, "what is imported passes the check: {}", imported.report);
         }
     })

@@ -153,6 +153,7 @@ impl RosGraph {
         })?;
         rosout::open().map_err(setup_error(rosout::TOPIC))?;
         drop(joining);
+        warn_of_unknown_parameters();
         let diagnostics = Publisher::new("/diagnostics", 10, false).map_err(setup_error("/diagnostics"))?;
         Ok(Self {
             node_diagnostics: Arc::new(NodeDiagnostics::default()),
@@ -430,6 +431,40 @@ fn parameter_error(name: &str, got: impl ToString, expected: &'static str) -> No
 /// What the parameter `name` was called before.
 fn old_names(name: &str) -> impl Iterator<Item = &'static RenamedKey> {
     RENAMED_KEYS.iter().filter(move |row| row.file == ConfigFile::NodeParameter && row.new == name)
+}
+
+/// Private parameters of the nodes.
+const PRIVATE_PARAMETERS: [&str; 12] = [
+    "compat",
+    "count",
+    "digest_file",
+    "exclude_frames",
+    "keep_running",
+    "lockstep",
+    "paused",
+    "port",
+    "publish_links",
+    "queue_size",
+    "rate_hz",
+    "write_timeout_secs",
+];
+
+/// Names the node's own parameters that no node reads: a misspelled one would leave the default.
+fn warn_of_unknown_parameters() {
+    let own = rosrust::param("~").and_then(|parameter| parameter.get_raw().ok());
+    let Some(xml_rpc::Value::Struct(own)) = own else { return };
+    let is_known = |name: &str| {
+        let private = format!("~{name}");
+        let renamed =
+            RENAMED_KEYS.iter().any(|row| row.file == ConfigFile::NodeParameter && row.old == private);
+        renamed || PRIVATE_PARAMETERS.contains(&name)
+    };
+    for name in own.keys().filter(|name| !is_known(name)) {
+        rosout::warn(&format!(
+            "parameter ~{name} is unknown and not read, expected one of ~{}",
+            PRIVATE_PARAMETERS.join(", ~")
+        ));
+    }
 }
 
 /// The value of parameter `name`, which may be set by a name that it had before, or `default` when it is not set.

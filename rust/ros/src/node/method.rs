@@ -302,7 +302,7 @@ impl MethodNode {
         self.context.check_inputs();
         for name in self.stage_heartbeats.step(now) {
             let reason =
-                format!("{name} is silent for {HEARTBEAT_TIMEOUT_MS} ms: no motion until it is back");
+                format!("{name} is silent for {HEARTBEAT_TIMEOUT_MS} ms: no motion until the hand relaxes");
             self.context.node_diagnostics.record_refusal("heartbeat", &reason);
         }
     }
@@ -344,7 +344,7 @@ impl MethodNode {
             }
             Some(input) => {
                 if self.missing_inputs.insert(name.to_owned(), input.to_owned()).is_none() {
-                    let reason = format!("{name} misses {input}: no motion until it is back");
+                    let reason = format!("{name} misses {input}: no motion until the hand relaxes");
                     self.context.node_diagnostics.record_refusal("heartbeat", &reason);
                 }
             }

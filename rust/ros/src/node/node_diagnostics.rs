@@ -45,7 +45,7 @@ impl NodeDiagnostics {
 
     /// A source died, `reason` says how, and the arm stands still.
     pub(super) fn record_stop(&self, reason: &str) {
-        self.record_refusal("stop", &format!("{reason}: no motion until it is back and the hand relaxed"));
+        self.record_refusal("stop", &format!("{reason}: no motion until the hand relaxes"));
     }
 
     /// The counts as a message.

@@ -172,6 +172,22 @@ fn a_text_without_old_names_stays_as_it_is() {
     assert_eq!((text.trim(), used.len()), ("[blend]\nassistance_share = 0.5", 1));
 }
 
+#[test]
+fn lines_stay_where_they_are() {
+    let text = "# our lab\n\n[emg]\nrequired = 5 # of three\n\n[gaze]\nfilter_hz = 3\n";
+    let (renamed, used) = rename_keys_in_toml(text, ConfigFile::Trial, "").unwrap();
+    assert_eq!(
+        (renamed.as_ref(), used.len()),
+        (text.replace("required", "consecutive_decisions").as_str(), 1)
+    );
+    // An old name that is a key elsewhere too: the text is written anew, and means the same.
+    let text = "[emg]\nrequired = 5\n[other]\nrequired = 1\n";
+    let (renamed, _) = rename_keys_in_toml(text, ConfigFile::Trial, "").unwrap();
+    let table: toml::Table = renamed.parse().unwrap();
+    assert_eq!(table["emg"]["consecutive_decisions"].as_integer(), Some(5));
+    assert_eq!(table["other"]["required"].as_integer(), Some(1));
+}
+
 /// `docs/renames.md` lists the table. With `UPDATE_EXPECTED=1` the test writes it there.
 #[test]
 fn the_page_of_renames_has_every_row() {

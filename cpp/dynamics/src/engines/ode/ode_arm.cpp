@@ -280,12 +280,21 @@ bool OdeArm::resolve_contacts(Collisions&) {
   return true;
 }
 
+/// ODE's angle lies within half a turn of zero; a joint with limits is as many turns further as it was before the tick.
+double OdeArm::unwrapped(const Hinge& hinge) const {
+  const double angle = dJointGetHingeAngle(hinge.joint);
+  const Joint& joint = model_.joints[model_.moving[hinge.moving]];
+  if (std::isinf(joint.lower) || std::isinf(joint.upper)) return angle;
+  const double turns = std::round((joints_.positions()[hinge.moving] - angle) / (2.0 * pi));
+  return turns == 0.0 ? angle : angle + 2.0 * pi * turns;
+}
+
 void OdeArm::finish() {
   // Takes away the rounding of ODE's own integration, so that it cannot add up.
   set_body_pose(bodies_[0], base_.pose());
   joints_.clear_efforts();
   for (const Hinge& hinge : hinges_) {
-    const double angle = dJointGetHingeAngle(hinge.joint);
+    const double angle = unwrapped(hinge);
     const double rate = dJointGetHingeAngleRate(hinge.joint);
     // The torque on the child about the axis; the bearing's force is taken out by its lever.
     dVector3 anchor_at;

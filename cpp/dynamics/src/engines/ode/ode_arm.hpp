@@ -45,6 +45,8 @@ class OdeArm final : public Arm {
     dJointFeedback feedback;
   };
 
+  double unwrapped(const Hinge& hinge) const;
+
   void build_at(const Pose& world_from_base);
   void place_links(const std::vector<double>& positions);
   void place_bodies();

@@ -35,7 +35,6 @@ std::array<Vec3, 2> tangents(const Vec3& normal) {
 
 /// Takes the angle of a joint without stops into -pi to pi.
 double wrap_angle(const Joint& joint, double angle) {
-  constexpr double pi = 3.14159265358979323846;
   if (joint.upper != infinity) return angle;
   return angle > pi ? angle - 2.0 * pi : (angle < -pi ? angle + 2.0 * pi : angle);
 }

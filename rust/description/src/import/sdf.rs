@@ -5,6 +5,7 @@
 //! axis is in the model's frame if `use_parent_model_frame` says so, and before SDF 1.5 always; otherwise it is in
 //! the joint's frame.
 
+use super::parts::{PartJoint, PartKind, PartLink, PlacedGeometry, RobotParts};
 use crate::{
     finding::{Findings, Severity, join_names, joint_location as joint_place, link_location as link_place},
     lint,
@@ -12,7 +13,7 @@ use crate::{
     xml,
 };
 use nalgebra::{Translation3, UnitQuaternion};
-use proact_arm::{CollisionShape, Inertial, Joint, JointKind, JointLimits, Link, Visual, VisualGeometry};
+use proact_arm::{Inertial, Visual, VisualGeometry};
 use proact_types::{Pose, Shape, Vector};
 use roxmltree::Node;
 
@@ -21,22 +22,15 @@ const UNLIMITED: f64 = 1e16;
 /// Drawn where the file only names a material of Gazebo's own.
 const GRAY: [f64; 4] = [0.6, 0.6, 0.6, 1.0];
 
-/// A model's parts; `parent` and `child` of the joints index into the links, the first of which is the base.
-pub(crate) struct SdfModel {
-    pub(crate) name: String,
-    pub(crate) links: Vec<Link>,
-    pub(crate) joints: Vec<Joint>,
-}
-
 /// A link with the place of its frame: after conversion, that of the joint which moves it.
 struct SdfLink {
-    link: Link,
+    link: PartLink,
     model_from_sdf_link: Pose,
     model_from_link: Pose,
 }
 
 /// Reads the first model of an SDF text; what cannot be converted becomes a finding.
-pub(crate) fn read(text: &str, findings: &mut Findings) -> Option<SdfModel> {
+pub(crate) fn read(text: &str, findings: &mut Findings) -> Option<RobotParts> {
     let remedy = "Correct the file at that place.";
     let document = xml::parse_document(text, "SDF", "one sdf element", remedy, findings)?;
     let sdf = document.root_element();
@@ -70,7 +64,12 @@ pub(crate) fn read(text: &str, findings: &mut Findings) -> Option<SdfModel> {
 }
 
 /// Puts the base in front, and origins into the parents' frames.
-fn assemble(name: String, placed: Vec<SdfLink>, mut joints: Vec<Joint>, findings: &mut Findings) -> SdfModel {
+fn assemble(
+    name: String,
+    placed: Vec<SdfLink>,
+    mut joints: Vec<PartJoint>,
+    findings: &mut Findings,
+) -> RobotParts {
     let roots: Vec<usize> = (0..placed.len()).filter(|&l| joints.iter().all(|j| j.child != l)).collect();
     if roots.len() != 1 {
         findings.error(
@@ -90,25 +89,29 @@ fn assemble(name: String, placed: Vec<SdfLink>, mut joints: Vec<Joint>, findings
     while placed.iter().any(|p| p.link.name == base) {
         base.insert_str(0, "model_");
     }
-    let base = Link { name: base, inertial: None, collisions: Vec::new(), visuals: Vec::new() };
+    let base =
+        PartLink { name: base, inertial: None, mass_kg: None, collisions: Vec::new(), visuals: Vec::new() };
     for joint in &mut joints {
         joint.parent += 1;
         joint.child += 1;
     }
     let mount_name = "base_mount".to_owned();
-    joints.extend(roots.first().map(|&root| Joint {
+    joints.extend(roots.first().map(|&root| PartJoint {
         name: mount_name,
-        kind: JointKind::Fixed,
+        kind: PartKind::Fixed,
         parent: 0,
         child: root + 1,
         origin: placed[root].model_from_link,
         axis: Vector::x(),
-        limits: JointLimits::default(),
+        range: None,
+        velocity: None,
+        effort: None,
         damping: 0.0,
         friction: 0.0,
+        mimic: None,
     }));
     let links = std::iter::once(base).chain(placed.into_iter().map(|p| p.link)).collect();
-    SdfModel { name, links, joints }
+    RobotParts { name, links, joints }
 }
 
 fn note_ignored_elements(model: Node<'_, '_>, findings: &mut Findings) {
@@ -153,16 +156,8 @@ fn read_link(node: Node<'_, '_>, findings: &mut Findings) -> SdfLink {
     let mut collisions = Vec::new();
     for collision in children(node, "collision") {
         let pose = pose(collision, &location, findings);
-        match geometry(collision, &location, findings) {
-            Some(VisualGeometry::Shape(shape)) => collisions.push(CollisionShape { pose, shape }),
-            Some(VisualGeometry::Mesh { file, .. }) => findings.error(
-                &location,
-                "a mesh cannot be used for collision",
-                file,
-                "box, cylinder or sphere",
-                "Replace the mesh by a few primitives that enclose it.",
-            ),
-            None => {}
+        if let Some(geometry) = geometry(collision, &location, findings) {
+            collisions.push(PlacedGeometry { pose, geometry });
         }
     }
     let mut visuals = Vec::new();
@@ -173,7 +168,8 @@ fn read_link(node: Node<'_, '_>, findings: &mut Findings) -> SdfLink {
         }
     }
     let model_from_link = pose(node, &location, findings);
-    let link = Link { name, inertial, collisions, visuals };
+    let mass_kg = inertial.map(|inertial: Inertial| inertial.mass);
+    let link = PartLink { name, inertial, mass_kg, collisions, visuals };
     SdfLink { link, model_from_sdf_link: model_from_link, model_from_link }
 }
 
@@ -182,15 +178,17 @@ fn read_joint(
     version: f64,
     placed: &mut [SdfLink],
     findings: &mut Findings,
-) -> Option<Joint> {
+) -> Option<PartJoint> {
     let name = node.attribute("name").unwrap_or_default().to_owned();
     let location = joint_place(&name);
     let kind = match node.attribute("type") {
-        Some("fixed") => JointKind::Fixed,
-        Some("revolute") => JointKind::Revolute,
+        Some("fixed") => PartKind::Fixed,
+        Some("revolute") => PartKind::Revolute,
+        Some("continuous") => PartKind::Continuous,
+        Some("prismatic") => PartKind::Prismatic,
         other => {
-            let remedy = "Make it fixed, or model the part with revolute joints.";
-            let expected = "revolute or fixed";
+            let remedy = "Make it fixed, or model the part with the other kinds.";
+            let expected = "revolute, continuous, prismatic or fixed";
             findings.error(
                 &location,
                 "the type is not supported",
@@ -202,7 +200,7 @@ fn read_joint(
         }
     };
     // A joint to the world says that the base does not move by itself, which is so here anyway.
-    if text(node, "parent") == Some("world") && kind == JointKind::Fixed {
+    if text(node, "parent") == Some("world") && kind == PartKind::Fixed {
         return None;
     }
     let end = |role: &str, findings: &mut Findings| {
@@ -230,18 +228,21 @@ fn read_joint(
     }
     let model_from_joint = moved.model_from_link.rotation;
 
-    let mut joint = Joint {
+    let mut joint = PartJoint {
         name,
         kind,
         parent,
         child: child_link,
         origin: Pose::identity(),
         axis: Vector::x(),
-        limits: JointLimits::default(),
+        range: None,
+        velocity: None,
+        effort: None,
         damping: 0.0,
         friction: 0.0,
+        mimic: None,
     };
-    if kind == JointKind::Fixed {
+    if kind == PartKind::Fixed {
         return Some(joint);
     }
     let Some(axis) = child(node, "axis") else {
@@ -258,24 +259,17 @@ fn read_joint(
     let in_model = version < 1.5 || matches!(text(axis, "use_parent_model_frame"), Some("1" | "true"));
     joint.axis = if in_model { model_from_joint.inverse() * direction } else { direction }.normalize();
     if let Some(limit) = child(axis, "limit") {
-        joint.limits = JointLimits {
-            lower: number_in(limit, "lower", Some(-UNLIMITED), &location, findings),
-            upper: number_in(limit, "upper", Some(UNLIMITED), &location, findings),
-            // SDF writes -1 for "no limit"; zero makes the check ask for a number.
-            velocity: number_in(limit, "velocity", Some(0.0), &location, findings).max(0.0),
-            effort: number_in(limit, "effort", Some(0.0), &location, findings).max(0.0),
-        };
+        let lower = number_in(limit, "lower", Some(-UNLIMITED), &location, findings);
+        let upper = number_in(limit, "upper", Some(UNLIMITED), &location, findings);
+        joint.range = (lower > -UNLIMITED && upper < UNLIMITED).then_some([lower, upper]);
+        // SDF writes -1 for "no limit".
+        joint.velocity =
+            Some(number_in(limit, "velocity", Some(0.0), &location, findings)).filter(|v| *v > 0.0);
+        joint.effort = Some(number_in(limit, "effort", Some(0.0), &location, findings)).filter(|e| *e > 0.0);
     }
-    let limits = joint.limits;
-    if child(axis, "limit").is_none() || limits.lower <= -UNLIMITED || limits.upper >= UNLIMITED {
-        let got = "none, or 1e16";
-        findings.error(
-            &location,
-            "the joint has no limits",
-            got,
-            "<lower> and <upper>",
-            "Give its range, rad.",
-        );
+    // SDF has no other word for a joint that turns for ever.
+    if kind == PartKind::Revolute && joint.range.is_none() {
+        joint.kind = PartKind::Continuous;
     }
     if let Some(dynamics) = child(axis, "dynamics") {
         joint.damping = number_in(dynamics, "damping", Some(0.0), &location, findings);
