@@ -70,8 +70,8 @@ def line_of(text, at):
     return text.count("\n", 0, at) + 1
 
 
-tracked = subprocess.run(["git", "-C", root, "ls-files", "-z"], capture_output=True, check=True).stdout.decode()
-names = [name for name in tracked.split("\0") if name and (root / name).is_file()]
+present = subprocess.run(["git", "-C", root, "ls-files", "--cached", "--others", "--exclude-standard", "-z"], capture_output=True, check=True).stdout.decode()
+names = [name for name in present.split("\0") if name and (root / name).is_file()]
 skipped = [re.compile(pattern) for pattern in rules["skip"]]
 names = [name for name in names if not any(pattern.search(name) for pattern in skipped)]
 

@@ -23,7 +23,7 @@ const TOKEN_RADIUS_M: f64 = 0.01;
 const VELOCITY_RAD_PER_S: f64 = 1.0;
 /// Smallest effort limit that is filled in, N m.
 const MIN_EFFORT: f64 = 1.0;
-/// An effort limit that is filled in is so many times the largest static torque.
+/// Factor between the largest static torque and an effort limit that is filled in.
 const EFFORT_FACTOR: f64 = 3.0;
 const GRAVITY_M_PER_S2: f64 = 9.81;
 /// A revolute joint without limits gets these, rad.

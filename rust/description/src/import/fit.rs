@@ -19,7 +19,7 @@ const MIN_SAVING: f64 = 0.12;
 const SOON: f64 = 0.1;
 /// Planes that are tried along an axis.
 const CUTS: usize = 5;
-/// Of a mesh with more triangles, corners are joined on a grid with so many cells along its longest side.
+/// Of a mesh with more triangles, corners are joined on a grid with this number of cells along its longest side.
 const MAX_TRIANGLES: usize = 1500;
 const GRID: f64 = 40.0;
 /// No side of a shape is thinner, metres: sheets would fall through each other.
@@ -92,7 +92,7 @@ fn coarsen(triangles: Vec<[Point3<f64>; 3]>) -> Vec<[Point3<f64>; 3]> {
 }
 
 impl Piece {
-    /// The smallest primitive around triangles; none if there are none.
+    /// The smallest primitive around triangles; none without triangles.
     fn around(triangles: Vec<[Point3<f64>; 3]>) -> Option<Self> {
         let points: Vec<Point3<f64>> = triangles.iter().flatten().copied().collect();
         points.first()?;

@@ -54,7 +54,7 @@ impl MeshFolders {
     /// The bytes of the mesh at `address`, and its file.
     ///
     /// # Errors
-    /// Why there is none, one clause: nothing is read but mesh files within the folders.
+    /// Why it cannot be read, one clause: nothing is read but mesh files within the folders.
     pub fn read(&self, address: &str) -> Result<(Vec<u8>, PathBuf), Refusal> {
         let path = self.find(address)?;
         let failed = |error: std::io::Error| format!("{}: {error}", path.display());
