@@ -21,8 +21,7 @@ use crate::{
 };
 use parts::{PartKind, RobotParts};
 use proact_arm::{
-    ArmModel, CollisionShape, Inertial, Joint, JointKind, JointLimits, Link, Mimic, VisualGeometry,
-    find_pinch,
+    ArmModel, CollisionShape, Joint, JointKind, JointLimits, Link, Mimic, VisualGeometry, find_pinch,
 };
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -191,8 +190,7 @@ fn enclose_link(
             }
         }
     }
-    let inertial = part.inertial.map(|inertial| Inertial { ..inertial });
-    Link { name: part.name.clone(), inertial, collisions, visuals: part.visuals.clone() }
+    Link { name: part.name.clone(), inertial: part.inertial, collisions, visuals: part.visuals.clone() }
 }
 
 fn finish_joints(parts: &RobotParts, findings: &mut Findings) -> (Vec<Joint>, Vec<Mimic>) {

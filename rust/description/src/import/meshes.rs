@@ -107,9 +107,9 @@ fn without_unit(bytes: &[u8]) -> (Vec<u8>, f64) {
     let unit = text.find("<unit").and_then(|at| {
         let element = at..at + text[at..].find('>')?;
         let value = text[element.clone()].find("meter=").map(|own| element.start + own + "meter=".len())?;
-        let quote = text[value..].chars().next()?;
+        let quote = text[value..].chars().next().filter(|quote| "\"'".contains(*quote))?;
         let end = text[value + 1..element.end].find(quote)? + value + 1;
-        Some((value + 1..end, text[value + 1..end].trim().parse::<f64>().ok().filter(|unit| *unit > 0.0)?))
+        Some((value + 1..end, crate::srdf::number(&text[value + 1..end]).filter(|unit| *unit > 0.0)?))
     });
     match unit {
         Some((range, unit)) => {
