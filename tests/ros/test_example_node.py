@@ -135,7 +135,7 @@ class ControlNode(unittest.TestCase):
         # A loaded machine is not to run into the limit of the trial.
         self.page.start(self.simulator.strip() + " --set limit_secs=3000")
         self.target.wait(lambda m: m.child_frame_id == "redcylinder1" and m is not self.first)
-        self.page.run(self.carry.removesuffix(" 1"))
+        self.page.run(self.carry.replace("carry_blocks.py 1", "carry_blocks.py"))
         result = json.loads(self.result.wait().data)
         self.assertEqual((result["score"], result["score_name"]), (4.0, "blocks on target"), result)
         self.target.wait(lambda m: m.child_frame_id == "")
