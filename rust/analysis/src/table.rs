@@ -42,7 +42,7 @@ impl TableColumn {
 /// Which names columns are written with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ColumnNames {
-    /// Those of today.
+    /// The names that the codebook has.
     #[default]
     Present,
     /// Those of older exports, for scripts that expect them.

@@ -259,7 +259,7 @@ fn add_grasp(model: &mut ArmModel, found: &mut Vec<String>) {
             model.poses.extend([pinch.open, pinch.closed]);
             model.grasps = vec![pinch.grasp];
         }
-        Err(error) => found.push(format!("no grasp was found: {error}")),
+        Err(error) => found.push(format!("no pinch of a block of {:.0} mm: {error}", 1e3 * BLOCK_WIDTH_M)),
     }
 }
 

@@ -79,6 +79,15 @@ fn an_arm_that_lacks_nothing_gets_poses_alone() {
 }
 
 #[test]
+fn a_hand_that_closes_on_nothing_is_said() {
+    // Fingers whose shapes stand on their joints' axes.
+    let arm = imported(&arm("").replace("<origin xyz=\"0 0 0.05\"/><geometry>", "<geometry>"));
+    assert_eq!(arm.model.pose("hand", "open").unwrap(), arm.model.pose("hand", "closed").unwrap());
+    assert!(arm.found.iter().any(|said| said.contains("no joint of the hand")), "{:?}", arm.found);
+    assert!(!arm.found.iter().any(|said| said.contains("where its joints")), "{:?}", arm.found);
+}
+
+#[test]
 fn frames_beside_the_arm_are_no_branches_and_need_no_mass() {
     let frames = link("tool0", "")
         + &link(

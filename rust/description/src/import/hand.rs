@@ -24,6 +24,16 @@ pub(crate) fn add_poses(model: &mut ArmModel) -> Vec<String> {
         return said;
     }
     let (open, closed) = opposite_poses(model);
+    if open == closed {
+        said.push("no joint of the hand brings the fingertips together: correct the poses \"open\" and \"closed\" in arm.srdf".to_owned());
+        for name in [OPEN_POSE, CLOSED_POSE] {
+            if model.pose("hand", name).is_err() {
+                let (name, group) = (name.to_owned(), "hand".to_owned());
+                model.poses.push(NamedPose { name, group, angles: open.clone() });
+            }
+        }
+        return said;
+    }
     for (name, angles) in [(OPEN_POSE, open), (CLOSED_POSE, closed)] {
         if model.pose("hand", name).is_err() {
             model.poses.push(NamedPose { name: name.to_owned(), group: "hand".to_owned(), angles });

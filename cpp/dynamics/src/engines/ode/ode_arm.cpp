@@ -280,7 +280,7 @@ bool OdeArm::resolve_contacts(Collisions&) {
   return true;
 }
 
-/// ODE's angle lies within half a turn of zero; a joint with limits is as many turns further as it was before the tick.
+/// ODE gives angles from -pi to pi. A joint with limits keeps the full turns that it had before the tick.
 double OdeArm::unwrapped(const Hinge& hinge) const {
   const double angle = dJointGetHingeAngle(hinge.joint);
   const Joint& joint = model_.joints[model_.moving[hinge.moving]];
