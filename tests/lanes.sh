@@ -299,11 +299,11 @@ lane_soak_serve() {
 
 # Every reader beside the corpus, then beside mutations of it: two minutes in all.
 lane_fuzz() {
-    fuzz 3
+    fuzz --inputs 1000
 }
 
 lane_fuzz_long() {
-    fuzz "${PROACT_FUZZ_SECONDS:-20}"
+    fuzz --seconds "${PROACT_FUZZ_SECONDS:-20}"
 }
 
 # So many seconds of mutations for each target.
@@ -311,7 +311,7 @@ fuzz() {
     # With the program, so that both share what is compiled.
     build_web &&
         run_cargo build --release --locked -p proact-cli -p proact-fuzz ${features:+--features "proact-cli/$features"} &&
-        (cd "$root" && "$CARGO_TARGET_DIR/release/proact-fuzz" --seconds "$1")
+        (cd "$root" && "$CARGO_TARGET_DIR/release/proact-fuzz" "$@")
 }
 
 lane_page() {

@@ -31,6 +31,10 @@ pub(crate) const MAX_INERTIA_KG_M2: f64 = 1e5;
 pub(crate) const MAX_ANGLE_RAD: f64 = 100.0;
 /// Largest speed of a joint, rad/s.
 pub(crate) const MAX_VELOCITY_RAD_PER_S: f64 = 1000.0;
+/// A limit above zero and below this is a mistake: a motion of one radian, or of one metre, would take a quarter of an hour.
+pub(crate) const MIN_VELOCITY_RAD_PER_S: f64 = 1e-3;
+/// Least effort limit above zero, N m.
+pub(crate) const MIN_EFFORT: f64 = 1e-6;
 /// Largest effort of a joint, N m, and loss in it, N m or N m s/rad.
 pub(crate) const MAX_EFFORT: f64 = 1e6;
 

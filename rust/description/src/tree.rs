@@ -7,7 +7,7 @@ use crate::{
     finding::{Findings, join_names, joint_location as joint_place, link_location as link_place},
     size_limits::{
         MAX_ANGLE_RAD, MAX_CHAIN_DEPTH, MAX_EFFORT, MAX_INERTIA_KG_M2, MAX_LENGTH_M, MAX_MASS_KG,
-        MAX_VELOCITY_RAD_PER_S, MIN_LENGTH_M, MIN_MASS_KG, check_at_most,
+        MAX_VELOCITY_RAD_PER_S, MIN_EFFORT, MIN_LENGTH_M, MIN_MASS_KG, MIN_VELOCITY_RAD_PER_S, check_at_most,
     },
 };
 use nalgebra::{Matrix3, Quaternion, Translation3, UnitQuaternion};
@@ -406,13 +406,19 @@ fn limits(raw: &RawJoint, kind: JointKind, location: &str, findings: &mut Findin
     check_at_most(MAX_ANGLE_RAD, "rad", "the upper limit", upper, location, findings);
     check_at_most(MAX_VELOCITY_RAD_PER_S, "rad/s", "the velocity limit", velocity, location, findings);
     check_at_most(MAX_EFFORT, "N m", "the effort limit", effort, location, findings);
-    for (name, value, unit) in [("velocity", velocity, "rad/s"), ("effort", effort, "N m")] {
+    let (least_velocity, least_effort) = (MIN_VELOCITY_RAD_PER_S, MIN_EFFORT);
+    for (name, value, least, unit) in
+        [("velocity", velocity, least_velocity, "rad/s"), ("effort", effort, least_effort, "N m")]
+    {
         let (problem, got) = (format!("the {name} limit is not above zero"), format!("{value} {unit}"));
         let remedy = format!("Give the highest {name} of the joint.");
         if value < 0.0 {
             findings.error(location, problem, got, "a number above zero", remedy);
         } else if value == 0.0 {
             findings.warning(location, problem, got, "a number above zero", remedy);
+        } else if value < least {
+            let problem = format!("the {name} limit is too small");
+            findings.error(location, problem, got, format!("at least {least} {unit}"), remedy);
         }
     }
     if effort >= PLACEHOLDER_EFFORT {

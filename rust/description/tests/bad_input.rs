@@ -299,6 +299,8 @@ fn what_is_larger_or_smaller_than_any_arm_is_refused_with_the_bound() {
     refused(&limit("upper='1'", "upper='1e9'"), &["the upper limit", "at most 100 rad"]);
     refused(&limit("velocity='1'", "velocity='1e9'"), &["the velocity limit", "at most 1000 rad/s"]);
     refused(&limit("effort='1'", "effort='1e9'"), &["the effort limit", "at most 1000000 N m"]);
+    refused(&limit("velocity='1'", "velocity='1e-320'"), &["the velocity limit", "at least 0.001 rad/s"]);
+    refused(&limit("effort='1'", "effort='1e-9'"), &["the effort limit", "at least 0.000001 N m"]);
 }
 
 #[test]

@@ -66,7 +66,12 @@ fn run_target(target: &'static FuzzTarget, args: &Args) -> Result<usize, Box<dyn
     let end = Instant::now() + Duration::from_secs_f64(args.seconds);
     let mut mutator =
         Mutator::new(corpus.iter().map(|(_, bytes)| bytes.clone()).chain(seeds).collect(), args.seed);
-    while Instant::now() < end && fuzz_run.finding_kinds.len() < MAX_FINDINGS {
+    let before = fuzz_run.inputs;
+    let goes_on = |inputs: u64| match args.inputs {
+        Some(count) => inputs - before < count,
+        None => Instant::now() < end,
+    };
+    while goes_on(fuzz_run.inputs) && fuzz_run.finding_kinds.len() < MAX_FINDINGS {
         let mut input = mutator.next_input();
         (target.repair_checksums)(&mut input);
         fuzz_run.run_input(&input, None)?;

@@ -2,7 +2,7 @@
 //!
 //! A *target* is a function over bytes that calls a reader as the program does. The driver runs it in a child process with
 //! limits on memory, stack and time per input: first on the whole corpus, then on mutations of it. What ends the child is a
-//! finding. Equal seeds give equal inputs; how many of them fit into the time depends on the machine.
+//! finding. Equal seeds give equal inputs; with `--seconds` the machine decides how many.
 //!
 //! ```text
 //! proact-fuzz --list
@@ -31,6 +31,9 @@ struct Args {
     /// Time for the mutations of each target, after its corpus; 0 for the corpus alone
     #[arg(long, default_value_t = 5.0)]
     seconds: f64,
+    /// Number of mutations of each target instead, however long they take
+    #[arg(long, value_name = "COUNT", conflicts_with = "seconds")]
+    inputs: Option<u64>,
     /// Seed of the mutations
     #[arg(long, default_value_t = 1)]
     seed: u64,

@@ -403,6 +403,31 @@ impl TrialConfig {
         assignments: &[S],
         renamed: &mut Vec<&'static RenamedKey>,
     ) -> Result<Self, ConfigError> {
+        self.read_overrides(assignments, renamed).map_err(|error| {
+            let ConfigError::RefusedAssignment { reason, .. } = error else { return error };
+            // With the assignments up to the one to blame the same is wrong, and without that one it is not. Halving finds it
+            // in few readings, however many there are.
+            let is_wrong_already = |count: usize| {
+                let before = self.read_overrides(&assignments[..count], &mut Vec::new());
+                matches!(before, Err(ConfigError::RefusedAssignment { reason: other, .. }) if other == reason)
+            };
+            let (mut right, mut wrong) = (0, assignments.len());
+            while wrong - right > 1 {
+                let middle = usize::midpoint(right, wrong);
+                if is_wrong_already(middle) { wrong = middle } else { right = middle }
+            }
+            let got =
+                assignments.get(right).map_or_else(String::new, |assignment| assignment.as_ref().to_owned());
+            ConfigError::RefusedAssignment { got, reason }
+        })
+    }
+
+    /// As [`TrialConfig::with_overrides_noting`]; which assignment is refused, where the text as a whole is, is not told.
+    fn read_overrides<S: AsRef<str>>(
+        &self,
+        assignments: &[S],
+        renamed: &mut Vec<&'static RenamedKey>,
+    ) -> Result<Self, ConfigError> {
         let mut present_names = PresentNames::default();
         let mut whole: toml::Table =
             toml::from_str(&self.to_toml()?).map_err(|e| ConfigError::Text(e.to_string()))?;
@@ -445,15 +470,7 @@ impl TrialConfig {
             }
             // Where it stands in a text that nobody has seen tells nothing; which assignment it is does.
             let reason = shorten_numbers(error.message()).replace('`', "");
-            // With the first assignments up to the one to blame, the same is wrong.
-            let is_wrong_already = |count: &usize| {
-                let before = self.with_overrides(&assignments[..*count]);
-                matches!(before, Err(ConfigError::RefusedAssignment { reason: other, .. }) if other == reason)
-            };
-            let count = (1..assignments.len()).find(is_wrong_already);
-            let blamed = count.map_or(assignments.last(), |count| assignments.get(count - 1));
-            let got = blamed.map_or_else(String::new, |assignment| assignment.as_ref().to_owned());
-            ConfigError::RefusedAssignment { got, reason }
+            ConfigError::RefusedAssignment { got: String::new(), reason }
         })?;
         config.check()?;
         Ok(config)

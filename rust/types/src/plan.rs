@@ -164,11 +164,11 @@ impl Trajectory {
         self.points.last().map_or(0.0, |p| p.time_secs)
     }
 
-    /// Angles and speeds at `time_secs`, clamped to the ends; none when empty.
+    /// Angles and speeds at `time_secs`, clamped to the ends, NaN to the first; none when empty.
     pub fn sample(&self, time_secs: f64) -> Option<(JointVector, JointVector)> {
         let (first, last) = (self.points.first()?, self.points.last()?);
         let rest = |p: &TrajectoryPoint| (p.q.clone(), p.q.iter().map(|_| 0.0).collect());
-        if time_secs <= first.time_secs {
+        if time_secs.is_nan() || time_secs <= first.time_secs {
             return Some(rest(first));
         }
         if time_secs >= last.time_secs {

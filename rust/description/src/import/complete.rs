@@ -7,7 +7,7 @@ use super::{
 };
 use crate::{
     finding::{Findings, Severity, join_names, link_location},
-    size_limits::{MAX_EFFORT, MAX_VELOCITY_RAD_PER_S, MIN_MASS_KG},
+    size_limits::{MAX_EFFORT, MAX_VELOCITY_RAD_PER_S, MIN_EFFORT, MIN_MASS_KG, MIN_VELOCITY_RAD_PER_S},
 };
 use nalgebra::Matrix3;
 use proact_arm::{Inertial, VisualGeometry};
@@ -22,7 +22,7 @@ const TOKEN_RADIUS_M: f64 = 0.01;
 /// Speed of a joint that the file does not limit, rad/s.
 const VELOCITY_RAD_PER_S: f64 = 1.0;
 /// Smallest effort limit that is filled in, N m.
-const MIN_EFFORT: f64 = 1.0;
+const LEAST_FILLED_IN_EFFORT: f64 = 1.0;
 /// Factor between the largest static torque and an effort limit that is filled in.
 const EFFORT_FACTOR: f64 = 3.0;
 const GRAVITY_M_PER_S2: f64 = 9.81;
@@ -334,7 +334,7 @@ pub(crate) fn complete_limits(parts: &mut RobotParts, findings: &mut Findings) {
                 "Nothing: it gets half a turn each way.",
             );
         }
-        if joint.velocity.is_none_or(|v| v > MAX_VELOCITY_RAD_PER_S) {
+        if joint.velocity.is_none_or(|v| !(MIN_VELOCITY_RAD_PER_S..=MAX_VELOCITY_RAD_PER_S).contains(&v)) {
             joint.velocity = Some(VELOCITY_RAD_PER_S);
             note_joint(
                 findings,
@@ -345,8 +345,8 @@ pub(crate) fn complete_limits(parts: &mut RobotParts, findings: &mut Findings) {
                 &format!("Nothing: it gets {VELOCITY_RAD_PER_S} rad/s."),
             );
         }
-        if joint.effort.is_none_or(|e| e > MAX_EFFORT) {
-            let effort = (EFFORT_FACTOR * torque).max(MIN_EFFORT);
+        if joint.effort.is_none_or(|e| !(MIN_EFFORT..=MAX_EFFORT).contains(&e)) {
+            let effort = (EFFORT_FACTOR * torque).max(LEAST_FILLED_IN_EFFORT);
             // Two digits: the number is an estimate.
             let scale = 10f64.powf(effort.log10().floor() - 1.0);
             let effort = (effort / scale).ceil() * scale;

@@ -142,3 +142,17 @@ fn an_outside_method_is_part_of_the_text_and_one_of_an_older_record_keeps_its_me
     assert_eq!((old.method.as_str(), old.method_label().as_str()), ("D", "outside"));
     assert!(old.method_entry(&methods).expect("D is known").needs().prior);
 }
+
+#[test]
+fn the_one_to_blame_of_many_assignments_is_named() {
+    let mut assignments = vec!["limit_secs=12.5".to_owned(); 400];
+    // The next one replaces it.
+    assignments[123] = "limit_secs=\"soon\"".to_owned();
+    assignments[399] = "limit_secs=\"later\"".to_owned();
+    let named = |assignments: &[String]| match config().with_overrides(assignments) {
+        Err(ConfigError::RefusedAssignment { got, .. }) => got,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(named(&assignments), assignments[399]);
+    assert_eq!(named(&["seed=4", "no.such.key=1", "seed=5"].map(String::from)), "no.such.key=1");
+}
