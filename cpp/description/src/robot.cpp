@@ -153,9 +153,11 @@ urdf::ModelInterfaceSharedPtr parse(const std::string& text) {
   return model;
 }
 
+double length_of(const urdf::Vector3& axis) { return std::sqrt(axis.x * axis.x + axis.y * axis.y + axis.z * axis.z); }
+
 /// Turned by `angle` about `axis`, which need not be a unit vector.
 urdf::Rotation turn(const urdf::Vector3& axis, double angle) {
-  const double length = std::sqrt(axis.x * axis.x + axis.y * axis.y + axis.z * axis.z);
+  const double length = length_of(axis);
   const double share = length > 0.0 ? std::sin(angle / 2.0) / length : 0.0;
   return {axis.x * share, axis.y * share, axis.z * share, std::cos(angle / 2.0)};
 }
@@ -167,10 +169,16 @@ urdf::Pose link_pose(const urdf::Link& link, const std::map<std::string, double>
   const urdf::Pose& origin = link.parent_joint->parent_to_joint_origin_transform;
   urdf::Pose out;
   out.position = parent.position + parent.rotation * origin.position;
-  const auto angle = angles.find(link.parent_joint->name);
-  const bool turns = angle != angles.end() && link.parent_joint->type != urdf::Joint::FIXED;
-  const urdf::Rotation own = turns ? turn(link.parent_joint->axis, angle->second) : urdf::Rotation();
-  out.rotation = parent.rotation * origin.rotation * own;
+  out.rotation = parent.rotation * origin.rotation;
+  const auto position = angles.find(link.parent_joint->name);
+  if (position == angles.end()) return out;
+  const urdf::Vector3& axis = link.parent_joint->axis;
+  if (link.parent_joint->type == urdf::Joint::PRISMATIC) {
+    const double share = position->second / length_of(axis);
+    out.position = out.position + out.rotation * urdf::Vector3(axis.x * share, axis.y * share, axis.z * share);
+  } else if (link.parent_joint->type != urdf::Joint::FIXED) {
+    out.rotation = out.rotation * turn(axis, position->second);
+  }
   return out;
 }
 

@@ -15,7 +15,7 @@ constexpr double immovable_range = 1e-9;
 
 }  // namespace
 
-bool movable(const Joint& joint) { return joint.kind == JointKind::revolute && joint.upper - joint.lower >= immovable_range; }
+bool movable(const Joint& joint) { return joint.kind != JointKind::fixed && joint.upper - joint.lower >= immovable_range; }
 
 ArmJoints::ArmJoints(const Model& model) : model_(model), moving_of_joint_(model.joints.size(), no_index) {
   const std::size_t joints = model.moving.size();
@@ -49,8 +49,9 @@ bool ArmJoints::update_rigid(const double* position, const double* velocity) {
   bool changed = false;
   for (std::size_t k = model_.arm_count; k < model_.moving.size(); ++k) {
     const bool commanded = std::fabs(position[k] - last_command[k]) > 1e-9 || std::fabs(velocity[k]) > 1e-9;
-    const bool reached = std::fabs(position[k] - positions[k]) < options.lock_error_rad &&
-                         std::fabs(velocities[k]) < options.lock_speed_rad_per_s;
+    const double unit = model_.joints[model_.moving[k]].per_radian();
+    const bool reached = std::fabs(position[k] - positions[k]) < options.lock_error_rad * unit &&
+                         std::fabs(velocities[k]) < options.lock_speed_rad_per_s * unit;
     still_ticks[k] = commanded || !(reached || held[k]) ? 0 : still_ticks[k] + 1;
     const bool hold = options.lock_idle_hand && still_ticks[k] >= options.lock_ticks;
     if (hold != held[k]) {

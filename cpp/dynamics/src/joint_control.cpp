@@ -36,8 +36,9 @@ int JointControl::active_stop(std::size_t moving) const {
     return -stop * (joints_.efforts()[moving] + joints_.limit_effort()[moving]) > control ? stop : 0;
   }
   const double position = joints_.positions()[moving];
-  if (position > own.upper + stop_tolerance) return 1;
-  return position < own.lower - stop_tolerance ? -1 : 0;
+  const double beyond = stop_tolerance * own.per_radian();
+  if (position > own.upper + beyond) return 1;
+  return position < own.lower - beyond ? -1 : 0;
 }
 
 double JointControl::limit_effort(std::size_t moving, double torque) const {
@@ -64,7 +65,7 @@ Motor JointControl::position_motor(std::size_t moving, double position, double v
   // The command is for the end of the tick: what its own speed covers is no error.
   const double error = target - joints_.positions()[moving] - ahead * tick_secs;
   const double fastest = options.catch_up_factor * own.velocity;
-  const double rubbing = own.damping + own.friction / std::max(std::fabs(joints_.velocities()[moving]), friction_fade);
+  const double rubbing = own.damping + own.friction / std::max(std::fabs(joints_.velocities()[moving]), friction_fade * own.per_radian());
   return {std::clamp(ahead + options.position_gain * error, -fastest, fastest), stopped ? dInfinity : own.effort, rubbing,
           0.0, 0.0, options.gear_speed_factor * own.velocity,
           own.velocity > 0.0 ? options.gear_brake * own.effort / own.velocity : 0.0};
@@ -82,7 +83,7 @@ double JointControl::gains_torque(std::size_t moving, double speed) const {
 Motor JointControl::gain_motor(std::size_t moving, double position) {
   const Joint& own = joint(moving);
   double& command = state_.gains_command[moving];
-  const double farthest = model_.options.gain_command_speed_rad_per_s * tick_secs;
+  const double farthest = model_.options.gain_command_speed_rad_per_s * own.per_radian() * tick_secs;
   const double way = std::clamp(position - command, -farthest, farthest);
   command += way;
   Motor motor = position_motor(moving, command, 0.0);

@@ -8,8 +8,8 @@ namespace proact::dynamics {
 
 namespace {
 
-// ODE measures a hinge in (-pi, pi]: a limit outside would never be met.
-constexpr double max_hinge_angle_rad = 100.0;
+// Rad or m.
+constexpr double max_position = 100.0;
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
 template <typename... Parts>
@@ -81,10 +81,10 @@ void check_joints(const Model& model) {
     check_pose(what, joint.origin);
     if (joint.kind == JointKind::fixed) continue;
     if (!is_finite(joint.axis) || std::fabs(norm(joint.axis) - 1.0) > 1e-6) refuse(what, ": the axis is not a unit vector");
-    const bool continuous = joint.lower == -infinity && joint.upper == infinity;
-    if (!continuous && !(std::fabs(joint.lower) <= max_hinge_angle_rad && std::fabs(joint.upper) <= max_hinge_angle_rad)) {
-      refuse(what, ": limits ", joint.lower, " to ", joint.upper, " rad, expected within +-", max_hinge_angle_rad,
-             ", or both infinite for none");
+    const bool continuous = joint.kind == JointKind::revolute && joint.lower == -infinity && joint.upper == infinity;
+    if (!continuous && !(std::fabs(joint.lower) <= max_position && std::fabs(joint.upper) <= max_position)) {
+      refuse(what, ": limits ", joint.lower, " to ", joint.upper, " ", joint.unit(), ", expected within +-", max_position,
+             ", or of a revolute joint both infinite for none");
     }
     if (joint.lower > joint.upper) refuse(what, ": lower limit ", joint.lower, " is above the upper ", joint.upper);
     check_number(what + ": velocity limit", joint.velocity, 0.0);
@@ -121,7 +121,7 @@ void check_moving(const Model& model) {
     const Joint& joint = model.joints[model.moving[k]];
     const double angle = model.positions[k];
     if (!(angle >= joint.lower - 1e-6 && angle <= joint.upper + 1e-6)) {
-      refuse("joint \"", joint.name, "\" starts at ", angle, " rad, its limits are ", joint.lower, " to ", joint.upper);
+      refuse("joint \"", joint.name, "\" starts at ", angle, " ", joint.unit(), ", its limits are ", joint.lower, " to ", joint.upper);
     }
   }
 }

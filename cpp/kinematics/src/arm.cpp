@@ -35,7 +35,7 @@ KDL::Chain make_chain(const KDL::Tree& tree, const ArmDescription& description) 
     throw std::runtime_error("KDL found no chain from \"" + base + "\" to \"" + tip + '"');
   }
   if (chain.getNrOfJoints() == 0) {
-    throw std::invalid_argument("no revolute joint lies between \"" + base + "\" and \"" + tip + '"');
+    throw std::invalid_argument("no moving joint lies between \"" + base + "\" and \"" + tip + '"');
   }
   return chain;
 }
@@ -50,7 +50,7 @@ std::vector<double> chain_limits(const ArmDescription& description, double LinkD
   std::vector<double> limits;
   for (std::size_t link = description.tip; link != description.base; link = description.links[link].parent) {
     const LinkDescription& carried = description.links[link];
-    if (carried.kind == JointKind::revolute) limits.push_back(carried.*bound);
+    if (carried.kind != JointKind::fixed) limits.push_back(carried.*bound);
   }
   std::reverse(limits.begin(), limits.end());
   return limits;

@@ -51,10 +51,11 @@ KDL::RigidBodyInertia to_kdl(const Inertial& inertial) {
 KDL::Segment make_segment(const LinkDescription& link) {
   const KDL::Frame parent_from_link = to_kdl(link.origin);
   KDL::Joint joint(link.joint, KDL::Joint::None);
-  if (link.kind == JointKind::revolute) {
-    // KDL turns a joint in the parent frame, so origin and axis are expressed there.
+  if (link.kind != JointKind::fixed) {
+    // KDL moves a joint in the parent frame, so origin and axis are expressed there.
     const KDL::Vector axis(link.axis[0], link.axis[1], link.axis[2]);
-    joint = KDL::Joint(link.joint, parent_from_link.p, parent_from_link.M * axis, KDL::Joint::RotAxis);
+    const auto type = link.kind == JointKind::prismatic ? KDL::Joint::TransAxis : KDL::Joint::RotAxis;
+    joint = KDL::Joint(link.joint, parent_from_link.p, parent_from_link.M * axis, type);
   }
   const bool massive = link.inertial.mass > 0.0;
   return KDL::Segment(link.name, joint, parent_from_link,
@@ -65,30 +66,30 @@ void check(const ArmDescription& description) {
   const auto& links = description.links;
   require(!links.empty(), "the arm has no links");
   std::set<std::string> names;
-  std::size_t revolute = 0;
+  bool any_moves = false;
   for (std::size_t k = 0; k < links.size(); ++k) {
     require(names.insert(links[k].name).second, "two links are called " + quoted(links[k].name));
     require(links[k].inertial.mass >= 0.0, "link " + quoted(links[k].name) + ": mass " +
                                                std::to_string(links[k].inertial.mass) + " kg is negative");
     if (k == 0) continue;
     require(links[k].parent < k, "link " + quoted(links[k].name) + " stands before its parent");
-    if (links[k].kind == JointKind::revolute) {
+    if (links[k].kind != JointKind::fixed) {
       check_joint(links[k]);
-      ++revolute;
+      any_moves = true;
     }
   }
 
   std::set<std::size_t> moving;
   for (const std::size_t link : description.moving) {
-    require(link > 0 && link < links.size() && links[link].kind == JointKind::revolute,
-            "moving joint list: entry " + std::to_string(link) + " is no revolute joint");
+    require(link > 0 && link < links.size() && links[link].kind != JointKind::fixed,
+            "moving joint list: entry " + std::to_string(link) + " is no moving joint");
     require(moving.insert(link).second, "joint " + quoted(links[link].joint) + " is listed twice as moving");
   }
   for (std::size_t k = 1; k < links.size(); ++k) {
     require(links[k].kind == JointKind::fixed || moving.count(k) == 1,
-            "joint " + quoted(links[k].joint) + " is revolute but belongs to no group");
+            "joint " + quoted(links[k].joint) + " moves but belongs to no group");
   }
-  require(revolute > 0, "the arm has no revolute joint");
+  require(any_moves, "the arm has no moving joint");
 
   require(description.base < links.size() && description.tip < links.size(), "base or tip is no link");
   std::size_t link = description.tip;

@@ -177,7 +177,7 @@ void wrong_descriptions_are_refused_by_name() {
   expect_error(with([](auto& a) { a.links[4].name = "humerus"; }), "two links are called \"humerus\"");
   expect_error(with([](auto& a) { a.links[4].parent = 6; }), "link \"elbow\" stands before its parent");
   expect_error(with([](auto& a) { a.moving.pop_back(); }),
-               "joint \"thumb_joint\" is revolute but belongs to no group");
+               "joint \"thumb_joint\" moves but belongs to no group");
   expect_error(with([](auto& a) { a.moving[8] = 9; }), "joint \"index_joint\" is listed twice as moving");
   expect_error(with([](auto& a) { a.base = 8; }), "the tip \"wrist_x\" is not below the base \"thumb\"");
   expect_error(with([](auto& a) { a.links[4].inertial.mass = -1.0; }),

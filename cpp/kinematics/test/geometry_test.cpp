@@ -1,4 +1,5 @@
-// The header that the cores share beside KDL: forward kinematics and Jacobian of branched arms with oblique axes.
+// The header that the cores share beside KDL: forward kinematics and Jacobian of branched arms with oblique axes, on which
+// joints turn and slide.
 #include "proact/geometry.hpp"
 #include "proact/kinematics/arm.hpp"
 
@@ -44,7 +45,7 @@ class RandomNumbers {
   std::mt19937 generator_;
 };
 
-/// Seven joints and a fixed tip, on which two fingers of two joints hang.
+/// Seven joints, the third of which slides, and a fixed tip, on which two fingers of two joints hang; one of these slides.
 kin::ArmDescription random_arm(RandomNumbers& draws) {
   kin::ArmDescription arm;
   const std::size_t parents[] = {0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 8, 11};
@@ -53,14 +54,14 @@ kin::ArmDescription random_arm(RandomNumbers& draws) {
     link.name = "link" + std::to_string(k);
     link.parent = parents[k];
     link.joint = "joint" + std::to_string(k);
-    link.kind = k != 0 && k != 8 ? kin::JointKind::revolute : kin::JointKind::fixed;
+    link.kind = k == 0 || k == 8 ? kin::JointKind::fixed : k == 3 || k == 10 ? kin::JointKind::prismatic : kin::JointKind::revolute;
     link.origin = {draws.vector(0.2), draws.rotation()};
     const Vec3 axis = draws.vector(1.0);
     const Vec3 unit = axis * (1.0 / proact::norm(axis));
     link.axis = {unit.x, unit.y, unit.z};
     link.lower = -3.0;
     link.upper = 3.0;
-    if (link.kind == kin::JointKind::revolute) arm.moving.push_back(k);
+    if (link.kind != kin::JointKind::fixed) arm.moving.push_back(k);
     arm.links.push_back(link);
   }
   arm.tip = 8;
@@ -75,8 +76,7 @@ std::vector<Pose> link_poses(const kin::ArmDescription& arm, const std::vector<d
     const kin::LinkDescription& link = arm.links[k];
     const Pose pose = poses[link.parent] * link.origin;
     const Vec3 axis{link.axis[0], link.axis[1], link.axis[2]};
-    const bool turns = link.kind == kin::JointKind::revolute;
-    poses[k] = turns ? proact::joint_pose(pose, axis, q[next++]) : pose;
+    poses[k] = proact::joint_pose(pose, link.kind, axis, link.kind == kin::JointKind::fixed ? 0.0 : q[next++]);
   }
   return poses;
 }
@@ -109,10 +109,11 @@ void links_and_jacobian_are_those_of_kdl() {
         // The seven joints of the chain carry the links 1 to 7.
         const kin::LinkDescription& link = description.links[k + 1];
         const Vec3 axis = proact::rotate(ours[k + 1].rotation, {link.axis[0], link.axis[1], link.axis[2]});
-        const Vec3 linear = proact::point_velocity(axis, ours[k + 1].position, ours[description.tip].position);
+        const Vec3 linear = proact::point_velocity(link.kind, axis, ours[k + 1].position, ours[description.tip].position);
+        const Vec3 angular = link.kind == kin::JointKind::prismatic ? Vec3{} : axis;
         const double* const column = &jacobian[6 * k];
         farthest = std::max(farthest, proact::norm(linear - Vec3{column[0], column[1], column[2]}));
-        farthest = std::max(farthest, proact::norm(axis - Vec3{column[3], column[4], column[5]}));
+        farthest = std::max(farthest, proact::norm(angular - Vec3{column[3], column[4], column[5]}));
       }
     }
   }

@@ -77,11 +77,11 @@ class BaselineWorld {
     for (std::size_t j = 0; j < arm_.joints.size(); ++j) {
       const Joint& joint = arm_.joints[j];
       const bool moves = arm_position_[j] < arm_.arm.size();
-      const double angle = moves ? q[arm_position_[j]] : hand_angle_[j];
+      const double position = moves ? q[arm_position_[j]] : hand_angle_[j];
       const Pose at_zero = world_from_link_[joint.parent] * parent_from_child_[j];
       const Vec3 axis{joint.axis[0], joint.axis[1], joint.axis[2]};
       world_from_link_[joint.child] =
-          joint.kind == JointKind::revolute ? joint_pose(at_zero, normalized(axis), angle) : at_zero;
+          joint.kind == JointKind::fixed ? at_zero : joint_pose(at_zero, joint.kind, normalized(axis), position);
     }
     for (Part& part : parts_) {
       part.object->setTransform(to_fcl(to_transform(world_from_link_[part.link] * part.link_from_shape)));

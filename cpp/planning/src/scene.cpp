@@ -35,23 +35,24 @@ Scene::Scene(const Arm& arm) : arm_(arm), hand_(arm.hand.size(), 0.0) {
     const std::string& name = arm_.links[joint.child].name;
     validated_pose(joint.pose, name);
     const Vec3 axis{joint.axis[0], joint.axis[1], joint.axis[2]};
-    if (joint.kind == JointKind::revolute && !(norm(axis) > 1e-9)) {
+    if (joint.kind != JointKind::fixed && !(norm(axis) > 1e-9)) {
       throw std::invalid_argument("joint to \"" + name + "\": the axis has no direction");
     }
     const std::size_t position = arm_position[j];
     if (position < chain_.size()) {
-      if (joint.kind != JointKind::revolute || body_of_link_[joint.parent] != position) {
-        throw std::invalid_argument("joint to \"" + name + "\": the arm joints must be one unbroken revolute chain");
+      if (joint.kind == JointKind::fixed || body_of_link_[joint.parent] != position) {
+        throw std::invalid_argument("joint to \"" + name + "\": the arm joints must be one unbroken chain");
       }
       if (!(joint.lower < joint.upper)) {
         throw std::invalid_argument("joint to \"" + name + "\": the lower limit must be below the upper one");
       }
       body_of_link_[joint.child] = position + 1;
+      chain_[position].kind = joint.kind;
       chain_[position].axis = normalized(axis);
       chain_[position].lower = joint.lower;
       chain_[position].upper = joint.upper;
     } else {
-      if (joint.kind == JointKind::revolute && !is_hand[j]) {
+      if (joint.kind != JointKind::fixed && !is_hand[j]) {
         throw std::invalid_argument("joint to \"" + name + "\": moving joints must belong to the arm or the hand");
       }
       body_of_link_[joint.child] = body_of_link_[joint.parent];
@@ -183,7 +184,7 @@ void Scene::place_hand() {
       const Pose at_zero = body_from_link[joint.parent] * pose;
       const Vec3 axis{joint.axis[0], joint.axis[1], joint.axis[2]};
       body_from_link[joint.child] =
-          joint.kind == JointKind::revolute ? joint_pose(at_zero, normalized(axis), angle[j]) : at_zero;
+          joint.kind == JointKind::fixed ? at_zero : joint_pose(at_zero, joint.kind, normalized(axis), angle[j]);
     }
   }
   for (Body& body : bodies_) {
@@ -203,10 +204,15 @@ void Scene::place_joint(ChainJoint& joint, const Pose& parent_from_joint) {
   cross << 0.0, -axis.z(), axis.y(), axis.z(), 0.0, -axis.x(), -axis.y(), axis.x(), 0.0;
   const Eigen::Matrix3d projection = axis * axis.transpose();
   joint.origin = transform.translation();
+  joint.turned_axis = transform.linear() * axis;
+  if (joint.kind == JointKind::prismatic) {
+    joint.along = transform.linear();
+    joint.across = joint.around = Eigen::Matrix3d::Zero();
+    return;
+  }
   joint.along = transform.linear() * projection;
   joint.across = transform.linear() * (Eigen::Matrix3d::Identity() - projection);
   joint.around = transform.linear() * cross;
-  joint.turned_axis = transform.linear() * axis;
 }
 
 void Scene::place_obstacle(Obstacle& obstacle) const {
@@ -250,13 +256,18 @@ void Scene::update_radii() {
       body.bounding_radius = std::max(body.bounding_radius, (at - body.body_center).norm() + around);
     }
   }
-  // A point of body b is never farther from the axis of joint j than the links between them are long.
+  // A point of body b is never farther from the axis of joint j than the links between them are long, slides drawn out. What
+  // joint j slides moves as far as it does.
   lever_.assign(chain_.size() * bodies_.size(), 0.0);
   for (std::size_t j = 0; j < chain_.size(); ++j) {
     double length = 0.0;
     for (std::size_t b = j + 1; b < bodies_.size(); ++b) {
-      if (b > j + 1) length += norm(chain_[b - 1].parent_from_joint.position);
-      lever_[j * bodies_.size() + b] = length + bodies_[b].reach;
+      if (b > j + 1) {
+        const ChainJoint& joint = chain_[b - 1];
+        length += norm(joint.parent_from_joint.position);
+        if (joint.kind == JointKind::prismatic) length += std::max(std::abs(joint.lower), std::abs(joint.upper));
+      }
+      lever_[j * bodies_.size() + b] = chain_[j].kind == JointKind::prismatic ? 1.0 : length + bodies_[b].reach;
     }
   }
 }

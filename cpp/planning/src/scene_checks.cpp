@@ -180,6 +180,7 @@ void Scene::pose_bodies(const double* q) {
     child.linear().noalias() = parent.linear() * turned;
     child.translation().noalias() = parent.linear() * joint.origin + parent.translation();
     axes_[k].noalias() = parent.linear() * joint.turned_axis;
+    if (joint.kind == JointKind::prismatic) child.translation() += q[k] * axes_[k];
   }
   for (Body& body : bodies_) {
     body.center.noalias() = body.world_from_body.linear() * body.body_center + body.world_from_body.translation();
@@ -221,18 +222,20 @@ void Scene::set_rates(const double* dq, double span, bool straight) {
     Vector velocity = Vector::Zero();
     Vector turn = Vector::Zero();
     for (std::size_t a = b; a-- > 0;) {
-      // Joint a turns body a + 1 about an axis through that body's origin, and all bodies beyond it.
-      const Vector swing = axes_[a].cross(body.center - bodies_[a + 1].world_from_body.translation());
+      // Joint a turns body a + 1 about an axis through that body's origin, or slides it along one, and all bodies beyond it.
+      const bool slides = chain_[a].kind == JointKind::prismatic;
+      const Vector swing =
+          slides ? axes_[a] : axes_[a].cross(body.center - bodies_[a + 1].world_from_body.translation());
       const double lever = lever_[a * bodies + b];
       const double rate = std::abs(dq[a]);
       // On a straight motion the speed now tells more, and costs less.
       here += rate * (straight ? lever : std::min(swing.norm() + body.bounding_radius + anywhere * span, lever));
       // Each pair of joints adds to the second derivative of a point's place the product of their rates, times the lever of
-      // the outer one.
-      bend += rate * (0.5 * rate * lever + anywhere);
+      // the outer one. What slides bends nothing farther out.
+      if (!slides) bend += rate * (0.5 * rate * lever + anywhere);
       anywhere += rate * lever;
       velocity += dq[a] * swing;
-      turn += dq[a] * axes_[a];
+      if (!slides) turn += dq[a] * axes_[a];
       if (a > 0 && pairs_[a * bodies + b].empty()) continue;
       const double now = straight ? velocity.norm() + turn.norm() * body.bounding_radius : here;
       rates_[a * bodies + b] = {here, now, bend};

@@ -85,8 +85,8 @@ void a_bound_that_is_enough_ends_the_look() {
   }
 }
 
-void a_clearance_around_a_state_holds_for_any_motion() {
-  Scene scene(planar_arm());
+void a_clearance_around_a_state_holds_for_any_motion(std::size_t slide) {
+  Scene scene(planar_arm(slide));
   scene.set_obstacles(clutter());
   RandomScene draw;
   int promised = 0;
@@ -168,7 +168,7 @@ void a_path_that_is_free_has_no_contact_on_the_way() {
 int main() {
   shapes_are_never_farther_apart_by_the_bound_than_by_fcl();
   a_bound_that_is_enough_ends_the_look();
-  a_clearance_around_a_state_holds_for_any_motion();
+  for (std::size_t slide = 0; slide < 4; ++slide) a_clearance_around_a_state_holds_for_any_motion(slide);
   a_row_of_states_is_free_if_each_of_them_is();
   a_path_that_is_free_has_no_contact_on_the_way();
   std::printf("%d checks failed\n", failures);

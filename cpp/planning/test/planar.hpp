@@ -19,8 +19,8 @@ inline void check(bool holds, const char* sentence) {
 }
 
 /// A planar arm in the x-y plane: three links of 0.3 m along x, each a capsule of radius 0.03 m, and one finger
-/// of 0.1 m on a hand joint about z at the tip.
-inline Arm planar_arm() {
+/// of 0.1 m on a hand joint about z at the tip. The joint of link `slide` is drawn out along x and does not turn.
+inline Arm planar_arm(std::size_t slide = 0) {
   Arm arm;
   const double half_pi_sine = std::sqrt(0.5);
   arm.links.push_back({"base", {}});
@@ -40,6 +40,10 @@ inline Arm planar_arm() {
     joint.child = k + 1;
     joint.kind = JointKind::revolute;
     if (k > 0) joint.pose.position = {0.3, 0.0, 0.0};
+    if (slide == k + 1) {
+      joint.kind = JointKind::prismatic;
+      joint.axis = {1.0, 0.0, 0.0};
+    }
     joint.lower = -2.5;
     joint.upper = 2.5;
     arm.joints.push_back(joint);

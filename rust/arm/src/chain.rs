@@ -1,6 +1,6 @@
-use crate::{ArmModel, JointLimits};
+use crate::{ArmModel, JointKind, JointLimits};
 use arrayvec::ArrayVec;
-use nalgebra::{Unit, UnitQuaternion, Vector6};
+use nalgebra::{Translation3, Unit, UnitQuaternion, Vector6};
 use proact_types::{MAX_JOINTS, Point, Pose, Vector};
 
 /// One column for each joint: the twist of a point by a unit of the joint's speed, linear first, base frame; or what a
@@ -21,15 +21,20 @@ pub struct Chain {
 /// A moving joint with all that is fixed before it.
 #[derive(Clone, Copy, Debug)]
 struct Hinge {
-    /// From the hinge before, at angle zero.
+    /// From the hinge before, at position zero.
     origin: Pose,
     axis: Unit<Vector>,
+    /// It moves along its axis, and not about it.
+    slides: bool,
 }
 
 impl Hinge {
     /// Where the link behind the hinge is, for the link before it at `pose`.
-    fn child_pose(&self, pose: Pose, angle: f64) -> Pose {
-        pose * self.origin * UnitQuaternion::from_axis_angle(&self.axis, angle)
+    fn child_pose(&self, pose: Pose, position: f64) -> Pose {
+        if self.slides {
+            return pose * self.origin * Translation3::from(self.axis.into_inner() * position);
+        }
+        pose * self.origin * UnitQuaternion::from_axis_angle(&self.axis, position)
     }
 }
 
@@ -57,7 +62,8 @@ impl Chain {
             let joint = &model.joints[index];
             fixed *= joint.origin;
             if joint.kind.moves() && model.arm.contains(&index) {
-                hinges.push(Hinge { origin: fixed, axis: Unit::new_normalize(joint.axis) });
+                let slides = joint.kind == JointKind::Prismatic;
+                hinges.push(Hinge { origin: fixed, axis: Unit::new_normalize(joint.axis), slides });
                 limits.push(joint.limits);
                 fixed = Pose::identity();
             }
@@ -75,7 +81,7 @@ impl Chain {
         &self.limits
     }
 
-    /// Forward kinematics: writes where the links are at the angles `q` of the arm, rad, base to tip. Further angles, such as
+    /// Forward kinematics: writes where the links are at the positions `q` of the arm, rad or m, base to tip. Further angles, such as
     /// those of the hand, are ignored.
     ///
     /// # Panics
@@ -109,6 +115,9 @@ impl Chain {
     pub fn jacobian_column(&self, poses: &ChainPoses, joint: usize, point: &Point) -> Vector6<f64> {
         let link = &poses.links[joint];
         let axis = link.rotation * self.hinges[joint].axis.into_inner();
+        if self.hinges[joint].slides {
+            return Vector6::new(axis.x, axis.y, axis.z, 0.0, 0.0, 0.0);
+        }
         let linear = axis.cross(&(point.coords - link.translation.vector));
         Vector6::new(linear.x, linear.y, linear.z, axis.x, axis.y, axis.z)
     }

@@ -1,5 +1,5 @@
 use crate::{ArmSettings, Grasp};
-use nalgebra::{Unit, UnitQuaternion};
+use nalgebra::{Translation3, Unit, UnitQuaternion};
 use proact_types::{MAX_JOINTS, Pose, Shape, Vector};
 use serde::{Deserialize, Serialize};
 
@@ -144,12 +144,24 @@ pub enum JointKind {
     /// Turns about its axis for ever. Its limits are [`JointLimits::CONTINUOUS_RANGE_RAD`] either way: angles are counted on over whole
     /// turns, and only a planner takes those a turn apart for the same.
     Continuous,
+    /// Slides along its axis, with limits. Its positions are in metres, its speeds in m/s, its efforts in N.
+    Prismatic,
 }
 
 impl JointKind {
     /// False for what is fixed.
     pub fn moves(self) -> bool {
         self != Self::Fixed
+    }
+
+    /// Unit of its positions: `m` of what slides, else `rad`.
+    pub fn unit(self) -> &'static str {
+        if self == Self::Prismatic { "m" } else { "rad" }
+    }
+
+    /// Unit of its efforts: `N` of what slides, else `N m`.
+    pub fn effort_unit(self) -> &'static str {
+        if self == Self::Prismatic { "N" } else { "N m" }
     }
 }
 
@@ -179,7 +191,7 @@ pub struct Joint {
     pub parent: usize,
     /// Index of the child link.
     pub child: usize,
-    /// `parent_from_child` at angle zero.
+    /// `parent_from_child` at position zero.
     #[cfg_attr(feature = "ts", ts(as = "proact_types::typescript::Pose"))]
     pub origin: Pose,
     /// Unit axis in the joint frame.
@@ -187,20 +199,28 @@ pub struct Joint {
     pub axis: Vector,
     /// Limits; zero for a fixed joint.
     pub limits: JointLimits,
-    /// Viscous damping, N m s/rad.
+    /// Viscous damping, N m s/rad or N s/m.
     pub damping: f64,
-    /// Coulomb friction, N m.
+    /// Coulomb friction, N m or N.
     pub friction: f64,
 }
 
 impl Joint {
-    /// `parent_from_child` at `angle`, rad.
-    pub fn transform_at(&self, angle: f64) -> Pose {
-        self.origin * self.rotation_at(angle)
+    /// `parent_from_child` at `position`, rad, of a prismatic joint m.
+    pub fn transform_at(&self, position: f64) -> Pose {
+        let motion = self.motion_at(position);
+        match self.kind {
+            JointKind::Prismatic => self.origin * motion.translation,
+            _ => self.origin * motion.rotation,
+        }
     }
 
-    fn rotation_at(&self, angle: f64) -> UnitQuaternion<f64> {
-        UnitQuaternion::from_axis_angle(&Unit::new_normalize(self.axis), angle)
+    fn motion_at(&self, position: f64) -> Pose {
+        let axis = Unit::new_normalize(self.axis);
+        match self.kind {
+            JointKind::Prismatic => Translation3::from(axis.into_inner() * position).into(),
+            _ => Pose::from_parts(Translation3::identity(), UnitQuaternion::from_axis_angle(&axis, position)),
+        }
     }
 }
 
@@ -213,13 +233,13 @@ impl JointLimits {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct JointLimits {
-    /// Smallest angle, rad.
+    /// Smallest position, rad or m.
     pub lower: f64,
-    /// Largest angle, rad.
+    /// Largest position, rad or m.
     pub upper: f64,
-    /// Highest speed, rad/s.
+    /// Highest speed, rad/s or m/s.
     pub velocity: f64,
-    /// Highest effort, N m.
+    /// Highest effort, N m or N.
     pub effort: f64,
 }
 
@@ -231,7 +251,7 @@ pub struct NamedPose {
     pub name: String,
     /// Group it belongs to: `arm` or `hand`.
     pub group: String,
-    /// One angle per joint of the group, rad.
+    /// One position per joint of the group, rad, of prismatic joints m.
     pub angles: Vec<f64>,
 }
 
@@ -294,15 +314,20 @@ impl ArmModel {
     pub(crate) fn link_poses_from(&self, first: usize, pose: &Pose, angles: &[f64], poses: &mut Vec<Pose>) {
         poses.clear();
         poses.resize(self.links.len(), Pose::identity());
-        // Each link first waits with the turn of its joint.
-        for (joint, angle) in self.moving().zip(angles) {
+        // Each link first waits with the motion of its joint.
+        for (joint, position) in self.moving().zip(angles) {
             let joint = &self.joints[joint];
-            poses[joint.child].rotation = joint.rotation_at(*angle);
+            poses[joint.child] = joint.motion_at(*position);
         }
         poses[first] = *pose;
         // Joint k moves link k + 1, and parents stand before their children.
         for joint in &self.joints[first..] {
-            poses[joint.child] = poses[joint.parent] * joint.origin * poses[joint.child].rotation;
+            let at_zero = poses[joint.parent] * joint.origin;
+            let motion = &poses[joint.child];
+            poses[joint.child] = match joint.kind {
+                JointKind::Prismatic => at_zero * motion.translation,
+                _ => at_zero * motion.rotation,
+            };
         }
     }
 
@@ -335,7 +360,7 @@ impl ArmModel {
     }
 
     /// The same arm with some of its arm joints held: `held` says which, by their positions in the arm group, and at which
-    /// angles, rad. They are fixed joints then, and named poses of the arm are without them. Positions that the arm does
+    /// positions, rad or m. They are fixed joints then, and named poses of the arm are without them. Positions that the arm does
     /// not have are left out.
     pub fn with_held_joints(&self, held: &[(usize, f64)]) -> Self {
         let mut model = self.clone();

@@ -16,7 +16,7 @@ pub use meshes::{MeshFolders, TriangleMesh};
 
 use crate::{
     DescriptionError, DescriptionReport, Finding, check, examine,
-    finding::{Findings, Severity, joint_location},
+    finding::{Findings, Severity},
     write, xml,
 };
 use parts::{PartKind, RobotParts};
@@ -156,8 +156,8 @@ fn complete(
     complete::complete_limits(&mut parts, findings);
     let mut fits = Vec::new();
     let links: Vec<Link> = parts.links.iter().map(|link| enclose_link(link, &meshes, &mut fits)).collect();
-    let (joints, mimics) = finish_joints(&parts, findings);
-    (!findings.has_error()).then(|| (write::urdf(&parts.name, &links, &joints, &mimics), fits))
+    let (joints, mimics) = finish_joints(&parts);
+    Some((write::urdf(&parts.name, &links, &joints, &mimics), fits))
 }
 
 /// A link with primitives in the place of its collision meshes.
@@ -193,7 +193,7 @@ fn enclose_link(
     Link { name: part.name.clone(), inertial: part.inertial, collisions, visuals: part.visuals.clone() }
 }
 
-fn finish_joints(parts: &RobotParts, findings: &mut Findings) -> (Vec<Joint>, Vec<Mimic>) {
+fn finish_joints(parts: &RobotParts) -> (Vec<Joint>, Vec<Mimic>) {
     let mut mimics = Vec::new();
     let mut joints = Vec::new();
     for (index, part) in parts.joints.iter().enumerate() {
@@ -201,16 +201,7 @@ fn finish_joints(parts: &RobotParts, findings: &mut Findings) -> (Vec<Joint>, Ve
             PartKind::Fixed => JointKind::Fixed,
             PartKind::Revolute => JointKind::Revolute,
             PartKind::Continuous => JointKind::Continuous,
-            PartKind::Prismatic => {
-                findings.error(
-                    joint_location(&part.name),
-                    "the joint slides, which the physics cannot do yet",
-                    "prismatic",
-                    "revolute, continuous or fixed",
-                    "Make it fixed, or model the part with revolute joints.",
-                );
-                JointKind::Fixed
-            }
+            PartKind::Prismatic => JointKind::Prismatic,
         };
         let [lower, upper] = part.range.unwrap_or_default();
         let limits = JointLimits {

@@ -293,13 +293,14 @@ fn joint(raw: &RawJoint, parent: usize, child: usize, findings: &mut Findings) -
         RawJointKind::Fixed => JointKind::Fixed,
         RawJointKind::Revolute => JointKind::Revolute,
         RawJointKind::Continuous => JointKind::Continuous,
+        RawJointKind::Prismatic => JointKind::Prismatic,
         other => {
             findings.error(
                 &location,
                 "the type is not supported",
                 urdf_name(other),
-                "revolute, continuous or fixed",
-                "Make it fixed, or model the part with revolute joints.",
+                "revolute, continuous, prismatic or fixed",
+                "Make it fixed, or model the part with several joints.",
             );
             JointKind::Fixed
         }
@@ -327,7 +328,7 @@ fn axis(raw: &RawJoint, location: &str, findings: &mut Findings) -> Vector {
             "the axis has no direction",
             format!("{:?}", raw.axis),
             "three finite numbers that are not all zero",
-            "Give the direction about which the joint turns.",
+            "Give the direction about or along which the joint moves.",
         );
         return Vector::x();
     }
@@ -374,6 +375,8 @@ fn mimics(raw: &RawRobot, joints: &[Joint], findings: &mut Findings) -> Vec<Mimi
 
 fn limits(raw: &RawJoint, kind: JointKind, location: &str, findings: &mut Findings) -> JointLimits {
     let [mut lower, mut upper, velocity, effort] = raw.limits;
+    let (unit, effort_unit) = (kind.unit(), kind.effort_unit());
+    let speed_unit = format!("{unit}/s");
     if kind == JointKind::Continuous {
         (lower, upper) = (-1.0, 1.0);
     }
@@ -389,7 +392,7 @@ fn limits(raw: &RawJoint, kind: JointKind, location: &str, findings: &mut Findin
         findings.error(
             location,
             "the limits are reversed",
-            format!("lower {lower}, upper {upper} rad"),
+            format!("lower {lower}, upper {upper} {unit}"),
             "lower at most upper",
             "Swap them.",
         );
@@ -397,18 +400,20 @@ fn limits(raw: &RawJoint, kind: JointKind, location: &str, findings: &mut Findin
         findings.warning(
             location,
             "the joint cannot move",
-            format!("lower = upper = {lower} rad"),
+            format!("lower = upper = {lower} {unit}"),
             "lower below upper",
             "Make the joint fixed unless its place in joint vectors is wanted.",
         );
     }
-    check_at_most(MAX_ANGLE_RAD, "rad", "the lower limit", lower, location, findings);
-    check_at_most(MAX_ANGLE_RAD, "rad", "the upper limit", upper, location, findings);
-    check_at_most(MAX_VELOCITY_RAD_PER_S, "rad/s", "the velocity limit", velocity, location, findings);
-    check_at_most(MAX_EFFORT, "N m", "the effort limit", effort, location, findings);
+    // What slides is held to the lengths of an arm.
+    let farthest = if kind == JointKind::Prismatic { MAX_LENGTH_M } else { MAX_ANGLE_RAD };
+    check_at_most(farthest, unit, "the lower limit", lower, location, findings);
+    check_at_most(farthest, unit, "the upper limit", upper, location, findings);
+    check_at_most(MAX_VELOCITY_RAD_PER_S, &speed_unit, "the velocity limit", velocity, location, findings);
+    check_at_most(MAX_EFFORT, effort_unit, "the effort limit", effort, location, findings);
     let (least_velocity, least_effort) = (MIN_VELOCITY_RAD_PER_S, MIN_EFFORT);
     for (name, value, least, unit) in
-        [("velocity", velocity, least_velocity, "rad/s"), ("effort", effort, least_effort, "N m")]
+        [("velocity", velocity, least_velocity, &*speed_unit), ("effort", effort, least_effort, effort_unit)]
     {
         let (problem, got) = (format!("the {name} limit is not above zero"), format!("{value} {unit}"));
         let remedy = format!("Give the highest {name} of the joint.");
@@ -425,8 +430,8 @@ fn limits(raw: &RawJoint, kind: JointKind, location: &str, findings: &mut Findin
         findings.warning(
             location,
             "the effort limit limits nothing",
-            format!("{effort} N m"),
-            format!("below {PLACEHOLDER_EFFORT} N m"),
+            format!("{effort} {effort_unit}"),
+            format!("below {PLACEHOLDER_EFFORT} {effort_unit}"),
             "Give what the motor can do, or three times the largest static torque.",
         );
     }

@@ -155,6 +155,7 @@ fn write_joint(out: &mut String, joint: &Joint, links: &[Link], mimic: Option<(&
         JointKind::Fixed => "fixed",
         JointKind::Revolute => "revolute",
         JointKind::Continuous => "continuous",
+        JointKind::Prismatic => "prismatic",
     };
     write_line(out, format_args!("  <joint name=\"{}\" type=\"{kind}\">", escape_xml(&joint.name)));
     write_line(out, format_args!("    {}", origin(&joint.origin)));

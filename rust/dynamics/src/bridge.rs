@@ -52,6 +52,8 @@ pub(crate) mod ffi {
         Fixed,
         #[cxx_name = "revolute"]
         Revolute,
+        #[cxx_name = "prismatic"]
+        Prismatic,
     }
 
     /// The settings of `Options`.

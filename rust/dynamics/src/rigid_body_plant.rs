@@ -428,13 +428,14 @@ fn build_model(
         let (lower, upper) = match joint.kind {
             // No stops: the solvers know none beyond half a turn.
             JointKind::Continuous => (f64::NEG_INFINITY, f64::INFINITY),
-            JointKind::Fixed | JointKind::Revolute => (limits.lower, limits.upper),
+            _ => (limits.lower, limits.upper),
         };
         let numbers =
             [lower, upper, limits.velocity, effort, joint.damping, joint.friction, proportional, derivative];
         let kind = match joint.kind {
             JointKind::Fixed => ffi::JointKind::Fixed,
             JointKind::Revolute | JointKind::Continuous => ffi::JointKind::Revolute,
+            JointKind::Prismatic => ffi::JointKind::Prismatic,
         };
         let axis: [f64; 3] = joint.axis.into();
         let origin = from_pose(&joint.origin);

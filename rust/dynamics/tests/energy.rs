@@ -6,7 +6,7 @@
 mod common;
 
 use common::{START, bare_table, grasp_base, hold_command, positions, standing, still};
-use proact_arm::ArmModel;
+use proact_arm::{ArmModel, JointKind};
 use proact_dynamics::{DynamicsOptions, PhysicsEngine, RigidBodyPlant};
 use proact_kinematics::Kinematics;
 use proact_testbed::ports::Plant;
@@ -118,8 +118,20 @@ impl RandomNumbers {
 
 #[test]
 fn accelerations_put_through_kdl_give_back_the_torques_within_one_percent() {
-    let model = proact_description::mpl_right_arm();
-    let mut kinematics = Kinematics::new(&model).unwrap();
+    let turning = proact_description::mpl_right_arm();
+    accelerations_give_back_the_torques(&turning);
+    // Joints of the arm and the hand that slide, by at most a hand's length.
+    let mut sliding = turning;
+    for joint in [sliding.arm[1], sliding.arm[3], sliding.hand[2], sliding.hand[9]] {
+        let joint = &mut sliding.joints[joint];
+        joint.kind = JointKind::Prismatic;
+        (joint.limits.lower, joint.limits.upper, joint.limits.effort) = (-0.1, 0.1, 100.0);
+    }
+    accelerations_give_back_the_torques(&sliding);
+}
+
+fn accelerations_give_back_the_torques(model: &ArmModel) {
+    let mut kinematics = Kinematics::new(model).unwrap();
     let mut free = model.clone();
     for joint in &mut free.joints {
         (joint.damping, joint.friction) = (0.0, 0.0);

@@ -9,6 +9,8 @@ pub(crate) mod ffi {
         Fixed,
         #[cxx_name = "revolute"]
         Revolute,
+        #[cxx_name = "prismatic"]
+        Prismatic,
     }
 
     /// A link with the joint that carries it; poses are x, y, z and a quaternion x, y, z, w.

@@ -290,6 +290,7 @@ fn to_raw(model: &ArmModel, base: usize, tip: usize) -> Result<ffi::RawArm, Kine
             joint: joint.map_or_else(String::new, |j| j.name.clone()),
             kind: match joint.map(|j| j.kind) {
                 Some(JointKind::Revolute | JointKind::Continuous) => ffi::JointKind::Revolute,
+                Some(JointKind::Prismatic) => ffi::JointKind::Prismatic,
                 Some(JointKind::Fixed) | None => ffi::JointKind::Fixed,
             },
             origin: to_raw_pose(&joint.map_or_else(Pose::identity, |j| j.origin)),

@@ -1,7 +1,7 @@
-//! The mathematics of `proact-arm` beside KDL, for both arms of this repository.
+//! The mathematics of `proact-arm` beside KDL, for both arms of this repository, and for one with joints that slide.
 
 use nalgebra::DMatrix;
-use proact_arm::{ArmModel, Chain, ChainPoses};
+use proact_arm::{ArmModel, Chain, ChainPoses, JointKind};
 use proact_kinematics::{ArmKinematics, Kinematics};
 use proact_types::{JointVector, Point, Pose};
 use rand::{RngExt, SeedableRng};
@@ -27,10 +27,22 @@ fn pose_difference(ours: &Pose, theirs: &Pose) -> f64 {
     (ours.to_homogeneous() - theirs.to_homogeneous()).amax()
 }
 
-/// `check` for both arms, with random angles of all their joints.
+/// The right arm with a joint of the arm and one of the hand that slide.
+fn sliding_arm() -> ArmModel {
+    let mut model = proact_description::mpl_right_arm();
+    for joint in [model.arm[2], model.hand[5]] {
+        let joint = &mut model.joints[joint];
+        joint.kind = JointKind::Prismatic;
+        (joint.limits.lower, joint.limits.upper) = (-0.2, 0.3);
+    }
+    model
+}
+
+/// `check` for these arms, with random positions of all their joints.
 fn for_each_state(mut check: impl FnMut(&ArmModel, &mut Kinematics, &[f64])) {
     let mut random = ChaCha8Rng::seed_from_u64(11);
-    for model in [proact_description::mpl_right_arm(), proact_description::mpl_left_arm()] {
+    let shipped = [proact_description::mpl_right_arm(), proact_description::mpl_left_arm()];
+    for model in shipped.into_iter().chain([sliding_arm()]) {
         let mut kinematics = Kinematics::new(&model).expect("the arm is usable");
         for _ in 0..STATES {
             let q = configuration(&model, &mut random);

@@ -122,7 +122,7 @@ fn a_model_that_is_no_arm_is_refused_by_name() {
         refusal(|m| m.links[3].name = m.links[2].name.clone()),
         format!("KDL: two links are called \"{}\"", model().links[2].name)
     );
-    assert!(refusal(|m| m.hand.truncate(19)).ends_with("is revolute but belongs to no group"));
+    assert!(refusal(|m| m.hand.truncate(19)).ends_with("moves but belongs to no group"));
     assert!(refusal(|m| drop(m.joints.pop())).contains("has no joint number"));
     let heavy = |m: &mut ArmModel| m.links[3].inertial.as_mut().expect("the link has mass").mass = -1.0;
     assert!(refusal(heavy).ends_with("mass -1.000000 kg is negative"));

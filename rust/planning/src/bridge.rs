@@ -34,6 +34,8 @@ pub(crate) mod ffi {
         Fixed,
         #[cxx_name = "revolute"]
         Revolute,
+        #[cxx_name = "prismatic"]
+        Prismatic,
     }
 
     /// `PlannerKind` of `joint_planner.hpp`.

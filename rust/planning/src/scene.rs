@@ -49,6 +49,7 @@ impl CollisionScene {
                 kind: match joint.kind {
                     JointKind::Fixed => ffi::JointKind::Fixed,
                     JointKind::Revolute | JointKind::Continuous => ffi::JointKind::Revolute,
+                    JointKind::Prismatic => ffi::JointKind::Prismatic,
                 },
                 pose: pose_row(&joint.origin),
                 axis: joint.axis.into(),

@@ -7,6 +7,7 @@
 
 #include <array>
 #include <cmath>
+#include <cstdint>
 
 namespace proact {
 
@@ -82,14 +83,27 @@ inline Pose inverse(const Pose& a) {
   return {rotate(back, a.position) * -1.0, back};
 }
 
-/// A link that stands at `pose` while its joint is at zero, turned by `angle`, rad, about the unit vector `axis` of its own
-/// frame. Forward kinematics is `turned(world_from_parent * parent_from_child, axis, angle)`, joint by joint.
-inline Pose joint_pose(const Pose& pose, const Vec3& axis, double angle) {
-  return {pose.position, normalized(pose.rotation * about_axis(axis, angle))};
+/// How a joint moves the link that it carries: not at all, about its axis, rad, or along it, m.
+enum class JointKind : std::uint8_t { fixed, revolute, prismatic };
+
+/// A link that stands at `pose` while its joint is at zero, with the joint at `position`: turned about, or moved along, the
+/// unit vector `axis` of its own frame. Forward kinematics is this of `world_from_parent * parent_from_child`, joint by joint.
+inline Pose joint_pose(const Pose& pose, JointKind kind, const Vec3& axis, double position) {
+  switch (kind) {
+    case JointKind::revolute:
+      return {pose.position, normalized(pose.rotation * about_axis(axis, position))};
+    case JointKind::prismatic:
+      return {pose.position + rotate(pose.rotation, axis) * position, pose.rotation};
+    case JointKind::fixed:
+      break;
+  }
+  return pose;
 }
-/// Velocity of the point `point` per rad/s of a joint at `origin` that turns about the unit vector `axis`, all in one
-/// frame: the linear rows of its column of the geometric Jacobian. The angular ones are the axis.
-inline Vec3 point_velocity(const Vec3& axis, const Vec3& origin, const Vec3& point) { return cross(axis, point - origin); }
+/// Velocity of the point `point` per unit of speed of a moving joint at `origin` with the unit vector `axis`, all in one
+/// frame: the linear rows of its column of the geometric Jacobian. The angular ones are the axis, or zero if it slides.
+inline Vec3 point_velocity(JointKind kind, const Vec3& axis, const Vec3& origin, const Vec3& point) {
+  return kind == JointKind::prismatic ? axis : cross(axis, point - origin);
+}
 
 /// A pose as it crosses to Rust: position, then quaternion x, y, z, w.
 template <typename Numbers>

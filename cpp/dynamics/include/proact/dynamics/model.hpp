@@ -36,14 +36,19 @@ struct Link {
   std::vector<Collision> collisions;
 };
 
-enum class JointKind : std::uint8_t { fixed, revolute };
+using proact::JointKind;
 
-/// Joint k moves link k + 1; a parent stands before its children.
+/// So many metres along a prismatic joint count for as much as a radian of a revolute one, in tolerances: about a finger's
+/// lever.
+constexpr double meters_per_radian = 0.1;
+
+/// Joint k moves link k + 1; a parent stands before its children. Numbers are in rad and N m, of a prismatic joint in m and
+/// N.
 struct Joint {
   std::string name;
   JointKind kind = JointKind::fixed;
   std::size_t parent = 0;
-  Pose origin;  ///< parent_from_child at angle zero
+  Pose origin;  ///< parent_from_child at position zero
   Vec3 axis;    ///< unit, in the child frame
   double lower = 0.0;  ///< rad; both infinite: no stops, and the angle is told within -pi to pi
   double upper = 0.0;
@@ -55,6 +60,10 @@ struct Joint {
   /// limit; zero: by the position control.
   double proportional_gain = 0.0;
   double derivative_gain = 0.0;  ///< N m s/rad
+
+  /// What a tolerance in radians is multiplied by to be one of this joint's position.
+  double per_radian() const { return kind == JointKind::prismatic ? meters_per_radian : 1.0; }
+  const char* unit() const { return kind == JointKind::prismatic ? "m" : "rad"; }
 };
 
 struct FixedObject {

@@ -34,6 +34,13 @@ double inverse_inertia_about(dBodyID body, const Vec3& axis) {
   return dot(own, to_vec(response));
 }
 
+/// Of a free body, 1/kg.
+double inverse_mass(dBodyID body) {
+  dMass mass;
+  dBodyGetMass(body, &mass);
+  return 1.0 / mass.mass;
+}
+
 }  // namespace
 
 OdeArm::OdeArm(const ArmContext& surroundings)
@@ -59,11 +66,18 @@ void OdeArm::place_links(const std::vector<double>& positions) {
     FrameMotion& child = motions_[k + 1];
     child.pose = parent.pose * joint.origin;
     child.angular = parent.angular;
-    if (const std::size_t moving = joints_.moving_index(k); moving != no_index) {
-      child.pose = joint_pose(child.pose, joint.axis, positions[moving]);
-      child.angular = child.angular + rotate(child.pose.rotation, joint.axis) * joints_.velocities()[moving];
+    const std::size_t moving = joints_.moving_index(k);
+    Vec3 own;
+    if (moving != no_index) {
+      child.pose = joint_pose(child.pose, joint.kind, joint.axis, positions[moving]);
+      own = rotate(child.pose.rotation, joint.axis) * joints_.velocities()[moving];
     }
     child.linear = parent.linear + cross(parent.angular, child.pose.position - parent.pose.position);
+    if (joint.kind == JointKind::prismatic) {
+      child.linear = child.linear + own;
+    } else if (moving != no_index) {
+      child.angular = child.angular + own;
+    }
   }
 }
 
@@ -131,15 +145,23 @@ void OdeArm::make_hinges() {
     const Joint& joint = model_.joints[k];
     const dBodyID child = bodies_[links_.body_of(k + 1)];
     const std::size_t parent = links_.body_of(joint.parent);
-    const dJointID hinge = dJointCreateHinge(world_, nullptr);
+    const bool slides = joint.kind == JointKind::prismatic;
+    const dJointID hinge = slides ? dJointCreateSlider(world_, nullptr) : dJointCreateHinge(world_, nullptr);
     dJointAttach(hinge, child, bodies_[parent]);
     const Pose& pose = motions_[k + 1].pose;
     const Vec3 axis = rotate(pose.rotation, joint.axis);
-    dJointSetHingeAnchor(hinge, pose.position.x, pose.position.y, pose.position.z);
-    dJointSetHingeAxis(hinge, axis.x, axis.y, axis.z);
-    double yielding = inverse_inertia_about(child, axis);
-    if (parent != 0) yielding += inverse_inertia_about(bodies_[parent], axis);
-    hinges_.push_back({hinge, joints_.moving_index(k), 1.0 / yielding, {}});
+    if (slides) {
+      dJointSetSliderAxis(hinge, axis.x, axis.y, axis.z);
+    } else {
+      dJointSetHingeAnchor(hinge, pose.position.x, pose.position.y, pose.position.z);
+      dJointSetHingeAxis(hinge, axis.x, axis.y, axis.z);
+    }
+    const auto inverse_inertia = [&](dBodyID body) {
+      return slides ? inverse_mass(body) : inverse_inertia_about(body, axis);
+    };
+    double yielding = inverse_inertia(child);
+    if (parent != 0) yielding += inverse_inertia(bodies_[parent]);
+    hinges_.push_back({hinge, joints_.moving_index(k), slides, 1.0 / yielding, {}});
   }
   // ODE keeps the addresses, so they are given once the vector has stopped growing.
   for (Hinge& hinge : hinges_) dJointSetFeedback(hinge.joint, &hinge.feedback);
@@ -223,11 +245,14 @@ void OdeArm::build_at(const Pose& world_from_base) {
 
 /// A motor at its speed yields by the world's softness; one that is driven by gains by their inverse, which makes ODE
 /// solve for their torque at the end of the tick: torque - slope * speed.
-void OdeArm::set_motor(dJointID hinge, const Motor& motor) const {
+void OdeArm::set_motor(const Hinge& hinge, const Motor& motor) const {
   const bool gains = motor.gain_damping > 0.0;
-  dJointSetHingeParam(hinge, dParamVel, gains ? motor.torque / motor.gain_damping : motor.speed);
-  dJointSetHingeParam(hinge, dParamFMax, gains ? dInfinity : motor.limit);
-  dJointSetHingeParam(hinge, dParamCFM, gains ? 1.0 / motor.gain_damping : model_.options.joint_cfm);
+  const auto set = [&](int parameter, double value) {
+    hinge.slides ? dJointSetSliderParam(hinge.joint, parameter, value) : dJointSetHingeParam(hinge.joint, parameter, value);
+  };
+  set(dParamVel, gains ? motor.torque / motor.gain_damping : motor.speed);
+  set(dParamFMax, gains ? dInfinity : motor.limit);
+  set(dParamCFM, gains ? 1.0 / motor.gain_damping : model_.options.joint_cfm);
 }
 
 /// Damping and friction act as they do at the end of the tick (implicit Euler, of each joint by itself): taken from
@@ -238,10 +263,10 @@ void OdeArm::drive(const double* position, const double* velocity) {
   for (const Hinge& hinge : hinges_) {
     const std::size_t k = hinge.moving;
     const Motor motor = control_.motor(k, position[k], velocity[k]);
-    set_motor(hinge.joint, motor);
+    set_motor(hinge, motor);
     const double rubbing = motor.damping - motor.gain_damping;
     const double torque = -rubbing * joints_.velocities()[k] / (1.0 + tick_secs * rubbing / hinge.inertia);
-    dJointAddHingeTorque(hinge.joint, torque);
+    hinge.slides ? dJointAddSliderForce(hinge.joint, torque) : dJointAddHingeTorque(hinge.joint, torque);
   }
 }
 
@@ -281,7 +306,8 @@ bool OdeArm::resolve_contacts(Collisions&) {
 }
 
 /// ODE gives angles from -pi to pi. A joint with limits keeps the full turns that it had before the tick.
-double OdeArm::unwrapped(const Hinge& hinge) const {
+double OdeArm::position(const Hinge& hinge) const {
+  if (hinge.slides) return dJointGetSliderPosition(hinge.joint);
   const double angle = dJointGetHingeAngle(hinge.joint);
   const Joint& joint = model_.joints[model_.moving[hinge.moving]];
   if (std::isinf(joint.lower) || std::isinf(joint.upper)) return angle;
@@ -289,22 +315,31 @@ double OdeArm::unwrapped(const Hinge& hinge) const {
   return turns == 0.0 ? angle : angle + 2.0 * pi * turns;
 }
 
+/// The torque on the child about the axis, or the force along it.
+double OdeArm::bearing_effort(const Hinge& hinge) {
+  dVector3 axis_at;
+  if (hinge.slides) {
+    dJointGetSliderAxis(hinge.joint, axis_at);
+    return dot(to_vec(axis_at), to_vec(hinge.feedback.f1));
+  }
+  // The bearing's force is taken out by its lever.
+  dVector3 anchor_at;
+  dJointGetHingeAnchor(hinge.joint, anchor_at);
+  dJointGetHingeAxis(hinge.joint, axis_at);
+  const Vec3 lever = to_vec(anchor_at) - to_vec(dBodyGetPosition(dJointGetBody(hinge.joint, 0)));
+  return dot(to_vec(axis_at), to_vec(hinge.feedback.t1) - cross(lever, to_vec(hinge.feedback.f1)));
+}
+
 void OdeArm::finish() {
   // Takes away the rounding of ODE's own integration, so that it cannot add up.
   set_body_pose(bodies_[0], base_.pose());
   joints_.clear_efforts();
   for (const Hinge& hinge : hinges_) {
-    const double angle = unwrapped(hinge);
-    const double rate = dJointGetHingeAngleRate(hinge.joint);
-    // The torque on the child about the axis; the bearing's force is taken out by its lever.
-    dVector3 anchor_at;
-    dVector3 axis_at;
-    dJointGetHingeAnchor(hinge.joint, anchor_at);
-    dJointGetHingeAxis(hinge.joint, axis_at);
-    const Vec3 lever = to_vec(anchor_at) - to_vec(dBodyGetPosition(dJointGetBody(hinge.joint, 0)));
-    const double effort = dot(to_vec(axis_at), to_vec(hinge.feedback.t1) - cross(lever, to_vec(hinge.feedback.f1)));
+    const double rate =
+        hinge.slides ? dJointGetSliderPositionRate(hinge.joint) : dJointGetHingeAngleRate(hinge.joint);
+    const double effort = bearing_effort(hinge);
     const double limit_effort = control_.limit_effort(hinge.moving, effort);
-    joints_.set_state(hinge.moving, angle, rate, effort - limit_effort, limit_effort);
+    joints_.set_state(hinge.moving, position(hinge), rate, effort - limit_effort, limit_effort);
   }
 }
 

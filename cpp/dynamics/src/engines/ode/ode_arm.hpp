@@ -1,4 +1,4 @@
-// The engine `ode`: the arm as rigid bodies of ODE, held together by ODE's hinges and solved by dWorldStep together with
+// The engine `ode`: the arm as rigid bodies of ODE, held together by ODE's hinges and sliders and solved by dWorldStep together with
 // all blocks, as Gazebo does for the original.
 //
 // Frames. W is `world`, z up. B is the base, a kinematic body whose origin is that of the base link. A body is a set of links
@@ -41,11 +41,13 @@ class OdeArm final : public Arm {
   struct Hinge {
     dJointID joint;
     std::size_t moving;  ///< index of the joint vector
-    double inertia;      ///< that its two bodies put up about the axis, kg m^2; the rest of the arm only adds to it
+    bool slides;         ///< a slider of ODE, and not a hinge
+    double inertia;      ///< that its two bodies put up about the axis, kg m^2, or along it, kg; the rest of the arm only adds to it
     dJointFeedback feedback;
   };
 
-  double unwrapped(const Hinge& hinge) const;
+  double position(const Hinge& hinge) const;
+  static double bearing_effort(const Hinge& hinge);
 
   void build_at(const Pose& world_from_base);
   void place_links(const std::vector<double>& positions);
@@ -53,7 +55,7 @@ class OdeArm final : public Arm {
   void set_masses();
   void add_attached_mass(std::size_t body, dMass& total) const;
   void make_hinges();
-  void set_motor(dJointID hinge, const Motor& motor) const;
+  void set_motor(const Hinge& hinge, const Motor& motor) const;
   void attach_block();
   void attach_geoms();
   void keep_awake(const std::vector<ContactConstraint>& touches);

@@ -7,8 +7,8 @@ namespace proact::dynamics {
 namespace {
 
 /// `parent` and the hinge give the child's place.
-Pose child_pose(const Pose& parent, const ArmTree::Body& body, double angle) {
-  return joint_pose(parent * body.parent_from_hinge, body.axis, angle);
+Pose child_pose(const Pose& parent, const ArmTree::Body& body, double position) {
+  return joint_pose(parent * body.parent_from_hinge, body.kind, body.axis, position);
 }
 
 }  // namespace
@@ -61,8 +61,10 @@ FrameMotion ArmTree::motion(std::size_t body, const FrameMotion& base, const std
   const FrameMotion parent = motion(own.parent, base, positions, velocities);
   FrameMotion out;
   out.pose = child_pose(parent.pose, own, positions[own.moving]);
-  out.angular = parent.angular + rotate(out.pose.rotation, own.axis) * velocities[own.moving];
+  const Vec3 moving = rotate(out.pose.rotation, own.axis) * velocities[own.moving];
+  out.angular = own.slides() ? parent.angular : parent.angular + moving;
   out.linear = parent.linear + cross(parent.angular, out.pose.position - parent.pose.position);
+  if (own.slides()) out.linear = out.linear + moving;
   return out;
 }
 
@@ -77,13 +79,20 @@ void ArmTree::inverse_dynamics(const BaseMotion& base, const Vec3& gravity, cons
     const PlacedBody& placed = placed_[k];
     const Motion& parent = motions_[body.parent];
     Motion& own = motions_[k];
-    const Vec3 turning = placed.axis * velocity[k - 1];
-    own.angular = parent.angular + turning;
-    own.angular_acceleration =
-        parent.angular_acceleration + placed.axis * acceleration[k - 1] + cross(parent.angular, turning);
+    const Vec3 moving = placed.axis * velocity[k - 1];
     const Vec3 arm = placed.pose.position - placed_[body.parent].pose.position;
     own.acceleration = parent.acceleration + cross(parent.angular_acceleration, arm) +
                        cross(parent.angular, cross(parent.angular, arm));
+    if (body.slides()) {
+      own.angular = parent.angular;
+      own.angular_acceleration = parent.angular_acceleration;
+      // The second part is Coriolis' acceleration.
+      own.acceleration = own.acceleration + placed.axis * acceleration[k - 1] + cross(parent.angular, moving) * 2.0;
+    } else {
+      own.angular = parent.angular + moving;
+      own.angular_acceleration =
+          parent.angular_acceleration + placed.axis * acceleration[k - 1] + cross(parent.angular, moving);
+    }
     const Vec3 center = own.acceleration + cross(own.angular_acceleration, placed.center) +
                         cross(own.angular, cross(own.angular, placed.center));
     own.force = center * body.mass;
@@ -92,7 +101,7 @@ void ArmTree::inverse_dynamics(const BaseMotion& base, const Vec3& gravity, cons
   }
   for (std::size_t k = bodies.size() - 1; k > 0; --k) {
     const Motion& own = motions_[k];
-    torque[k - 1] = dot(placed_[k].axis, own.moment);
+    torque[k - 1] = dot(placed_[k].axis, bodies[k].slides() ? own.force : own.moment);
     const std::size_t parent = bodies[k].parent;
     if (parent == 0) continue;
     const Vec3 arm = placed_[k].pose.position - placed_[parent].pose.position;
@@ -124,14 +133,18 @@ void ArmTree::mass_matrix(std::vector<double>& out) {
   }
   std::fill(out.begin(), out.begin() + static_cast<std::ptrdiff_t>(n * n), 0.0);
   for (std::size_t k = 1; k < bodies.size(); ++k) {
-    const Vec3 force = cross(placed_[k].axis, composites_[k].first_moment);
-    Vec3 moment = composites_[k].second_moment * placed_[k].axis;
-    out[(k - 1) * n + k - 1] = dot(placed_[k].axis, moment);
+    // What the joint's unit acceleration takes: a force, and a moment about the joint's own place.
+    const Vec3& axis = placed_[k].axis;
+    const Composite& own = composites_[k];
+    const bool slides = bodies[k].slides();
+    const Vec3 force = slides ? axis * own.mass : cross(axis, own.first_moment);
+    Vec3 moment = slides ? cross(own.first_moment, axis) : own.second_moment * axis;
+    out[(k - 1) * n + k - 1] = dot(axis, slides ? force : moment);
     for (std::size_t j = k; bodies[j].parent != 0;) {
       const std::size_t parent = bodies[j].parent;
       moment = moment + cross(placed_[j].pose.position - placed_[parent].pose.position, force);
       j = parent;
-      const double value = dot(placed_[j].axis, moment);
+      const double value = dot(placed_[j].axis, bodies[j].slides() ? force : moment);
       out[(k - 1) * n + j - 1] = value;
       out[(j - 1) * n + k - 1] = value;
     }

@@ -1,5 +1,5 @@
-// The arm in joint angles: rigid bodies on a tree of hinges. Places follow from the angles, so that joints cannot come
-// apart. Vectors are in world axes unless a name says otherwise.
+// The arm in joint positions: rigid bodies on a tree of hinges and slides. Places follow from the positions, so that joints
+// cannot come apart. Vectors are in world axes unless a name says otherwise.
 #pragma once
 
 #include "frame_motion.hpp"
@@ -37,12 +37,15 @@ Pose integrate_pose(const Pose& pose, const Vec3& linear, const Vec3& angular, d
 
 class ArmTree {
  public:
-  /// Body 0 is the base, which goes where it is told; hinge k turns body k + 1.
+  /// Body 0 is the base, which goes where it is told; hinge k, which may be a slide, moves body k + 1.
   struct Body {
     std::size_t parent = 0;
     std::size_t moving = 0;  ///< index of the joint vector
     Pose parent_from_hinge;
+    JointKind kind = JointKind::revolute;
     Vec3 axis;               ///< own axes
+
+    bool slides() const { return kind == JointKind::prismatic; }
     double mass = 0.0;
     Vec3 center;                    ///< of mass, own frame
     SymmetricMatrix3 inertia;       ///< about the centre of mass, own axes
@@ -67,7 +70,7 @@ class ArmTree {
   /// Place and twist of one body.
   FrameMotion motion(std::size_t body, const FrameMotion& base, const std::vector<double>& positions,
                      const std::vector<double>& velocities) const;
-  /// Torques, one for each hinge, under which it has accelerations `acceleration` at speeds `velocity`. By Newton's
+  /// Torques, of slides forces, one for each hinge, under which it has accelerations `acceleration` at speeds `velocity`. By Newton's
   /// and Euler's laws from the base outward and back (Featherstone, Rigid Body Dynamics Algorithms, 5.3).
   void inverse_dynamics(const BaseMotion& base, const Vec3& gravity, const double* velocity,
                         const double* acceleration, double* torque);

@@ -23,6 +23,8 @@ constexpr int bounds_in_heap = 6;
 constexpr double max_joint_speed = 400.0;
 // From a joint to where the arm may be held while its base moves, metres.
 constexpr double min_lever = 0.05;
+// From the base to any joint that slides, metres.
+constexpr double max_reach = 1.0;
 
 /// Two directions across a unit vector.
 std::array<Vec3, 2> tangents(const Vec3& normal) {
@@ -83,12 +85,13 @@ void ReducedArm::join_links() {
     const Pose from_parent = links_.body_from_link(joint.parent) * joint.origin;
     Pose& pose = links_.body_from_link(k + 1);
     if (joints_.rigid(k)) {
-      pose = moving == no_index ? from_parent : joint_pose(from_parent, joint.axis, joints_.positions()[moving]);
+      pose = moving == no_index ? from_parent : joint_pose(from_parent, joint.kind, joint.axis, joints_.positions()[moving]);
     } else {
       ArmTree::Body& body = tree_.bodies[links_.body_of(k + 1)];
       body.parent = links_.body_of(joint.parent);
       body.moving = moving;
       body.parent_from_hinge = from_parent;
+      body.kind = joint.kind;
       body.axis = joint.axis;
       pose = Pose{};
     }
@@ -250,7 +253,8 @@ void ReducedArm::set_up_hinges() {
     for (std::size_t j = 0; j < hinges; ++j) momenta_[i] += problem_.mass[i * hinges + j] * velocities[moving(j)];
   }
   // A base that carries the arm into something turns its joints: gears give way to it.
-  const double yielding = norm(base_.motion().linear) / min_lever + 2.0 * norm(base_.motion().angular);
+  const double linear = norm(base_.motion().linear);
+  const double angular = norm(base_.motion().angular);
   for (std::size_t i = 0; i < hinges; ++i) {
     double& own = problem_.mass[i * hinges + i];
     own *= std::max(1.0, std::fabs(velocities[moving(i)]) / max_joint_speed);
@@ -258,6 +262,7 @@ void ReducedArm::set_up_hinges() {
     VelocityProblem::Hinge& hinge = problem_.hinges[i];
     hinge.speed = motors_[i].speed;
     hinge.limit = motors_[i].limit * tick_secs;
+    const double yielding = tree_.bodies[i + 1].slides() ? linear + angular * max_reach : linear / min_lever + 2.0 * angular;
     hinge.max_speed = motors_[i].max_speed + yielding;
     hinge.brake_gain = motors_[i].brake_gain * tick_secs;
   }
@@ -312,7 +317,8 @@ void ReducedArm::add_side(const ContactSide& side, double sign, const std::array
   if (side.arm != no_index) {
     for (const std::size_t hinge : chains_[side.arm]) {
       const ArmTree::PlacedBody& placed = tree_.placed()[hinge + 1];
-      const Vec3 speed = point_velocity(placed.axis, placed.pose.position, point) * sign;
+      const JointKind kind = tree_.bodies[hinge + 1].kind;
+      const Vec3 speed = point_velocity(kind, placed.axis, placed.pose.position, point) * sign;
       problem_.columns.push_back({hinge, {dot(speed, directions[0]), dot(speed, directions[1]), dot(speed, directions[2])}});
     }
   } else if (side.block != no_index) {

@@ -25,7 +25,7 @@ struct Inertial {
   std::array<double, 6> inertia{};
 };
 
-enum class JointKind : std::uint8_t { fixed, revolute };
+using proact::JointKind;
 
 /// A link with the joint that carries it.
 struct LinkDescription {
@@ -35,11 +35,11 @@ struct LinkDescription {
   /// Name of the joint between parent and link.
   std::string joint;
   JointKind kind = JointKind::fixed;
-  /// parent_from_link at angle zero.
+  /// parent_from_link at position zero.
   Pose origin;
   /// Axis in the joint frame; its length does not matter.
   std::array<double, 3> axis{0.0, 0.0, 1.0};
-  /// Smallest and largest angle, rad.
+  /// Smallest and largest position, rad or m.
   double lower = 0.0;
   double upper = 0.0;
   /// A mass of zero means a frame without mass.
@@ -49,7 +49,7 @@ struct LinkDescription {
 /// An arm: links with the root first, parents before children.
 struct ArmDescription {
   std::vector<LinkDescription> links;
-  /// The links of all revolute joints, in the order of joint vectors over the tree.
+  /// The links of all moving joints, in the order of joint vectors over the tree.
   std::vector<std::size_t> moving;
   /// First and last link of the chain.
   std::size_t base = 0;

@@ -40,9 +40,9 @@ struct Link {
   std::vector<PlacedShape> shapes;
 };
 
-enum class JointKind : std::uint8_t { fixed, revolute };
+using proact::JointKind;
 
-/// A joint; `pose` is parent_from_child at angle zero, `axis` a direction in the joint frame.
+/// A joint; `pose` is parent_from_child at position zero, `axis` a direction in the joint frame. Positions are in rad, or m.
 struct Joint {
   std::size_t parent = 0;
   std::size_t child = 0;
@@ -53,7 +53,7 @@ struct Joint {
   double upper = 0.0;
 };
 
-/// An arm: a serial chain of revolute joints (`arm`, base to tip) that carries a hand. All indices are into
+/// An arm: a serial chain of moving joints (`arm`, base to tip) that carries a hand. All indices are into
 /// `links` and `joints`; a parent link stands before its children and link 0 is the base.
 struct Arm {
   std::vector<Link> links;

@@ -150,7 +150,8 @@ class Scene {
 
   struct ChainJoint {
     Pose parent_from_joint;
-    /// Where the joint is in its parent's frame, and its turn there by an angle: along + cos * across + sin * around.
+    JointKind kind = JointKind::revolute;
+    /// Where the joint at zero is in its parent's frame, and its turn there by an angle: along + cos * across + sin * around.
     Vector origin = Vector::Zero();
     Eigen::Matrix3d along = Eigen::Matrix3d::Identity();
     Eigen::Matrix3d across = Eigen::Matrix3d::Zero();
@@ -231,7 +232,7 @@ class Scene {
   Pose base_;
   Transform world_from_base_ = Transform::Identity();
   double padding_ = 0.0;
-  std::vector<double> lever_;              // [joint][body]: metres per radian, in any configuration
+  std::vector<double> lever_;              // [joint][body]: metres per radian, or per metre, in any configuration
   std::vector<TravelBound> rates_;         // [body][body], of the second as the first sees it
   std::vector<Vector> axes_;               // [joint]: in `world`, in the state that is looked at
   std::vector<NearPair> near_;             // of that state
