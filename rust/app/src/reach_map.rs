@@ -137,14 +137,14 @@ fn grid_steps(low: f64, high: f64) -> impl DoubleEndedIterator<Item = f64> {
 }
 
 /// The hand at the end of the arm.
-struct GraspIk {
+pub(crate) struct GraspIk {
     chain: Chain,
     grasp: Grasp,
     start_postures: Vec<JointVector>,
 }
 
 impl GraspIk {
-    fn new(model: &ArmModel, grasp: Grasp) -> Self {
+    pub(crate) fn new(model: &ArmModel, grasp: Grasp) -> Self {
         let chain = Chain::new(model);
         let middle = |share: f64| -> JointVector {
             chain.limits().iter().map(|limits| limits.lower + share * (limits.upper - limits.lower)).collect()
@@ -158,7 +158,12 @@ impl GraspIk {
 
     /// Angles that bring the grasp's centre to `goal`, upright as far as the grasp allows, for a base at `base`; from those of a
     /// neighbour first.
-    fn solve(&self, base: &Pose, goal: &Point, neighbor: Option<&JointVector>) -> Option<JointVector> {
+    pub(crate) fn solve(
+        &self,
+        base: &Pose,
+        goal: &Point,
+        neighbor: Option<&JointVector>,
+    ) -> Option<JointVector> {
         let (target, up) = (base.inverse() * goal, base.rotation.inverse() * Vector::z());
         neighbor.into_iter().chain(&self.start_postures).find_map(|from| self.solve_from(from, &target, &up))
     }

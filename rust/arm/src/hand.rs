@@ -105,13 +105,28 @@ struct MimicCoupling {
 }
 
 impl MimicCouplings {
+    /// Puts the joints that follow others where their masters take them, rad or m.
+    ///
+    /// # Panics
+    /// If there are fewer values than hand joints.
+    pub fn place(&self, position: &mut [f64]) {
+        for MimicCoupling { joint, master, multiplier, offset } in &self.0 {
+            position[*joint] = multiplier * position[*master] + offset;
+        }
+    }
+
+    /// The master of a joint that follows one, by their places among the hand joints.
+    pub fn master_of(&self, joint: usize) -> Option<usize> {
+        self.0.iter().find(|coupling| coupling.joint == joint).map(|coupling| coupling.master)
+    }
+
     /// Puts the joints that follow others where their masters take them, rad and rad/s.
     ///
     /// # Panics
     /// If there are fewer values than hand joints.
     pub fn apply(&self, position: &mut [f64], velocity: &mut [f64]) {
-        for MimicCoupling { joint, master, multiplier, offset } in &self.0 {
-            position[*joint] = multiplier * position[*master] + offset;
+        self.place(position);
+        for MimicCoupling { joint, master, multiplier, .. } in &self.0 {
             velocity[*joint] = multiplier * velocity[*master];
         }
     }
@@ -145,16 +160,42 @@ impl ArmModel {
         self.grasps.last().unwrap_or(&DEFAULT_GRASP)
     }
 
-    /// For each link the digit that it belongs to, named by the digit's first link: each branch behind the tip is one.
-    /// None for arm and palm.
+    /// For each link the digit that it belongs to, named by the digit's first link: each branch that moves behind the palm is
+    /// one. None for arm and palm, which is the tip with all that is fixed to it.
     pub fn digits(&self) -> Vec<Option<usize>> {
+        let palm = self.palm();
         let mut digit = vec![None; self.links.len()];
-        for joint in &self.joints {
+        for (index, joint) in self.joints.iter().enumerate() {
             // Parents stand before their children, so the parent's digit is known.
-            digit[joint.child] =
-                if joint.parent == self.tip { Some(joint.child) } else { digit[joint.parent] };
+            digit[joint.child] = match digit[joint.parent] {
+                None if palm[joint.parent] && joint.kind.moves() && !self.arm.contains(&index) => {
+                    Some(joint.child)
+                }
+                of_parent => of_parent,
+            };
         }
         digit
+    }
+
+    /// Writes `tip_from_link` of palm and digits at positions of the moving joints, rad or m; the poses of other links mean nothing.
+    pub(crate) fn hand_poses_into(&self, positions: &[f64], poses: &mut Vec<Pose>) {
+        // The digits hang on the first link of the tip's rigid body.
+        let (mut root, mut root_from_tip) = (self.tip, Pose::identity());
+        while let Some(carrier) =
+            root.checked_sub(1).map(|joint| &self.joints[joint]).filter(|j| !j.kind.moves())
+        {
+            (root, root_from_tip) = (carrier.parent, carrier.origin * root_from_tip);
+        }
+        self.link_poses_from(root, &root_from_tip.inverse(), positions, poses);
+    }
+
+    /// Of each link, whether it is part of the rigid body of the tip.
+    pub fn palm(&self) -> Vec<bool> {
+        let mut bodies = vec![0; self.links.len()];
+        for joint in &self.joints {
+            bodies[joint.child] = if joint.kind.moves() { joint.child } else { bodies[joint.parent] };
+        }
+        bodies.iter().map(|body| *body == bodies[self.tip]).collect()
     }
 
     /// For each link the place of its digit in the order of the digits' first links. None for arm and palm.
@@ -170,7 +211,7 @@ impl ArmModel {
     /// moving joints, rad; zero for those left out.
     pub fn finger_points(&self, angles: &[f64]) -> Vec<Point> {
         let mut poses = Vec::new();
-        self.link_poses_from(self.tip, &Pose::identity(), angles, &mut poses);
+        self.hand_poses_into(angles, &mut poses);
         let digits = self.digits();
         let mut points = Vec::new();
         for joint in self.joints.iter().filter(|joint| digits[joint.child].is_some()) {

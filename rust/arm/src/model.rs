@@ -1,6 +1,6 @@
 use crate::{ArmSettings, Grasp};
 use nalgebra::{Translation3, Unit, UnitQuaternion};
-use proact_types::{MAX_JOINTS, Pose, Shape, Vector};
+use proact_types::{JointVector, MAX_JOINTS, Pose, Shape, Vector};
 use serde::{Deserialize, Serialize};
 
 /// The arm: immutable, shared by kinematics, planning, dynamics and display.
@@ -159,6 +159,12 @@ impl JointKind {
         if self == Self::Prismatic { "m" } else { "rad" }
     }
 
+    /// What a tolerance or a speed in radians is multiplied by to be one of such a joint: metres of what slides, at about a finger's
+    /// lever of 0.1 m, else 1.
+    pub fn per_radian(self) -> f64 {
+        if self == Self::Prismatic { 0.1 } else { 1.0 }
+    }
+
     /// Unit of its efforts: `N` of what slides, else `N m`.
     pub fn effort_unit(self) -> &'static str {
         if self == Self::Prismatic { "N" } else { "N m" }
@@ -284,6 +290,11 @@ impl ArmModel {
     pub fn moving(&self) -> impl ExactSizeIterator<Item = usize> + Clone + '_ {
         let arm = self.arm.len();
         (0..arm + self.hand.len()).map(move |k| if k < arm { self.arm[k] } else { self.hand[k - arm] })
+    }
+
+    /// [`JointKind::per_radian`] of the hand's joints.
+    pub fn hand_per_radian(&self) -> JointVector {
+        self.hand.iter().map(|&joint| self.joints[joint].kind.per_radian()).collect()
     }
 
     /// Number of arm joints.

@@ -173,12 +173,23 @@ struct Posture {
     roll: f64,
 }
 
+/// A joint that the search turns or slides.
+#[derive(Clone, Copy, Debug)]
+struct FreeJoint {
+    /// In the hand's vector.
+    place: usize,
+    lower: f64,
+    upper: f64,
+    /// What a step in radians is multiplied by to be one of this joint's.
+    per_radian: f64,
+}
+
 struct PinchSearch<'a> {
     hand: PinchHand<'a>,
     width: f64,
     reference_grasp: Grasp,
-    /// Places of the joints of the pair in the hand's vector, with their limits.
-    free_joints: Vec<(usize, f64, f64)>,
+    /// What moves the pair: places in the hand's vector, with their limits.
+    free_joints: Vec<FreeJoint>,
     /// Where all others stay.
     rest_posture: Vec<f64>,
 }
@@ -186,17 +197,25 @@ struct PinchSearch<'a> {
 impl<'a> PinchSearch<'a> {
     fn new(model: &'a ArmModel, pair: [usize; 2], closed: &[f64], width: f64) -> Self {
         let digits = model.digits();
-        let of_pair =
-            |k: &usize| digits[model.joints[model.hand[*k]].child].is_some_and(|d| pair.contains(&d));
-        let free = (0..model.hand.len()).filter(of_pair).map(|k| {
-            let limits = model.joints[model.hand[k]].limits;
-            (k, limits.lower, limits.upper)
+        let digit_of = |k: usize| digits[model.joints[model.hand[k]].child];
+        let couplings = model.couplings();
+        // A joint that follows another moves with it, wherever that is.
+        let mut movers: Vec<usize> = (0..model.hand.len())
+            .filter(|&k| digit_of(k).is_some_and(|digit| pair.contains(&digit)))
+            .map(|k| couplings.master_of(k).unwrap_or(k))
+            .collect();
+        movers.sort_unstable();
+        movers.dedup();
+        let free = movers.into_iter().map(|place| {
+            let joint = &model.joints[model.hand[place]];
+            let per_radian = joint.kind.per_radian();
+            FreeJoint { place, lower: joint.limits.lower, upper: joint.limits.upper, per_radian }
         });
         let like = two_digit_grip::reference_grasp(model);
         let mut search = Self {
             hand: PinchHand::new(model, pair),
             width,
-            free_joints: free.filter(|(_, lower, upper)| upper > lower).collect(),
+            free_joints: free.filter(|joint| joint.upper > joint.lower).collect(),
             rest_posture: closed.to_vec(),
             reference_grasp: like,
         };
@@ -257,8 +276,9 @@ impl<'a> PinchSearch<'a> {
             .map(|n| {
                 let mut posture =
                     Posture { hand: self.rest_posture.clone(), roll: low + (high - low) * halton(n, 0) };
-                for (axis, &(k, lower, upper)) in self.free_joints.iter().enumerate() {
-                    posture.hand[k] = lower + (upper - lower) * halton(n, axis + 1);
+                for (axis, joint) in self.free_joints.iter().enumerate() {
+                    posture.hand[joint.place] =
+                        joint.lower + (joint.upper - joint.lower) * halton(n, axis + 1);
                 }
                 posture
             })
@@ -282,8 +302,9 @@ impl<'a> PinchSearch<'a> {
                 for sign in [1.0, -1.0] {
                     let mut next = posture.clone();
                     match self.free_joints.get(axis) {
-                        Some(&(k, lower, upper)) => {
-                            next.hand[k] = (next.hand[k] + sign * step).clamp(lower, upper);
+                        Some(joint) => {
+                            let there = next.hand[joint.place] + sign * step * joint.per_radian;
+                            next.hand[joint.place] = there.clamp(joint.lower, joint.upper);
                         }
                         None => next.roll = (next.roll + sign * step).clamp(low, high),
                     }
@@ -347,10 +368,15 @@ impl<'a> PinchSearch<'a> {
         }
         let (roll_range, lean) = self.tilt_range(posture, &closed, &center, cone - CONE_MARGIN_RAD);
         let name = |what: &str| format!("pinch_{:.0}_{what}", 1e3 * width);
+        let couplings = model.couplings();
         let pose = |what: &str, hand: &[f64]| NamedPose {
             name: name(what),
             group: "hand".to_owned(),
-            angles: hand.iter().map(|angle| (angle * 1e4).round() / 1e4).collect(),
+            angles: {
+                let mut hand = hand.to_vec();
+                couplings.place(&mut hand);
+                hand.iter().map(|angle| (angle * 1e4).round() / 1e4).collect()
+            },
         };
         let rounded = |v: Vector, to: f64| v.map(|x| (x * to).round() / to);
         let round = |x: f64, to: f64| (x * to).round() / to;
@@ -389,10 +415,10 @@ impl<'a> PinchSearch<'a> {
         let digits = self.hand.model.digits();
         for (which, away) in [(0, -closing), (1, *closing)] {
             let root = self.hand.pair[which].0;
-            let of_digit = |(k, ..): &&(usize, f64, f64)| {
-                digits[self.hand.model.joints[self.hand.model.hand[*k]].child] == Some(root)
+            let of_digit = |joint: &&FreeJoint| {
+                digits[self.hand.model.joints[self.hand.model.hand[joint.place]].child] == Some(root)
             };
-            let joints: Vec<(usize, f64, f64)> = self.free_joints.iter().filter(of_digit).copied().collect();
+            let joints: Vec<FreeJoint> = self.free_joints.iter().filter(of_digit).copied().collect();
             for _ in 0..((PRESS_DEPTH_M + OPEN_CLEARANCE_M) / OPENING_STEP_M).round() as usize {
                 let at = |search: &mut Self, hand: &[f64]| {
                     search.hand.set_posture(hand);
@@ -400,9 +426,9 @@ impl<'a> PinchSearch<'a> {
                 };
                 let here = at(self, &hand);
                 let mut columns = Vec::new();
-                for &(k, ..) in &joints {
+                for joint in &joints {
                     let mut nudged = hand.clone();
-                    nudged[k] += 1e-5;
+                    nudged[joint.place] += 1e-5;
                     columns.push((at(self, &nudged) - here) / 1e-5);
                 }
                 // Least squares with a little damping: J' (J J' + d)^-1 e.
@@ -410,8 +436,9 @@ impl<'a> PinchSearch<'a> {
                 columns.iter().for_each(|c| square += c * c.transpose());
                 let Some(inverse) = square.try_inverse() else { break };
                 let pull = inverse * (away * OPENING_STEP_M + up * 0.0);
-                for (&(k, lower, upper), column) in joints.iter().zip(&columns) {
-                    hand[k] = (hand[k] + column.dot(&pull)).clamp(lower, upper);
+                for (joint, column) in joints.iter().zip(&columns) {
+                    hand[joint.place] =
+                        (hand[joint.place] + column.dot(&pull)).clamp(joint.lower, joint.upper);
                 }
             }
         }

@@ -2,11 +2,14 @@
 
 use crate::model_size::{self, SizeArgs};
 use clap::{Args, Subcommand};
-use proact_app::{arm_comparison::compare_arm, print_result, print_result_json};
+use proact_app::{
+    ArmPlacement, allow_lasting_contacts, arm_comparison::compare_arm, place_arm, print_result,
+    print_result_json,
+};
 use proact_arm::{Grasp, PinchError, PinchGrasp, find_pinch};
 use proact_description::{
     ArmFolder, DescriptionError, DescriptionReport, ImportOptions, ImportedArm, MeshFit, MeshFolders, check,
-    collect_meshes, import, parse, parse_urdf, read_text, settings_template, to_urdf, with_pinch,
+    collect_meshes, import, parse, parse_urdf, read_text, settings_template, to_srdf, to_urdf, with_pinch,
 };
 use proact_files::{OutputFile, WriteError, check_folder, check_output, make_folder, write_atomically};
 use proact_types::Number;
@@ -16,6 +19,7 @@ use std::{
     fs,
     io::Write,
     path::{Path, PathBuf},
+    process::Command,
 };
 
 /// What to do with a description.
@@ -89,6 +93,12 @@ pub struct ImportArgs {
     /// Folder that contains packages of meshes, beside those of ROS_PACKAGE_PATH; may be given several times
     #[arg(long, value_name = "DIR")]
     package_path: Vec<PathBuf>,
+    /// Leave an arm without a hand as it is; else it gets a gripper with two fingers
+    #[arg(long)]
+    no_gripper: bool,
+    /// Leave out the search for a place of the base and a start pose, by trials of method D
+    #[arg(long)]
+    no_placement: bool,
     /// Replace files of an earlier import
     #[arg(long)]
     replace: bool,
@@ -180,9 +190,23 @@ fn run_import(args: &ImportArgs, json: bool) -> Result<bool, Box<dyn Error>> {
         base: args.base.as_deref(),
         tip: args.tip.as_deref(),
         meshes: Some(&meshes),
+        without_gripper: args.no_gripper,
     };
-    match import(&read_text(&args.file)?, &options) {
-        Ok(imported) => {
+    match import(&read_description(&args.file)?, &options) {
+        Ok(mut imported) => {
+            if args.srdf.is_none() {
+                let allowed = allow_lasting_contacts(&mut imported.model)?;
+                imported.srdf = to_srdf(&imported.model);
+                if !allowed.is_empty() {
+                    let pairs: Vec<String> = allowed.iter().map(|pair| pair.join(" and ")).collect();
+                    imported
+                        .found
+                        .push(format!("shapes overlap lastingly and may touch: {}", pairs.join(", ")));
+                }
+            }
+            if !args.no_placement {
+                place(&mut imported)?;
+            }
             let (files, missing) = write_arm_folder(&imported, &meshes, &args.out, args.replace)?;
             if json {
                 let mut object = serde_json::to_value(&imported.report)?;
@@ -221,6 +245,48 @@ fn run_import(args: &ImportArgs, json: bool) -> Result<bool, Box<dyn Error>> {
         }
         Err(error) => Err(error.into()),
     }
+}
+
+/// Finds where the arm stands and how a trial begins with it.
+fn place(imported: &mut ImportedArm) -> Result<(), Box<dyn Error>> {
+    if imported.model.hand.is_empty() {
+        return Ok(());
+    }
+    let said = match place_arm(&mut imported.model)? {
+        None => "no place of the base was found from which the hand reaches the blocks".to_owned(),
+        Some(ArmPlacement { base, reached, blocks_moved, .. }) => {
+            imported.srdf = to_srdf(&imported.model);
+            let moved = match blocks_moved {
+                Some(count) => format!("a simulated person moved {count} of 4 blocks in 100 s with method D"),
+                None => "no trial could be run".to_owned(),
+            };
+            format!(
+                "the base stands at {:.2} {:.2} {:.2} m, from where the hand reaches {:.0} % of what it has to; {moved}",
+                base.x,
+                base.y,
+                base.z,
+                1e2 * reached
+            )
+        }
+    };
+    imported.found.push(said);
+    Ok(())
+}
+
+/// The text of a description; one with xacro macros is expanded by `xacro`, where that is installed.
+fn read_description(file: &Path) -> Result<String, Box<dyn Error>> {
+    let text = read_text(file)?;
+    if !text.contains("<xacro:") {
+        return Ok(text);
+    }
+    // Without the program the reader says what to do.
+    let Ok(output) = Command::new("xacro").arg(file).output() else { return Ok(text) };
+    if output.status.success() {
+        return Ok(String::from_utf8_lossy(&output.stdout).into_owned());
+    }
+    let reason = String::from_utf8_lossy(&output.stderr);
+    let reason = reason.trim().lines().last().unwrap_or("it gave no reason");
+    Err(format!("xacro cannot expand {}: {reason}", file.display()).into())
 }
 
 fn run_grasps(args: &GraspsArgs, json: bool) -> Result<bool, Box<dyn Error>> {
@@ -390,6 +456,8 @@ mod tests {
             base: None,
             tip: None,
             package_path: Vec::new(),
+            no_gripper: false,
+            no_placement: true,
             replace,
         })
     }

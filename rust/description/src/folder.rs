@@ -239,6 +239,13 @@ pub fn settings_template(model: &ArmModel) -> String {
          # Which joints the prosthesis has, by level of limb loss; empty is every arm joint.\n[levels]\nshoulder = []\n",
         quoted(&model.name)
     );
+    if let Some(stand) = &model.settings.fixed_base {
+        let [x, y, z] = [stand.xyz.x, stand.xyz.y, stand.xyz.z];
+        text += &format!(
+            "\n# Where the base stands, `world`, metres: nobody wears the arm. x is away from the person, y left, z up.\n\
+             [stand]\nxyz = [{x:.3}, {y:.3}, {z:.3}]\n"
+        );
+    }
     for &joint in &model.arm {
         let name = quoted(&model.joints[joint].name);
         text +=

@@ -8,6 +8,7 @@ mod complete;
 mod fit;
 mod hand;
 mod meshes;
+mod mount;
 mod parts;
 mod sdf;
 mod urdf;
@@ -41,6 +42,8 @@ pub struct ImportOptions<'a> {
     pub tip: Option<&'a str>,
     /// Where meshes may lie.
     pub meshes: Option<&'a MeshFolders>,
+    /// Leaves an arm without a hand as it is; else it gets a gripper.
+    pub without_gripper: bool,
 }
 
 /// What [`import`] made.
@@ -92,6 +95,8 @@ impl MeshFit {
 pub fn import(text: &str, options: &ImportOptions<'_>) -> Result<ImportedArm, DescriptionError> {
     let mut findings = Findings::default();
     let text = strip_preamble(text, &mut findings);
+    let declared = xml::declare_prefixes(text);
+    let text = &*declared;
     let read = if is_sdf(text) { sdf::read(text, &mut findings) } else { urdf::read(text, &mut findings) };
     let Some(parts) = read.filter(|_| !findings.has_error()) else {
         return Err(invalid(text, findings));
@@ -112,6 +117,9 @@ pub fn import(text: &str, options: &ImportOptions<'_>) -> Result<ImportedArm, De
     let (urdf, srdf) = (write::to_urdf(&model), write::to_srdf(&model));
     // What is handed out is what was checked: the texts are read once more.
     let mut report = check(&urdf, Some(&srdf));
+    if report.usable {
+        model = crate::parse(&urdf, &srdf)?;
+    }
     let new_findings: Vec<Finding> =
         more.into_iter().filter(|f| !is_known_finding(f, &report.findings)).collect();
     let mut own = findings.0;
@@ -142,8 +150,8 @@ fn complete(
     if let Some(tip) = options.tip.filter(|_| !findings.has_error()) {
         complete::hold_beside_chain(&mut parts, tip, findings);
     }
-    if !findings.has_error() && options.srdf.is_none() {
-        complete::demand_one_arm(&parts, findings);
+    if !findings.has_error() && options.srdf.is_none() && options.tip.is_none() {
+        mount::choose_arm(&mut parts, findings);
     }
     if findings.has_error() {
         return None;
@@ -152,6 +160,11 @@ fn complete(
     let nowhere = MeshFolders::default();
     let meshes = meshes::load_collision_meshes(&parts, options.meshes.unwrap_or(&nowhere));
     complete::note_missing_meshes(&parts, &meshes, findings);
+    if options.srdf.is_none() {
+        parts = mount::make_whole(parts, options.tip, !options.without_gripper, &meshes, findings)?;
+        let palm = mount::palm(&parts);
+        complete::uncouple_arm(&mut parts, palm, findings);
+    }
     complete::complete_masses(&mut parts, &meshes, findings);
     complete::complete_limits(&mut parts, findings);
     let mut fits = Vec::new();
@@ -236,6 +249,17 @@ fn add_grasp(model: &mut ArmModel, found: &mut Vec<String>) {
     if model.hand.is_empty() || !model.grasps.iter().all(is_default) {
         return;
     }
+    let Some(shape) = hand::grasp_shape(model, BLOCK_WIDTH_M) else {
+        found.push(format!(
+            "the hand opens by less than {:.0} mm, or does not close: it grips nothing",
+            1e3 * BLOCK_WIDTH_M
+        ));
+        return;
+    };
+    // The directions of a grasp are those of the tip's frame: z up, and the fingers close along x.
+    hand::add_grasp_frame(model, &shape);
+    found.push(shape.sentence.clone());
+    model.grasps = vec![shape.grasp];
     match find_pinch(model, BLOCK_WIDTH_M, FRICTION) {
         Ok(pinch) => {
             found.push(format!(
@@ -250,7 +274,10 @@ fn add_grasp(model: &mut ArmModel, found: &mut Vec<String>) {
             model.poses.extend([pinch.open, pinch.closed]);
             model.grasps = vec![pinch.grasp];
         }
-        Err(error) => found.push(format!("no pinch of a block of {:.0} mm: {error}", 1e3 * BLOCK_WIDTH_M)),
+        Err(error) => found.push(format!(
+            "the search for a pinch of a block of {:.0} mm does not vouch for it: {error}",
+            1e3 * BLOCK_WIDTH_M
+        )),
     }
 }
 
@@ -290,14 +317,9 @@ fn is_sdf(text: &str) -> bool {
 
 /// Fingers are allowed to touch each other and the palm.
 fn allow_hand_self_contact(model: &mut ArmModel) {
-    let tip = model.tip;
-    let mut hand = vec![tip];
-    for joint in &model.joints {
-        // Parents come first, so one pass finds all that hangs on the tip.
-        if hand.contains(&joint.parent) {
-            hand.push(joint.child);
-        }
-    }
+    let (palm, digits) = (model.palm(), model.digits());
+    let hand: Vec<usize> =
+        (0..model.links.len()).filter(|&link| palm[link] || digits[link].is_some()).collect();
     for (k, &a) in hand.iter().enumerate() {
         model.allowed_collisions.extend(hand[k + 1..].iter().map(|&b| (a.min(b), a.max(b))));
     }

@@ -22,7 +22,7 @@ pub(crate) const MAX_LENGTH_M: f64 = 10.0;
 /// Smallest size of a shape, metres.
 pub(crate) const MIN_LENGTH_M: f64 = 1e-6;
 /// Largest mass of a link, kg.
-pub(crate) const MAX_MASS_KG: f64 = 1000.0;
+pub(crate) const MAX_MASS_KG: f64 = 5000.0;
 /// Smallest mass of a link, kg.
 pub(crate) const MIN_MASS_KG: f64 = 1e-9;
 /// Largest moment or product of inertia, kg m^2.

@@ -6,6 +6,7 @@ use crate::{
     size_limits::{MAX_ATTRIBUTES, MAX_ELEMENT_DEPTH, MAX_TEXT_BYTES},
 };
 use roxmltree::{Document, Node};
+use std::borrow::Cow;
 
 /// The document of `text`, or a finding of `file`, such as `URDF`, that says why there is none.
 ///
@@ -49,6 +50,24 @@ pub(crate) fn parse_document<'a>(
             None
         }
     }
+}
+
+/// `text` with those prefixes declared that it uses and does not declare, such as `sensor:` of old Gazebo: other readers take them as
+/// parts of names. Lines stay where they are.
+pub(crate) fn declare_prefixes(text: &str) -> Cow<'_, str> {
+    const MAX_PREFIXES: usize = 20;
+    let mut text = Cow::Borrowed(text);
+    // Whoever has too much of something is refused later, before it is parsed.
+    let extent = measure_extent(&text);
+    if text.len() > MAX_TEXT_BYTES || extent.depth > MAX_ELEMENT_DEPTH || extent.attributes > MAX_ATTRIBUTES {
+        return text;
+    }
+    for _ in 0..MAX_PREFIXES {
+        let Err(roxmltree::Error::UnknownNamespace(prefix, _)) = Document::parse(&text) else { break };
+        let Some(at) = text.find("<robot").map(|at| at + "<robot".len()) else { break };
+        text = Cow::Owned(format!("{} xmlns:{prefix}=\"urn:{prefix}\"{}", &text[..at], &text[at..]));
+    }
+    text
 }
 
 /// The line on which `node` begins.

@@ -37,7 +37,7 @@ fn the_gazebo_arm_keeps_every_link_where_the_sdf_file_puts_it() {
     let model = &imported.model;
     let facts: serde_json::Value = serde_json::from_str(&shared("data/mpl_right_arm.json").unwrap()).unwrap();
     let links = facts["sdf"]["links"].as_array().unwrap();
-    assert_eq!(model.links.len(), links.len() + 1, "all links and the base");
+    assert_eq!(model.links.len(), links.len() + 2, "all links, the base and the frame of the grasp");
     let three = |v: &serde_json::Value| -> [f64; 3] { std::array::from_fn(|k| v[k].as_f64().unwrap()) };
     let poses = at_zero(model);
     let mut mass = 0.0;

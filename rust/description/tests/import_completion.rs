@@ -3,7 +3,7 @@
 
 use proact_arm::{JointKind, VisualGeometry};
 use proact_description::{DescriptionError, ImportOptions, ImportedArm, MeshFolders, TriangleMesh, import};
-use proact_types::Shape;
+use proact_types::{Shape, Vector};
 use std::{fmt::Write as _, fs, path::Path};
 
 const MASS: &str = "<inertial><mass value=\"1\"/><inertia ixx=\"0.01\" ixy=\"0\" ixz=\"0\" iyy=\"0.01\" iyz=\"0\" izz=\"0.01\"/></inertial>";
@@ -71,7 +71,12 @@ fn an_arm_that_lacks_nothing_gets_poses_alone() {
     assert!(arm.report.findings.is_empty(), "{}", arm.report);
     assert_eq!(names(&arm, &arm.model.arm), ["shoulder", "wrist"]);
     assert_eq!(names(&arm, &arm.model.hand), ["finger_left", "finger_right"]);
-    assert_eq!(arm.model.links[arm.model.tip].name, "palm");
+    let tip = &arm.model.joints[arm.model.tip - 1];
+    assert_eq!(arm.model.links[tip.child].name, "grasp_frame");
+    assert_eq!(arm.model.links[tip.parent].name, "palm");
+    // The fingers point along z of the palm and close along y; up is against the fingers.
+    let [x, z] = [Vector::x(), Vector::z()].map(|axis| tip.origin.rotation * axis);
+    assert!((z + Vector::z()).norm() < 1e-9 && x.y.abs() > 1.0 - 1e-9, "{tip:?}");
     let pose = |name: &str| arm.model.pose("hand", name).unwrap().to_vec();
     // Turned about x, the left finger's end goes to the right for positive angles.
     assert_eq!((pose("open"), pose("closed")), (vec![-0.8, 0.8], vec![0.8, -0.8]));
@@ -79,12 +84,18 @@ fn an_arm_that_lacks_nothing_gets_poses_alone() {
 }
 
 #[test]
-fn a_hand_that_closes_on_nothing_is_said() {
-    // Fingers whose shapes stand on their joints' axes.
-    let arm = imported(&arm("").replace("<origin xyz=\"0 0 0.05\"/><geometry>", "<geometry>"));
-    assert_eq!(arm.model.pose("hand", "open").unwrap(), arm.model.pose("hand", "closed").unwrap());
-    assert!(arm.found.iter().any(|said| said.contains("no joint of the hand")), "{:?}", arm.found);
-    assert!(!arm.found.iter().any(|said| said.contains("where its joints")), "{:?}", arm.found);
+fn a_finger_whose_shape_is_on_its_joint_closes_and_one_that_turns_about_itself_does_not() {
+    let on_axis = imported(&arm("").replace("<origin xyz=\"0 0 0.05\"/><geometry>", "<geometry>"));
+    assert_ne!(on_axis.model.pose("hand", "open").unwrap(), on_axis.model.pose("hand", "closed").unwrap());
+
+    let twisted =
+        imported(&arm("").replace(
+            "<axis xyz=\"1 0 0\"/><limit lower=\"-0.8\"",
+            "<axis xyz=\"0 0 1\"/><limit lower=\"-0.8\"",
+        ));
+    assert_eq!(twisted.model.pose("hand", "open").unwrap(), twisted.model.pose("hand", "closed").unwrap());
+    assert!(twisted.found.iter().any(|said| said.contains("no joint of the hand")), "{:?}", twisted.found);
+    assert!(!twisted.found.iter().any(|said| said.contains("where its joints")), "{:?}", twisted.found);
 }
 
 #[test]
@@ -194,7 +205,7 @@ fn another_tree_a_loop_and_other_joints_are_left_out_or_held() {
     said(&imported(&arm(&floor)), "URDF", "several trees");
     let looped = imported(&arm(&joint("rod", "revolute", ["left", "right"], LIMIT)));
     said(&looped, "rod", "closes a loop");
-    assert_eq!(looped.model.joints.len(), 4);
+    assert_eq!(looped.model.joints.len(), 5, "those of the arm, and the frame of the grasp");
 
     let second = link("head", &format!("{MASS}{BOX}"))
         + &joint(
@@ -235,20 +246,25 @@ fn two_arms_are_asked_for_by_name_and_a_hand_alone_is_refused() {
         }
     }
     text += "</robot>";
-    let error = import(&text, &ImportOptions::default()).unwrap_err().to_string();
-    assert!(
-        error.contains("more than one arm") && error.contains("--base torso --tip left_wrist_link"),
-        "{error}"
-    );
+    // Without further words the right one is taken, and the other is named.
+    let arm = imported(&text);
+    assert_eq!(names(&arm, &arm.model.arm), ["right_shoulder", "right_elbow", "right_wrist"]);
+    let said =
+        arm.report.findings.iter().find(|finding| finding.problem.contains("more than one chain")).unwrap();
+    assert!(said.remedy.contains("--base torso --tip left_wrist_link"), "{said}");
     let options =
         ImportOptions { base: Some("torso"), tip: Some("right_wrist_link"), ..ImportOptions::default() };
     let arm = import(&text, &options).unwrap();
     assert_eq!(names(&arm, &arm.model.arm), ["right_shoulder", "right_elbow", "right_wrist"]);
     assert_eq!(names(&arm, &arm.model.hand), ["right_a_joint", "right_b_joint"]);
 
-    let hand = arm_alone(&["palm", "left", "right"]);
-    let error = import(&hand, &ImportOptions::default()).unwrap_err().to_string();
-    assert!(error.contains("a hand without an arm"), "{error}");
+    let hand = imported(&arm_alone(&["palm", "left", "right"]));
+    assert!(hand.report.findings.iter().any(|finding| finding.problem.contains("a hand without an arm")));
+    assert_eq!(
+        (hand.model.arm.len(), hand.model.hand.len()),
+        (7, 2),
+        "it is mounted on an arm of seven joints"
+    );
 }
 
 /// The links that are named, with the joints between them.

@@ -20,6 +20,8 @@ pub struct GraspDetector {
     original_rule: Option<OriginalGraspRule>,
     /// Finger joints when the block was taken, rad.
     finger_joints_at_grasp: Option<JointVector>,
+    /// [`ArmModel::hand_per_radian`].
+    per_radian: JointVector,
 }
 
 impl GraspDetector {
@@ -30,6 +32,7 @@ impl GraspDetector {
             opposing_rule: GraspRule::new(physics.opposing_grasp, model),
             original_rule: original.then(|| OriginalGraspRule::new(physics.original_grasp, model)),
             finger_joints_at_grasp: None,
+            per_radian: model.hand_per_radian(),
         }
     }
 
@@ -44,7 +47,10 @@ impl GraspDetector {
         let fingers = &state.position[model.arm_count()..];
         let attached = state.attached.map(|(block, _)| block);
         let opened = self.opposing_rule.options.release_opening_rad;
-        let away = |at: &JointVector| at.iter().zip(fingers).any(|(at, now)| (at - now).abs() > opened);
+        let away = |at: &JointVector| {
+            let joints = at.iter().zip(fingers).zip(&self.per_radian);
+            joints.into_iter().any(|((at, now), per_radian)| (at - now).abs() > opened * per_radian)
+        };
         let opened = command == HandCommand::Open && self.finger_joints_at_grasp.as_ref().is_some_and(away);
         let action = match &mut self.original_rule {
             Some(rule) => rule.step(model, state),

@@ -227,6 +227,8 @@ impl ArmMotion {
 #[derive(Clone, Debug)]
 pub struct HandMotion {
     speed: f64,
+    /// What the speed is multiplied by, by joint.
+    per_radian: JointVector,
     from: JointVector,
     to: JointVector,
     position: JointVector,
@@ -238,11 +240,12 @@ pub struct HandMotion {
 }
 
 impl HandMotion {
-    /// A hand that rests at `open`, rad, and moves at `speed` at most, rad/s.
-    pub fn new(open: &[f64], speed: f64) -> Self {
+    /// A hand that rests at `open`, rad or m, and moves at `speed` at most, rad/s; joints that slide at `per_radian` times as many m/s.
+    pub fn new(open: &[f64], speed: f64, per_radian: JointVector) -> Self {
         let open = joints(open);
         Self {
             speed,
+            per_radian,
             from: open.clone(),
             to: open.clone(),
             velocity: open.iter().map(|_| 0.0).collect(),
@@ -295,7 +298,9 @@ impl HandMotion {
         self.joint_targets = None;
         self.from = self.position.clone();
         self.to = angles.clone();
-        let travel = self.from.iter().zip(&self.to).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
+        let ways = self.from.iter().zip(&self.to).zip(&self.per_radian);
+        let travel =
+            ways.into_iter().fold(0.0_f64, |m, ((a, b), per_radian)| m.max((a - b).abs() / per_radian));
         self.elapsed_ticks = 0;
         self.duration_ticks = (travel * PEAK_OVER_MEAN / self.speed / TICK_SECS).ceil() as u64;
     }
@@ -320,8 +325,8 @@ impl HandMotion {
     /// Advances by one tick.
     pub fn step(&mut self) {
         if let Some(angles) = self.joint_targets.take() {
-            let max_step = self.speed * TICK_SECS;
             for (k, angle) in angles.iter().enumerate() {
+                let max_step = self.speed * TICK_SECS * self.per_radian[k];
                 let step = (angle - self.position[k]).clamp(-max_step, max_step);
                 self.position[k] += step;
                 self.velocity[k] = step / TICK_SECS;
@@ -353,7 +358,7 @@ mod tests {
 
     #[test]
     fn the_hand_arrives_at_rest_within_its_speed() {
-        let mut hand = HandMotion::new(&[0.0, 0.3], 2.0);
+        let mut hand = HandMotion::new(&[0.0, 0.3], 2.0, joints(&[1.0, 1.0]));
         hand.go_to(&joints(&[0.6, 0.3]));
         let mut fastest: f64 = 0.0;
         while hand.is_moving() {
@@ -367,7 +372,7 @@ mod tests {
 
     #[test]
     fn single_fingers_go_to_their_angles_at_the_hands_speed_and_stop_when_they_are_told() {
-        let mut hand = HandMotion::new(&[0.0, 0.3], 2.0);
+        let mut hand = HandMotion::new(&[0.0, 0.3], 2.0, joints(&[1.0, 1.0]));
         hand.move_joints_to(joints(&[0.1, 0.3]));
         (0..25).for_each(|_| hand.step());
         assert!((hand.position()[0] - 0.05).abs() < 1e-9 && hand.is_moving(), "2 rad/s for 25 ms");

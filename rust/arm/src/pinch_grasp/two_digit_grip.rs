@@ -1,6 +1,6 @@
 //! What a hand in some posture has between two of its digits.
 
-use crate::{ArmModel, Grasp, upright_axis};
+use crate::{ArmModel, Grasp, MimicCouplings, upright_axis};
 use proact_types::{Point, Pose, Shape, Vector};
 
 /// Air between the hand and the table that the object stands on, metres.
@@ -22,6 +22,7 @@ pub(super) struct PinchHand<'a> {
     links: Vec<(usize, Option<usize>)>,
     /// The two digits, by their first links, and their last links.
     pub pair: [(usize, usize); 2],
+    couplings: MimicCouplings,
     poses: Vec<Pose>,
     angles: Vec<f64>,
 }
@@ -50,7 +51,8 @@ pub(super) struct TwoDigitGrip {
 impl<'a> PinchHand<'a> {
     pub fn new(model: &'a ArmModel, pair: [usize; 2]) -> Self {
         let digits = model.digits();
-        let links = (0..model.links.len()).filter(|&l| l == model.tip || digits[l].is_some());
+        let palm = model.palm();
+        let links = (0..model.links.len()).filter(|&l| palm[l] || digits[l].is_some());
         let last = |digit: usize| {
             let of_digit = |l: &usize| digits[*l] == Some(digit) && !model.links[*l].collisions.is_empty();
             (0..model.links.len()).rfind(of_digit).unwrap_or(digit)
@@ -59,17 +61,20 @@ impl<'a> PinchHand<'a> {
             model,
             links: links.map(|l| (l, digits[l])).collect(),
             pair: pair.map(|digit| (digit, last(digit))),
+            couplings: model.couplings(),
             poses: Vec::new(),
             angles: Vec::new(),
         }
     }
 
-    /// Places the hand at `hand`, one angle a hand joint, rad.
+    /// Places the hand at `hand`, one position a hand joint, rad or m; joints that follow others go where these take them.
     pub fn set_posture(&mut self, hand: &[f64]) {
+        let arm = self.model.arm_count();
         self.angles.clear();
-        self.angles.resize(self.model.arm_count(), 0.0);
+        self.angles.resize(arm, 0.0);
         self.angles.extend_from_slice(hand);
-        self.model.link_poses_from(self.model.tip, &Pose::identity(), &self.angles, &mut self.poses);
+        self.couplings.place(&mut self.angles[arm..]);
+        self.model.hand_poses_into(&self.angles, &mut self.poses);
     }
 
     fn shapes(&self, link: usize) -> impl Iterator<Item = (Pose, Shape)> + '_ {
@@ -83,14 +88,20 @@ impl<'a> PinchHand<'a> {
         Point::from(last.translation.vector)
     }
 
-    /// The point of digit `which` that is farthest along `direction`.
-    pub fn support_point(&self, which: usize, direction: &Vector) -> Point {
+    /// The point of digit `which` that is farthest along `direction`; of a face that is as far everywhere, the point nearest to
+    /// `wanted`.
+    pub fn support_point(&self, which: usize, direction: &Vector, wanted: &Point) -> Point {
         let digit = self.pair[which].0;
         let links = self.links.iter().filter(|(_, of)| *of == Some(digit)).map(|(link, _)| *link);
-        let points =
-            links.flat_map(|link| self.shapes(link)).map(|(pose, shape)| support(&pose, &shape, direction));
+        let ends = links
+            .flat_map(|link| self.shapes(link))
+            .map(|(pose, shape)| (support(&pose, &shape, direction), pose, shape));
         let along = |p: &Point| p.coords.dot(direction);
-        points.max_by(|a, b| along(a).total_cmp(&along(b))).unwrap_or_else(|| self.contact_pad(which))
+        let farthest = ends.max_by(|a, b| along(&a.0).total_cmp(&along(&b.0)));
+        farthest.map_or_else(
+            || self.contact_pad(which),
+            |(point, pose, shape)| nearest_on_face(&pose, &shape, direction, wanted).unwrap_or(point),
+        )
     }
 
     /// What is between the pair for a box of `width` on a table, the hand rolled by `roll`; none while they are in one
@@ -105,7 +116,12 @@ impl<'a> PinchHand<'a> {
     /// As [`PinchHand::hold`], with the faces across `closing`, level and of unit length.
     pub fn grip_along(&self, width: f64, up: &Vector, closing: &Vector) -> TwoDigitGrip {
         let aside = up.cross(closing);
-        let (first, second) = (self.support_point(0, closing), self.support_point(1, &-closing));
+        // The middle of the box at the height of what stands on the table, for fingers whose pads are flat.
+        let between = nalgebra::center(&self.contact_pad(0), &self.contact_pad(1));
+        let level = self.lowest_height(up) + 0.5 * width - TABLE_CLEARANCE_M;
+        let wanted = between + up * (level - between.coords.dot(up));
+        let (first, second) =
+            (self.support_point(0, closing, &wanted), self.support_point(1, &-closing, &wanted));
         let line = second - first;
         let off = line.dot(up).hypot(line.dot(&aside));
         let middle = nalgebra::center(&first, &second);
@@ -259,6 +275,26 @@ fn support(pose: &Pose, shape: &Shape, direction: &Vector) -> Point {
         Shape::Capsule { radius, length } => d * radius + Vector::z() * 0.5 * length.copysign(d.z),
     };
     pose * Point::from(local)
+}
+
+/// The point nearest to `wanted` on the face of a box that is across `direction`; none of other shapes, and if no face is.
+fn nearest_on_face(pose: &Pose, shape: &Shape, direction: &Vector, wanted: &Point) -> Option<Point> {
+    /// Sine of the angle at which a face is still across a direction.
+    const FLAT: f64 = 0.02;
+    let Shape::Box { size } = *shape else { return None };
+    let d = pose.inverse_transform_vector(direction);
+    let axis = d.iamax();
+    let across = (0..3).filter(|&k| k != axis).map(|k| d[k] * d[k]).sum::<f64>().sqrt();
+    if across > FLAT {
+        return None;
+    }
+    let local = pose.inverse_transform_point(wanted);
+    let mut point = Point::origin();
+    for k in 0..3 {
+        let half = 0.5 * size[k];
+        point[k] = if k == axis { half.copysign(d[k]) } else { local[k].clamp(-half, half) };
+    }
+    Some(pose * point)
 }
 
 /// Least distance between two segments (Ericson, Real-Time Collision Detection, section 5.1.9).

@@ -108,7 +108,7 @@ export class SignalRows {
     this.tableHeight = scene.table_height;
     this.ranges = arm.arm.map((k) => {
       const joint = arm.joints[k];
-      return { name: joint ? jointDisplayName(arm, joint.name) : "", limits: joint?.kind === "revolute" ? [joint.limits.lower, joint.limits.upper] : null };
+      return { name: joint ? jointDisplayName(arm, joint.name) : "", limits: joint && joint.kind !== "continuous" ? [joint.limits.lower, joint.limits.upper] : null };
     });
   }
 

@@ -11,7 +11,7 @@ use crate::{
 };
 use nalgebra::Matrix3;
 use proact_arm::{Inertial, VisualGeometry};
-use proact_types::{MAX_JOINTS, Pose, Shape, Vector};
+use proact_types::{Pose, Shape, Vector};
 use std::{collections::BTreeMap, f64::consts::PI};
 
 /// Where a file gives none: of the order of aluminium castings with motors and air in them, kg/m^3.
@@ -19,18 +19,22 @@ const DENSITY_KG_PER_M3: f64 = 1000.0;
 /// Mass of a part without mass and shape, kg, and its radius, metres.
 const TOKEN_MASS_KG: f64 = 0.01;
 const TOKEN_RADIUS_M: f64 = 0.01;
-/// Speed of a joint that the file does not limit, rad/s.
+/// Speed of a joint that the file does not limit, rad/s and m/s.
 const VELOCITY_RAD_PER_S: f64 = 1.0;
-/// Smallest effort limit that is filled in, N m.
+const VELOCITY_M_PER_S: f64 = 0.1;
+/// Smallest effort limit that is filled in, N m and N.
 const LEAST_FILLED_IN_EFFORT: f64 = 1.0;
+const LEAST_FILLED_IN_FORCE_N: f64 = 20.0;
 /// Factor between the largest static torque and an effort limit that is filled in.
 const EFFORT_FACTOR: f64 = 3.0;
 const GRAVITY_M_PER_S2: f64 = 9.81;
 /// A revolute joint without limits gets these, rad.
 const RANGE_RAD: [f64; 2] = [-PI, PI];
-/// A chain with fewer joints is no arm.
-const MIN_ARM_JOINTS: usize = 3;
-const MIN_BARE_ARM_JOINTS: usize = 6;
+/// ... and a prismatic one these, metres.
+const RANGE_M: [f64; 2] = [-1.0, 1.0];
+/// Limits from here on stand for none: more turns than degrees are written for, more metres than an arm has.
+const NO_LIMIT_RAD: f64 = 1000.0;
+const NO_LIMIT_M: f64 = 10.0;
 /// A link's size from here on, metres, is one in millimetres.
 const GIANT_M: f64 = 10.0;
 /// An angle from here on, rad, is one in degrees.
@@ -140,67 +144,6 @@ pub(crate) fn hold_beside_chain(parts: &mut RobotParts, tip: &str, findings: &mu
     }
 }
 
-/// Asks for `--base` and `--tip` where a file describes more than one arm with its hand, and refuses a hand without an arm.
-pub(crate) fn demand_one_arm(parts: &RobotParts, findings: &mut Findings) {
-    let carriers = parts.carriers();
-    // The link that stands for each rigid body: the one that moves, or the base.
-    let body_of = |mut link: usize| {
-        while let Some(joint) =
-            carriers[link].map(|joint| &parts.joints[joint]).filter(|joint| !joint.kind.moves())
-        {
-            link = joint.parent;
-        }
-        link
-    };
-    let moving: Vec<_> = parts.joints.iter().filter(|joint| joint.kind.moves()).collect();
-    let leading_on = |body: usize| moving.iter().filter(|joint| body_of(joint.parent) == body).count();
-    // Joints between a body and the last branching above it, with the link there.
-    let arm_to = |body: usize| {
-        let (mut joints, mut at) = (0, body);
-        while let Some(joint) = carriers[at] {
-            at = body_of(parts.joints[joint].parent);
-            joints += 1;
-            if leading_on(at) > 1 {
-                break;
-            }
-        }
-        (joints, at)
-    };
-    let branches_at_base = leading_on(0) > 1;
-    if moving.len() <= MAX_JOINTS && !branches_at_base {
-        return;
-    }
-    let mut hands: Vec<(usize, String)> = Vec::new();
-    for link in (1..parts.links.len()).filter(|&link| body_of(link) == link && leading_on(link) != 1) {
-        let (joints, base) = arm_to(link);
-        // What ends without a hand is a finger, or a long arm.
-        let least = if leading_on(link) > 1 { MIN_ARM_JOINTS } else { MIN_BARE_ARM_JOINTS };
-        if joints >= least {
-            hands.push((
-                joints,
-                format!("--base {} --tip {}", parts.links[base].name, parts.links[link].name),
-            ));
-        }
-    }
-    hands.sort_by_key(|(joints, _)| std::cmp::Reverse(*joints));
-    let got = format!("{} joints that move", moving.len());
-    if hands.is_empty() && moving.len() <= MAX_JOINTS {
-        let remedy = "Import the arm that carries it, with the hand in its URDF: a trial needs joints between shoulder and hand.";
-        findings.error("URDF", "it is a hand without an arm", got, "an arm that ends in a hand", remedy);
-        return;
-    }
-    let examples = join_names(hands.iter().take(3).map(|(_, words)| words.as_str()));
-    let remedy =
-        format!("Name the arm: {}", if hands.is_empty() { "--base LINK --tip LINK" } else { &examples });
-    findings.error(
-        "URDF",
-        "it has more than one arm with its hand",
-        got,
-        format!("one arm, and at most {MAX_JOINTS} joints"),
-        remedy,
-    );
-}
-
 /// Fixes a joint at zero, or at its nearest limit; where that is.
 pub(crate) fn hold(parts: &mut RobotParts, name: &str) -> f64 {
     let Some(joint) = parts.joints.iter_mut().find(|joint| joint.name == name) else { return 0.0 };
@@ -271,6 +214,30 @@ pub(crate) fn resolve_mimics(parts: &mut RobotParts, findings: &mut Findings) {
     }
 }
 
+/// Joints of the arm follow no other: each that does moves by itself, and so does a joint of the hand that follows one of the arm.
+pub(crate) fn uncouple_arm(parts: &mut RobotParts, tip: usize, findings: &mut Findings) {
+    let carriers = parts.carriers();
+    let chain: Vec<usize> =
+        std::iter::successors(carriers[tip], |&joint| carriers[parts.joints[joint].parent]).collect();
+    let of_arm: Vec<String> = chain.iter().map(|&joint| parts.joints[joint].name.clone()).collect();
+    for (index, joint) in parts.joints.iter_mut().enumerate() {
+        let Some(mimic) = &joint.mimic else { continue };
+        if chain.contains(&index) || of_arm.contains(&mimic.master) {
+            let got = format!("it follows joint \"{}\"", mimic.master);
+            let done = "Nothing: it moves by itself.";
+            note_joint(
+                findings,
+                &joint.name,
+                "joints of the arm are coupled",
+                &got,
+                "joints of the hand",
+                done,
+            );
+            joint.mimic = None;
+        }
+    }
+}
+
 /// Notes lengths in millimetres and angles in degrees, which are refused.
 pub(crate) fn find_wrong_units(parts: &RobotParts, findings: &mut Findings) {
     let far = |joint: &&super::parts::PartJoint| joint.origin.translation.vector.norm() > GIANT_M;
@@ -290,7 +257,9 @@ pub(crate) fn find_wrong_units(parts: &RobotParts, findings: &mut Findings) {
     }
     let wide = |joint: &&super::parts::PartJoint| {
         joint.kind == PartKind::Revolute
-            && joint.range.is_some_and(|range| range.iter().any(|angle| angle.abs() > DEGREES_FROM_RAD))
+            && joint.range.is_some_and(|range| {
+                range.iter().any(|angle| (DEGREES_FROM_RAD..NO_LIMIT_RAD).contains(&angle.abs()))
+            })
     };
     if let Some(joint) = parts.joints.iter().find(wide) {
         let range = joint.range.unwrap_or_default();
@@ -312,6 +281,20 @@ pub(crate) fn complete_limits(parts: &mut RobotParts, findings: &mut Findings) {
         if !joint.kind.moves() {
             continue;
         }
+        let slides = joint.kind == PartKind::Prismatic;
+        let (unit, effort_unit) = if slides { ("m", "N") } else { ("rad", "N m") };
+        let no_limit = if slides { NO_LIMIT_M } else { NO_LIMIT_RAD };
+        if let Some(range) = joint.range.filter(|range| range.iter().any(|end| end.abs() >= no_limit)) {
+            let done = if slides {
+                joint.range = Some(RANGE_M);
+                "Nothing: it gets a metre each way."
+            } else {
+                (joint.range, joint.kind) = (None, PartKind::Continuous);
+                "Nothing: it turns for ever."
+            };
+            let got = format!("lower {}, upper {}", range[0], range[1]);
+            note_joint(findings, &joint.name, "the limits limit nothing", &got, unit, done);
+        }
         if let Some([low, high]) = joint.range.filter(|[low, high]| low > high) {
             joint.range = Some([high, low]);
             note_joint(
@@ -323,42 +306,51 @@ pub(crate) fn complete_limits(parts: &mut RobotParts, findings: &mut Findings) {
                 "Nothing: they are swapped.",
             );
         }
-        if joint.range.is_none() && joint.kind == PartKind::Revolute {
-            joint.range = Some(RANGE_RAD);
-            note_joint(
-                findings,
-                &joint.name,
-                "the joint has no limits",
-                "no <limit>",
-                "lower and upper, rad",
-                "Nothing: it gets half a turn each way.",
-            );
+        if joint.range.is_none() && joint.kind != PartKind::Continuous {
+            let (range, done) = if slides {
+                (RANGE_M, "Nothing: it gets a metre each way.")
+            } else {
+                (RANGE_RAD, "Nothing: it gets half a turn each way.")
+            };
+            joint.range = Some(range);
+            let expected = format!("lower and upper, {unit}");
+            note_joint(findings, &joint.name, "the joint has no limits", "no <limit>", &expected, done);
         }
         if joint.velocity.is_none_or(|v| !(MIN_VELOCITY_RAD_PER_S..=MAX_VELOCITY_RAD_PER_S).contains(&v)) {
-            joint.velocity = Some(VELOCITY_RAD_PER_S);
+            let speed = if slides { VELOCITY_M_PER_S } else { VELOCITY_RAD_PER_S };
+            joint.velocity = Some(speed);
             note_joint(
                 findings,
                 &joint.name,
                 "the speed is not limited",
                 "no velocity above 0",
-                "rad/s",
-                &format!("Nothing: it gets {VELOCITY_RAD_PER_S} rad/s."),
+                &format!("{unit}/s"),
+                &format!("Nothing: it gets {speed} {unit}/s."),
             );
         }
         if joint.effort.is_none_or(|e| !(MIN_EFFORT..=MAX_EFFORT).contains(&e)) {
-            let effort = (EFFORT_FACTOR * torque).max(LEAST_FILLED_IN_EFFORT);
+            let least = if slides { LEAST_FILLED_IN_FORCE_N } else { LEAST_FILLED_IN_EFFORT };
+            let effort = (EFFORT_FACTOR * torque).max(least);
             // Two digits: the number is an estimate.
             let scale = 10f64.powf(effort.log10().floor() - 1.0);
             let effort = (effort / scale).ceil() * scale;
             joint.effort = Some(effort);
             let done =
                 format!("Nothing: it gets {effort:.3}, {EFFORT_FACTOR} times the largest static load.");
-            note_joint(findings, &joint.name, "the effort is not limited", "no effort above 0", "N m", &done);
+            note_joint(
+                findings,
+                &joint.name,
+                "the effort is not limited",
+                "no effort above 0",
+                effort_unit,
+                &done,
+            );
         }
     }
 }
 
-/// An upper bound of the torque that gravity can put on each joint, N m: each mass at its longest reach from the joint.
+/// An upper bound of what gravity can put on each joint, N m: each mass at its longest reach from the joint. Of what slides, N:
+/// the weight of all that it carries.
 fn static_torques(parts: &RobotParts) -> Vec<f64> {
     let mut torques = vec![0.0; parts.joints.len()];
     let carriers = parts.carriers();
@@ -367,7 +359,8 @@ fn static_torques(parts: &RobotParts) -> Vec<f64> {
         let mut reach = inertial.pose.translation.vector.norm();
         let mut at = link;
         while let Some(joint) = carriers[at] {
-            torques[joint] += inertial.mass * GRAVITY_M_PER_S2 * reach;
+            let lever = if parts.joints[joint].kind == PartKind::Prismatic { 1.0 } else { reach };
+            torques[joint] += inertial.mass * GRAVITY_M_PER_S2 * lever;
             reach += parts.joints[joint].origin.translation.vector.norm();
             at = parts.joints[joint].parent;
         }

@@ -1,7 +1,9 @@
 //! Finds how the hand of an imported arm opens and closes.
 
-use proact_arm::{ArmModel, CLOSED_POSE, NamedPose, OPEN_POSE};
-use proact_types::Point;
+use super::mount;
+use nalgebra::UnitQuaternion;
+use proact_arm::{ArmModel, CLOSED_POSE, Grasp, Joint, JointKind, Link, NamedPose, OPEN_POSE};
+use proact_types::{Point, Pose, Shape, Vector};
 
 /// Pose of the arm in which a trial starts.
 const START_POSE: &str = "start";
@@ -93,15 +95,10 @@ fn opposite_poses(model: &ArmModel) -> (Vec<f64>, Vec<f64>) {
     (open, closed)
 }
 
-/// Mean distance between the tips of different digits, metres, and for a single digit its distance from the tip's link.
+/// Mean distance between the tips of different digits, metres, and for a single digit its distance from the palm.
 fn fingertip_spread(model: &ArmModel, hand: &[f64]) -> f64 {
-    let mut hand = hand.to_vec();
-    let mut rates = vec![0.0; hand.len()];
-    model.couplings().apply(&mut hand, &mut rates);
-    let mut angles: Vec<f64> = model.arm.iter().map(|&joint| rest_angle(model, joint)).collect();
-    angles.extend(hand);
-    let poses = model.link_poses(&angles);
-    let tips = fingertips(model, &poses);
+    let poses = hand_poses(model, hand);
+    let tips: Vec<Point> = fingertips(model).iter().map(|tip| tip.place(&poses)).collect();
     let pairs: Vec<f64> = tips
         .iter()
         .enumerate()
@@ -114,28 +111,208 @@ fn fingertip_spread(model: &ArmModel, hand: &[f64]) -> f64 {
     }
 }
 
-/// The point of each digit that lies farthest out: the middle of the last link's shapes.
-fn fingertips(model: &ArmModel, poses: &[proact_types::Pose]) -> Vec<Point> {
+/// The poses of all links with the arm at rest, and the hand so.
+fn hand_poses(model: &ArmModel, hand: &[f64]) -> Vec<Pose> {
+    let mut hand = hand.to_vec();
+    model.couplings().place(&mut hand);
+    let mut positions: Vec<f64> = model.arm.iter().map(|&joint| rest_angle(model, joint)).collect();
+    positions.extend(hand);
+    model.link_poses(&positions)
+}
+
+/// The end of a digit.
+#[derive(Clone, Copy, Debug)]
+struct FingerTip {
+    /// First link of the digit.
+    root: usize,
+    link: usize,
+    /// In the frame of `link`.
+    point: Point,
+}
+
+impl FingerTip {
+    fn place(&self, poses: &[Pose]) -> Point {
+        poses[self.link] * self.point
+    }
+}
+
+/// The point of each digit that is farthest from the palm in the middle of the joints' ranges: a point of its last links, which
+/// moves with them.
+fn fingertips(model: &ArmModel) -> Vec<FingerTip> {
     let digits = model.digits();
-    let mut roots: Vec<usize> = digits.iter().flatten().copied().collect();
-    roots.sort_unstable();
-    roots.dedup();
+    let middle: Vec<f64> = model
+        .hand
+        .iter()
+        .map(|&joint| 0.5 * (model.joints[joint].limits.lower + model.joints[joint].limits.upper))
+        .collect();
+    let poses = hand_poses(model, &middle);
+    let palm = poses[model.tip].translation.vector;
+    let roots = (0..model.links.len()).filter(|&link| digits[link] == Some(link));
     roots
-        .into_iter()
-        .filter_map(|root| {
-            let mut links = (0..model.links.len()).filter(|&link| digits[link] == Some(root));
-            // Parents stand first, so the last link is at the end of the digit.
-            let last =
-                links.clone().rfind(|&link| !model.links[link].collisions.is_empty()).or(links.next_back())?;
-            let shapes = &model.links[last].collisions;
-            let middle = shapes
-                .iter()
-                .map(|shape| (poses[last] * shape.pose).translation.vector)
-                .sum::<proact_types::Vector>();
-            Some(match shapes.len() {
-                0 => Point::from(poses[last].translation.vector),
-                count => Point::from(middle / count as f64),
+        .map(|root| {
+            let links = (0..model.links.len()).filter(|&link| digits[link] == Some(root));
+            let points = links.flat_map(|link| {
+                let shapes = model.links[link].collisions.iter();
+                let ends = shapes.flat_map(|part| end_points(&part.shape).map(|end| part.pose * end));
+                // A link without a shape has its origin alone.
+                ends.chain([Point::origin()]).map(move |point| FingerTip { root, link, point })
+            });
+            let far = |tip: &FingerTip| (tip.place(&poses).coords - palm).norm();
+            points.max_by(|a, b| far(a).total_cmp(&far(b))).unwrap_or(FingerTip {
+                root,
+                link: root,
+                point: Point::origin(),
             })
         })
         .collect()
+}
+
+/// The middles of the ends of a shape along its axes.
+fn end_points(shape: &Shape) -> [Point; 6] {
+    let [x, y, z] = match *shape {
+        Shape::Box { size } => size.map(|side| 0.5 * side),
+        Shape::Sphere { radius } => [radius; 3],
+        Shape::Cylinder { radius, length } => [radius, radius, 0.5 * length],
+        Shape::Capsule { radius, length } => [radius, radius, 0.5 * length + radius],
+    };
+    [[x, 0.0, 0.0], [-x, 0.0, 0.0], [0.0, y, 0.0], [0.0, -y, 0.0], [0.0, 0.0, z], [0.0, 0.0, -z]]
+        .map(Point::from)
+}
+
+/// How a hand grips from above.
+pub(crate) struct GraspShape {
+    /// `tip_from_frame` of a frame whose z is up and along whose x the fingers close.
+    frame: UnitQuaternion<f64>,
+    /// In that frame.
+    pub(crate) grasp: Grasp,
+    pub(crate) sentence: String,
+}
+
+/// How far the ends of the fingers reach below the middle of what they hold, metres.
+const FINGER_DEPTH_M: f64 = 0.02;
+/// How far a hand may be tilted about the line along which it closes, and lean to the side, rad.
+const MAX_ROLL_RAD: f64 = 0.45;
+const MAX_LEAN_RAD: f64 = 0.26;
+/// Room that the open hand has on each side of what it holds, metres.
+const ROOM_M: f64 = 0.003;
+
+/// Where the hand holds a block of `width`, metres: between the two digits that come together most as it closes, approached from
+/// where the fingers point. None if the hand is too narrow for it.
+pub(crate) fn grasp_shape(model: &ArmModel, width: f64) -> Option<GraspShape> {
+    let (open, closed) = (model.pose("hand", OPEN_POSE).ok()?, model.pose("hand", CLOSED_POSE).ok()?);
+    let at = |share: f64| -> Vec<Pose> {
+        let hand: Vec<f64> = open.iter().zip(closed).map(|(a, b)| a + share * (b - a)).collect();
+        hand_poses(model, &hand)
+    };
+    let (apart, together) = (at(0.0), at(1.0));
+    let tips = fingertips(model);
+    let palm_from_base = apart[model.tip].inverse();
+    // Two digits, or one against the palm: where their ends are, palm's frame.
+    let ends = |pair: &[FingerTip], poses: &[Pose]| -> [Vector; 2] {
+        let place = |tip: &FingerTip| (palm_from_base * tip.place(poses)).coords;
+        match pair {
+            [a, b] => [place(a), place(b)],
+            // What does not move is where the one that moves goes.
+            [a, ..] => [place(a), place_at_end(a, &together, &palm_from_base)],
+            [] => [Vector::zeros(); 2],
+        }
+    };
+    let closing_of = |pair: &[FingerTip]| {
+        let gap = |poses: &[Pose]| {
+            let [a, b] = ends(pair, poses);
+            (b - a).norm()
+        };
+        gap(&apart) - gap(&together)
+    };
+    let pairs: Vec<Vec<FingerTip>> = match tips.as_slice() {
+        [one] => vec![vec![*one]],
+        several => several
+            .iter()
+            .enumerate()
+            .flat_map(|(k, a)| several[k + 1..].iter().map(|b| vec![*a, *b]))
+            .collect(),
+    };
+    let pair = pairs.iter().max_by(|a, b| closing_of(a).total_cmp(&closing_of(b)))?;
+    // Where their ends are a block and two fingertips apart; else as near to that as they come.
+    let thick = 2.0 * pair.iter().map(|tip| thickness(model, tip)).sum::<f64>() / pair.len() as f64;
+    let wanted = width + thick;
+    let off = |share: f64| {
+        let [a, b] = ends(pair, &at(share));
+        ((b - a).norm() - wanted).abs()
+    };
+    let steps = 40;
+    let share =
+        (0..=steps).map(|k| f64::from(k) / f64::from(steps)).min_by(|a, b| off(*a).total_cmp(&off(*b)))?;
+    let poses = at(share);
+    let [a, b] = ends(pair, &poses);
+    let [far_a, far_b] = ends(pair, &apart);
+    let opening = (far_b - far_a).norm() - thick;
+    if opening < width + ROOM_M || closing_of(pair) < 1e-3 {
+        return None;
+    }
+    let closing = (b - a).try_normalize(1e-6).or_else(|| (far_b - far_a).try_normalize(1e-6))?;
+    let middle = (a + b) / 2.0;
+    let roots = pair.iter().map(|tip| (palm_from_base * apart[tip.root]).translation.vector);
+    let knuckles = roots.sum::<Vector>() / pair.len() as f64;
+    let across = |way: Vector| way - closing * way.dot(&closing);
+    let approach =
+        [across(middle - knuckles), across(middle)].into_iter().find(|way| way.norm() > 0.005)?.normalize();
+    let end = a.dot(&approach).max(b.dot(&approach));
+    let center = middle + approach * (end - FINGER_DEPTH_M - middle.dot(&approach));
+    let frame = mount::grasp_rotation(&closing, &approach);
+    let names: Vec<&str> = pair.iter().map(|tip| model.links[tip.root].name.as_str()).collect();
+    let grasp = Grasp {
+        width_range_m: [0.0, ((opening - ROOM_M) * 1e3).floor() / 1e3],
+        center: (frame.inverse() * center).map(|x| (x * 1e5).round() / 1e5),
+        closing_direction: Some(Vector::x()),
+        roll_rad: 0.0,
+        roll_range_rad: [-MAX_ROLL_RAD, MAX_ROLL_RAD],
+        max_lean_rad: MAX_LEAN_RAD,
+        capture_radius_m: 0.5 * (opening + width),
+        withdrawal_direction: Vector::z(),
+        ..Grasp::default()
+    };
+    let sentence =
+        format!("the hand closes between {} and opens to {:.0} mm", names.join(" and "), 1e3 * opening);
+    Some(GraspShape { frame, grasp, sentence })
+}
+
+fn place_at_end(tip: &FingerTip, poses: &[Pose], palm_from_base: &Pose) -> Vector {
+    (palm_from_base * tip.place(poses)).coords
+}
+
+/// Half the least side of the shapes at the end of a digit, metres.
+fn thickness(model: &ArmModel, tip: &FingerTip) -> f64 {
+    let shapes = model.links[tip.link].collisions.iter().map(|part| match part.shape {
+        Shape::Box { size } => 0.5 * size.iter().copied().fold(f64::INFINITY, f64::min),
+        Shape::Sphere { radius } | Shape::Capsule { radius, .. } => radius,
+        Shape::Cylinder { radius, length } => radius.min(0.5 * length),
+    });
+    shapes.fold(f64::INFINITY, f64::min).min(0.02)
+}
+
+/// Adds the frame in which the grasp is given, and makes it the arm's tip.
+pub(crate) fn add_grasp_frame(model: &mut ArmModel, shape: &GraspShape) {
+    let mut name = "grasp_frame".to_owned();
+    while model.link(&name).is_ok() || model.joint(&format!("{name}_joint")).is_ok() {
+        name.push('_');
+    }
+    model.links.push(Link {
+        name: name.clone(),
+        inertial: None,
+        collisions: Vec::new(),
+        visuals: Vec::new(),
+    });
+    model.joints.push(Joint {
+        name: format!("{name}_joint"),
+        kind: JointKind::Fixed,
+        parent: model.tip,
+        child: model.links.len() - 1,
+        origin: Pose::from_parts(nalgebra::Translation3::identity(), shape.frame),
+        axis: Vector::x(),
+        limits: proact_arm::JointLimits::default(),
+        damping: 0.0,
+        friction: 0.0,
+    });
+    model.tip = model.links.len() - 1;
 }

@@ -6,6 +6,7 @@ use super::parts::{
 use crate::{
     finding::{Findings, Severity, joint_location, link_location},
     lint,
+    size_limits::MIN_MASS_KG,
     srdf::{number, vector},
     xml,
 };
@@ -65,12 +66,44 @@ pub(crate) fn read(text: &str, findings: &mut Findings) -> Option<RobotParts> {
         }
         parts.links.push(read_link(node, name, &materials, findings));
     }
+    add_missing_root(robot, &mut parts, findings);
     for node in children(robot, "joint") {
         let read = read_joint(node, &parts, findings);
         parts.joints.extend(read);
     }
     note_ignored(robot, findings);
     (!findings.has_error()).then_some(parts)
+}
+
+/// A part of a robot, as macros write one, may hang on a link of what it is mounted on. That link becomes a frame, if it is the
+/// one root then; else a name is wrong.
+fn add_missing_root(robot: Node<'_, '_>, parts: &mut RobotParts, findings: &mut Findings) {
+    let ends = |role: &str| -> Vec<&str> {
+        children(robot, "joint").filter_map(|joint| child(joint, role)?.attribute("link")).collect()
+    };
+    let (parents, moved) = (ends("parent"), ends("child"));
+    let mut missing: Vec<&str> = parents.into_iter().filter(|name| parts.link(name).is_none()).collect();
+    missing.dedup();
+    let [name] = missing.as_slice() else { return };
+    if name.is_empty() || moved.contains(name) || parts.links.iter().any(|link| !moved.contains(&&*link.name))
+    {
+        return;
+    }
+    parts.links.push(PartLink {
+        name: (*name).to_owned(),
+        inertial: None,
+        mass_kg: None,
+        collisions: Vec::new(),
+        visuals: Vec::new(),
+    });
+    note_link(
+        findings,
+        name,
+        "the link is not in the file",
+        "a parent of its joints",
+        "a <link>",
+        "Nothing: it is the frame on which the rest stands.",
+    );
 }
 
 /// Names the elements that have no meaning here, once each with their number.
@@ -128,14 +161,14 @@ fn read_link(
 fn read_inertial(node: Node<'_, '_>, name: &str, findings: &mut Findings) -> (Option<Inertial>, Option<f64>) {
     let Some(inertial) = child(node, "inertial") else { return (None, None) };
     let mass = child(inertial, "mass").and_then(|node| node.attribute("value"));
-    let Some(mass_kg) = mass.and_then(number).filter(|mass| *mass > 0.0) else {
+    let Some(mass_kg) = mass.and_then(number).filter(|mass| *mass >= MIN_MASS_KG) else {
         let got = format!("mass {}", mass.unwrap_or("missing"));
         note_link(
             findings,
             name,
             "the link is a frame",
             &got,
-            "a mass above 0 kg for a body",
+            "at least 1e-9 kg for a body",
             "Nothing: it gets no mass of its own.",
         );
         return (None, None);

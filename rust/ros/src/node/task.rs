@@ -80,7 +80,6 @@ struct TaskNode {
 pub fn run_task(parts: TaskParts) -> Result<(), NodeError> {
     let TaskParts { config, model, urdf, kinematics } = parts;
     let graph = RosGraph::join("proact_task")?;
-    let open = model.pose("hand", "open").map_err(TestbedError::Model)?;
     let base = config.setup.body.shoulder_pose(&Default::default());
     let task = config.build_task(&model).map_err(TestbedError::Config)?;
     let stand_in = ActuationStage::new(&config, &model, task.scene())?;
@@ -94,7 +93,7 @@ pub fn run_task(parts: TaskParts) -> Result<(), NodeError> {
         context: StageContext::new(&graph)?,
         world: GazeboWorld::new(model.clone(), &scene, base),
         task_publisher: TaskPublisher::new(&graph, &config, model.clone(), &urdf, kinematics)?,
-        hand_tracker: HandStateEstimator::new(open),
+        hand_tracker: HandStateEstimator::new(&model).map_err(TestbedError::from)?,
         last_actuation: stand_in.output(),
         mirrored_actuation: stand_in,
         is_initialized: false,

@@ -93,7 +93,7 @@ impl ActuationStage {
         let open = model.pose("hand", OPEN_POSE)?;
         Ok(Self {
             arm: ArmMotion::new(model, model.pose("arm", "start")?),
-            hand: HandMotion::new(open, config.motion.hand_rad_per_s),
+            hand: HandMotion::new(open, config.motion.hand_rad_per_s, model.hand_per_radian()),
             last_hand_command: HandCommand::Open,
             grasp_selector: GraspSelector::new(model, scene)?,
             base: ShoulderFilter::new(

@@ -3,7 +3,7 @@ use crate::{
     grasp_failure::GraspFailureDetector,
     ports::{Plant, PlantError},
 };
-use proact_arm::{ArmModel, OPEN_POSE};
+use proact_arm::ArmModel;
 use proact_control::{HandCommand, HandStateEstimator};
 use proact_types::{
     BodyState, EventKind, HandView, JointVector, ObjectId, PlantCommand, PlantState, Point, Scene, SimTime,
@@ -66,7 +66,7 @@ impl WorldStage {
             grasp_detector: GraspDetector::new(&config.physics, &model),
             grasp_failure_detector: GraspFailureDetector::new(&config.physics, &model),
             grasp_selector: GraspSelector::new(&model, scene)?,
-            hand_state_estimator: HandStateEstimator::new(model.pose("hand", OPEN_POSE)?),
+            hand_state_estimator: HandStateEstimator::new(&model)?,
             grasping_links: Vec::new(),
             unsolved_ticks: 0,
             contacts_solved: true,

@@ -1,6 +1,7 @@
 //! A trial's joints in the layout of ArmSym's file `Joint_Data.csv`: 90 rows a second, with tabs between the columns.
 
 use crate::{recompute_record, replay::ReplayOptions};
+use proact_arm::JointKind;
 use proact_control::MethodRegistry;
 use proact_testbed::Testbed;
 use proact_types::{Command, Number, Point, Pose};
@@ -22,7 +23,7 @@ const POSE_COLUMNS: [&str; 8] = [
 
 /// The rows of the trial in `dir`, which is recomputed with `methods`.
 ///
-/// Of joints that an arm has, `th1` and on: degrees from 0 to 360. Places are in metres in the axes that ArmSym's program has, x to
+/// Of joints that an arm has, `th1` and on: degrees from 0 to 360, of what slides metres. Places are in metres in the axes that ArmSym's program has, x to
 /// the right, y up, z ahead. In the place of its controller stands the arm's hand, in that of its trackpad 0 and the movement gesture:
 /// 1 for WE, -1 for WF.
 ///
@@ -61,8 +62,13 @@ fn write_row(text: &mut String, row: u64, testbed: &Testbed) {
     let model = testbed.model();
     let state = testbed.plant().state();
     write_formatted(text, format_args!("{row}\t{:.3}", testbed.now().as_secs()));
-    for angle in &state.position[..model.arm_count()] {
-        write_formatted(text, format_args!("\t{:.4}", Number(angle.to_degrees().rem_euclid(360.0))));
+    for (&joint, &position) in model.arm.iter().zip(&state.position) {
+        // Degrees, and metres of what slides.
+        let value = match model.joints[joint].kind {
+            JointKind::Prismatic => position,
+            _ => position.to_degrees().rem_euclid(360.0),
+        };
+        write_formatted(text, format_args!("\t{:.4}", Number(value)));
     }
     let base: Pose = state.world_from_base;
     let hand = base * model.link_poses(&state.position)[model.tip];

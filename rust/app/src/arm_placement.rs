@@ -1,0 +1,284 @@
+//! Where an arm that nobody wears stands, and how a trial begins with it: places about the box, tried by inverse kinematics and
+//! then by a trial.
+
+use crate::{Arm, RunOutputs, reach_map::GraspIk, run_to_end, trial};
+use proact_arm::{ArmModel, Chain, ChainPoses, FixedBase, JointLimits, NamedPose, OPEN_POSE};
+use proact_control::MethodRegistry;
+use proact_description::{ArmFolder, settings_template, to_srdf, to_urdf};
+use proact_devices::{EmgOrigin, FeedbackSinks};
+use proact_planning::CollisionScene;
+use proact_testbed::{Setup, TrialConfig};
+use proact_types::{JointVector, Point, Pose, Scene, Vector};
+use std::{collections::BTreeMap, error::Error, path::Path, sync::atomic::AtomicBool};
+
+/// Pose of the arm in which a trial starts.
+const START_POSE: &str = "start";
+
+/// Distances of a base from the middle of the box along x and y, and heights above the table, as shares of the arm's length.
+const AHEAD: [f64; 5] = [0.35, 0.45, 0.55, 0.7, 0.85];
+const ASIDE: [f64; 3] = [-0.3, 0.0, 0.3];
+const ABOVE: [f64; 6] = [-0.4, -0.2, 0.0, 0.2, 0.4, 0.7];
+/// No base is nearer to the middle of the box, metres: walls are there.
+const MIN_AHEAD_M: f64 = 0.3;
+/// A hand is carried so far above where it grips, metres.
+const LIFT_M: f64 = 0.15;
+/// So many places are tried by a trial, of so many seconds.
+const TRIED: usize = 12;
+const TRIAL_SECS: f64 = 100.0;
+
+/// Postures in which links are looked at for contacts, and the shares from which on a contact lasts: of any two links, and of
+/// neighbours.
+const CONTACT_POSTURES: usize = 300;
+const LASTING_SHARE: f64 = 0.5;
+const NEIGHBOR_SHARE: f64 = 0.03;
+
+/// A place for the base, and the arm's posture there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ArmPlacement {
+    /// Where the base stands, `world`, metres.
+    pub base: Point,
+    /// Positions of the arm's joints at the start, rad or m.
+    pub start: Vec<f64>,
+    /// Of the places from which and to which blocks are moved, the share that the hand reaches.
+    pub reached: f64,
+    /// Blocks that a simulated person moved with method D; none if no trial could be run.
+    pub blocks_moved: Option<usize>,
+}
+
+/// The best place for an arm, by trials of method D: its base and start pose are then in the model. None, and nothing is changed,
+/// if it reaches nothing or stands by itself already.
+///
+/// # Errors
+/// A task that does not build.
+pub fn place_arm(model: &mut ArmModel) -> Result<Option<ArmPlacement>, Box<dyn Error>> {
+    if model.settings.fixed_base.is_some() {
+        return Ok(None);
+    }
+    let config = TrialConfig::new("D", 1, Setup::named("still")?);
+    let scene = trial::live_trial(config.clone())?.trial.testbed().task().scene().clone();
+    let mut places = reachable_places(model, &scene);
+    // A trial does not begin with links in each other.
+    let mut contacts = CollisionScene::new(model)?;
+    if let Ok(open) = model.pose("hand", OPEN_POSE) {
+        contacts.set_hand(open)?;
+    }
+    places.retain(|place| contacts.collisions(&place.start).is_ok_and(|pairs| pairs.is_empty()));
+    let places = spread_over_heights(places);
+    let mut best: Option<ArmPlacement> = None;
+    for mut place in places {
+        place.blocks_moved = blocks_moved(&placed(model, &place), &config);
+        let is_done = place.blocks_moved >= Some(scene.objects.len());
+        if best.as_ref().is_none_or(|best| place.blocks_moved > best.blocks_moved) {
+            best = Some(place);
+        }
+        if is_done {
+            break;
+        }
+    }
+    if let Some(best) = &best {
+        *model = placed(model, best);
+    }
+    Ok(best)
+}
+
+/// The places to try: the best one of each height, then the second ones.
+fn spread_over_heights(places: Vec<ArmPlacement>) -> Vec<ArmPlacement> {
+    let mut counts: BTreeMap<i64, usize> = BTreeMap::new();
+    let mut ranked: Vec<(usize, ArmPlacement)> = places
+        .into_iter()
+        .map(|place| {
+            let count = counts.entry((place.base.z * 1e3).round() as i64).or_default();
+            *count += 1;
+            (*count, place)
+        })
+        .collect();
+    ranked.sort_by_key(|(rank, _)| *rank);
+    ranked.into_iter().take(TRIED).map(|(_, place)| place).collect()
+}
+
+/// Lets links touch that always do: shapes that enclose meshes overlap where these meet. Allowed is what touches in many of the
+/// postures between the joints' limits, and of links with at most two moving joints between them what touches in some. Names of
+/// the pairs.
+///
+/// # Errors
+/// A model that the planner refuses.
+pub fn allow_lasting_contacts(model: &mut ArmModel) -> Result<Vec<[String; 2]>, Box<dyn Error>> {
+    let mut scene = CollisionScene::new(model)?;
+    let open = model.pose("hand", OPEN_POSE).map(<[f64]>::to_vec);
+    if let Ok(open) = open {
+        scene.set_hand(&open)?;
+    }
+    let chain = Chain::new(model);
+    let mut random = RandomPostures::new(&chain);
+    let mut counts: BTreeMap<(usize, usize), usize> = BTreeMap::new();
+    for _ in 0..CONTACT_POSTURES {
+        for (a, b) in scene.collisions_of_all_links(&random.next_posture())? {
+            let (a, b) = (model.link(&a)?, model.link(&b)?);
+            *counts.entry((a.min(b), a.max(b))).or_default() += 1;
+        }
+    }
+    let mut allowed = Vec::new();
+    for ((a, b), count) in counts {
+        let share = count as f64 / CONTACT_POSTURES as f64;
+        let least = if joints_between(model, a, b) <= 2 { NEIGHBOR_SHARE } else { LASTING_SHARE };
+        if share >= least {
+            model.allowed_collisions.push((a, b));
+            allowed.push([a, b].map(|link| model.links[link].name.clone()));
+        }
+    }
+    model.allowed_collisions.sort_unstable();
+    model.allowed_collisions.dedup();
+    Ok(allowed)
+}
+
+/// Moving joints on the way from one link to another.
+fn joints_between(model: &ArmModel, a: usize, b: usize) -> usize {
+    let above = |link: usize| -> Vec<usize> {
+        std::iter::successors(link.checked_sub(1), |&joint| model.joints[joint].parent.checked_sub(1))
+            .collect()
+    };
+    let (of_a, of_b) = (above(a), above(b));
+    let moves = |joint: &&usize| model.joints[**joint].kind.moves();
+    of_a.iter().filter(|joint| !of_b.contains(joint)).filter(moves).count()
+        + of_b.iter().filter(|joint| !of_a.contains(joint)).filter(moves).count()
+}
+
+/// Postures of the arm between its limits, the same ones each time.
+struct RandomPostures<'a> {
+    chain: &'a Chain,
+    state: u64,
+}
+
+impl<'a> RandomPostures<'a> {
+    fn new(chain: &'a Chain) -> Self {
+        Self { chain, state: 1 }
+    }
+
+    fn next_posture(&mut self) -> JointVector {
+        let state = &mut self.state;
+        let position = |limits: &JointLimits| {
+            *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            let share = (*state >> 11) as f64 / (1_u64 << 53) as f64;
+            // A turn tells as much as a hundred.
+            let (low, high) = (limits.lower.max(-3.2), limits.upper.min(3.2));
+            low + share * (high - low)
+        };
+        self.chain.limits().iter().map(position).collect()
+    }
+}
+
+/// `model` on `place`.
+fn placed(model: &ArmModel, place: &ArmPlacement) -> ArmModel {
+    let mut model = model.clone();
+    model.settings.fixed_base = Some(FixedBase { xyz: place.base });
+    model.poses.retain(|pose| pose.group != "arm" || pose.name != START_POSE);
+    let (name, group) = (START_POSE.to_owned(), "arm".to_owned());
+    model.poses.push(NamedPose { name, group, angles: place.start.clone() });
+    model
+}
+
+/// Places from which the hand reaches something, those from which it reaches most first, and of these the ones whose joints are
+/// farthest from their limits.
+fn reachable_places(model: &ArmModel, scene: &Scene) -> Vec<ArmPlacement> {
+    let chain = Chain::new(model);
+    let length = reach_of(&chain);
+    let width = scene.objects.first().map_or(0.05, |object| object.shape.grip_width());
+    let hand = GraspIk::new(model, model.grasp_for(width).clone());
+    // Each block, and its mirror image on the other side, and above both.
+    let mut goals: Vec<Point> = Vec::new();
+    for object in &scene.objects {
+        let at = object.pose.translation.vector;
+        for side in [1.0, -1.0] {
+            for lift in [0.0, LIFT_M] {
+                goals.push(Point::new(at.x, side * at.y, at.z + lift));
+            }
+        }
+    }
+    let middle = goals.iter().map(|goal| goal.coords).sum::<Vector>() / goals.len().max(1) as f64;
+    let above = Point::new(middle.x, middle.y, scene.table_height + 2.0 * LIFT_M);
+    let mut found = Vec::new();
+    for ahead in AHEAD {
+        for aside in ASIDE {
+            for height in ABOVE {
+                let base = Point::new(
+                    middle.x - (ahead * length).max(MIN_AHEAD_M),
+                    middle.y + aside * length,
+                    (scene.table_height + height * length).max(0.0),
+                );
+                let pose = Pose::translation(base.x, base.y, base.z);
+                let Some(start) = hand.solve(&pose, &above, None) else { continue };
+                let mut last = start.clone();
+                let mut margins = margin(&chain, &start);
+                let mut count = 0_usize;
+                for goal in &goals {
+                    if let Some(q) = hand.solve(&pose, goal, Some(&last)) {
+                        count += 1;
+                        margins += margin(&chain, &q);
+                        last = q;
+                    }
+                }
+                let reached = count as f64 / goals.len().max(1) as f64;
+                let place = ArmPlacement { base, start: start.to_vec(), reached, blocks_moved: None };
+                found.push((reached + 0.2 * margins / (count + 1) as f64, place));
+            }
+        }
+    }
+    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    found.into_iter().map(|(_, place)| place).filter(|place| place.reached > 0.0).collect()
+}
+
+/// Smallest distance from a limit, as a share of the joint's range, 0 to 0.5; of a joint that turns for ever, 0.5.
+fn margin(chain: &Chain, q: &JointVector) -> f64 {
+    let share = |(q, limits): (&f64, &JointLimits)| {
+        ((q - limits.lower).min(limits.upper - q) / (limits.upper - limits.lower)).clamp(0.0, 0.5)
+    };
+    q.iter().zip(chain.limits()).map(share).fold(0.5, f64::min)
+}
+
+/// The arm's length, metres: the farthest of its tip from its base among postures between the limits.
+fn reach_of(chain: &Chain) -> f64 {
+    const POSTURES: usize = 2000;
+    let mut poses = ChainPoses::default();
+    let mut random = RandomPostures::new(chain);
+    let mut farthest = 0.1_f64;
+    for _ in 0..POSTURES {
+        chain.link_poses_into(&random.next_posture(), &mut poses);
+        farthest = farthest.max(poses.tip.translation.vector.norm());
+    }
+    farthest
+}
+
+/// Blocks that a simulated person moves with the arm, across or onto their targets; none if the trial cannot be run.
+fn blocks_moved(model: &ArmModel, config: &TrialConfig) -> Option<usize> {
+    let folder = ArmFolder {
+        name: model.name.clone(),
+        urdf: to_urdf(model),
+        srdf: Some(to_srdf(model)),
+        settings: Some(settings_template(model)),
+        meshes: BTreeMap::new(),
+    };
+    let arm = Arm::from_folder(folder, Path::new(&model.name), false).ok()?;
+    let mut config = config.clone();
+    config.arm = arm.pinned();
+    config.setup = config.setup.with_arm(arm.model());
+    config.limit_secs = TRIAL_SECS;
+    let methods = MethodRegistry::standard();
+    let made = trial::simulated_trial_with_model(&methods, &arm, config, &EmgOrigin::Synthetic, None).ok()?;
+    let interrupted = AtomicBool::new(false);
+    let mut nobody = RunOutputs {
+        page: None,
+        inputs: None,
+        rosbridge: None,
+        shoulder: None,
+        feedback: FeedbackSinks::default(),
+        interrupted: &interrupted,
+    };
+    let result = run_to_end(made.trial, None, &mut nobody, None, |_, _| {}).ok()?;
+    let outcomes = result.legacy_fields.get("outcomes")?.as_array()?;
+    let crossed = |entry: &&serde_json::Value| {
+        entry["outcome"]
+            .as_str()
+            .is_some_and(|outcome| outcome.ends_with("on_target") || outcome == "crossed_off_target")
+    };
+    Some(outcomes.iter().filter(crossed).count())
+}
