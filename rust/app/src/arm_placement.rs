@@ -1,4 +1,4 @@
-//! Where an arm that nobody wears stands, and how a trial begins with it: places about the box, tried by inverse kinematics and
+//! Where an arm that no one wears stands, and how a trial begins with it: places about the box, tried by inverse kinematics and
 //! then by a trial.
 
 use crate::{Arm, RunOutputs, reach_map::GraspIk, run_to_end, trial};
@@ -22,7 +22,7 @@ const ABOVE: [f64; 6] = [-0.4, -0.2, 0.0, 0.2, 0.4, 0.7];
 const MIN_AHEAD_M: f64 = 0.3;
 /// A hand is carried so far above where it grips, metres.
 const LIFT_M: f64 = 0.15;
-/// So many places are tried by a trial, of so many seconds.
+/// Number of places that are tried by a trial, and the length of each trial.
 const TRIED: usize = 12;
 const TRIAL_SECS: f64 = 100.0;
 

@@ -2,10 +2,10 @@
 
 use crate::{
     finding::{Findings, join_names, joint_location as joint_place, link_location as link_place},
-    srdf::{Group, GroupMember, SrdfGrasp, SrdfModel},
+    srdf::{EndEffector, Group, GroupMember, SrdfGrasp, SrdfModel},
     tree::LinkTree,
 };
-use proact_arm::{ArmModel, CLOSED_POSE, Grasp, NamedPose, OPEN_POSE};
+use proact_arm::{ArmModel, CLOSED_POSE, Grasp, JointKind, JointLimits, NamedPose, OPEN_POSE};
 use proact_types::{MAX_JOINTS, Vector};
 
 /// The model, if nothing fatal was found on the way.
@@ -106,9 +106,11 @@ fn infer_groups(model: &mut ArmModel) {
 }
 
 fn apply_semantics(model: &mut ArmModel, semantics: &SrdfModel, findings: &mut Findings) {
-    let Some((arm, hand, tip)) = roles(semantics, findings) else { return };
-    model.arm = group_joints(model, arm, findings);
-    model.hand = hand.map(|group| group_joints(model, group, findings)).unwrap_or_default();
+    let Some((arm, hand, tip)) = roles(model, semantics, findings) else { return };
+    model.arm = group_joints(model, &semantics.groups, arm, findings);
+    model.hand =
+        hand.map(|group| group_joints(model, &semantics.groups, group, findings)).unwrap_or_default();
+    hold_other_joints(model, findings);
     let last = model.arm.last().map_or(0, |&j| model.joints[j].child);
     model.tip = match tip.map(|name| (name, model.link(name))) {
         Some((_, Ok(tip))) => tip,
@@ -121,7 +123,7 @@ fn apply_semantics(model: &mut ArmModel, semantics: &SrdfModel, findings: &mut F
     };
     check_groups(model, &arm.name, findings);
     for state in &semantics.states {
-        add_pose(model, state, arm, hand, findings);
+        add_pose(model, state, &semantics.groups, arm, hand, findings);
     }
     for (a, b) in &semantics.allowed {
         match (model.link(a), model.link(b)) {
@@ -190,15 +192,13 @@ fn add_grasps(model: &mut ArmModel, semantics: &SrdfModel, findings: &mut Findin
 /// Arm group, hand group, and the name of the tip link.
 type Roles<'a> = (&'a Group, Option<&'a Group>, Option<&'a str>);
 
-fn roles<'a>(semantics: &'a SrdfModel, findings: &mut Findings) -> Option<Roles<'a>> {
+fn roles<'a>(model: &ArmModel, semantics: &'a SrdfModel, findings: &mut Findings) -> Option<Roles<'a>> {
     let find = |name: &str| semantics.groups.iter().find(|g| g.name == name);
     let known = || join_names(semantics.groups.iter().map(|g| g.name.as_str()));
-    if let Some(effector) = &semantics.end_effector {
-        let others: Vec<&Group> = semantics.groups.iter().filter(|g| g.name != effector.hand).collect();
-        let arm = match (&effector.arm, others.as_slice()) {
-            (Some(name), _) => find(name),
-            (None, [only]) => Some(*only),
-            _ => None,
+    if let Some(effector) = semantics.end_effectors.first() {
+        let arm = match &effector.arm {
+            Some(name) => find(name),
+            None => arm_before(model, semantics, effector),
         };
         let hand = find(&effector.hand);
         if arm.is_none() || hand.is_none() {
@@ -227,11 +227,102 @@ fn roles<'a>(semantics: &'a SrdfModel, findings: &mut Findings) -> Option<Roles<
     }
 }
 
-fn group_joints(model: &ArmModel, group: &Group, findings: &mut Findings) -> Vec<usize> {
+/// The group whose joints lead to the end effector, where it does not say which: of those that move nothing else the one with
+/// most joints.
+fn arm_before<'a>(model: &ArmModel, semantics: &'a SrdfModel, effector: &EndEffector) -> Option<&'a Group> {
+    let path = chain(model, 0, model.link(&effector.tip).ok()?)?;
+    let mut unheard = Findings::default();
+    let mut best: Option<(usize, &Group)> = None;
+    for group in semantics.groups.iter().filter(|group| group.name != effector.hand) {
+        let joints = group_joints(model, &semantics.groups, group, &mut unheard);
+        if joints.iter().all(|joint| path.contains(joint))
+            && best.is_none_or(|(count, _)| joints.len() > count)
+        {
+            best = Some((joints.len(), group));
+        }
+    }
+    best.filter(|(count, _)| *count > 0).map(|(_, group)| group)
+}
+
+/// Joints that belong to no group stand at zero, or at the nearest of their limits.
+fn hold_other_joints(model: &mut ArmModel, findings: &mut Findings) {
+    for index in 0..model.joints.len() {
+        let follows = model.mimics.iter().any(|mimic| mimic.joint == index);
+        let joint = &model.joints[index];
+        if !joint.kind.moves() || model.arm.contains(&index) || model.hand.contains(&index) {
+            continue;
+        }
+        // A follower of a finger is part of the hand, whether it is listed or not.
+        if follows
+            && model.mimics.iter().any(|mimic| mimic.joint == index && model.hand.contains(&mimic.master))
+        {
+            model.hand.push(index);
+            continue;
+        }
+        let at = 0.0_f64.clamp(joint.limits.lower, joint.limits.upper);
+        findings.warning(
+            joint_place(&joint.name),
+            "the joint is in no group",
+            "it moves",
+            "a place in the arm's group or in the hand's",
+            format!("Nothing: it is held at {at} {}.", joint.kind.unit()),
+        );
+        let origin = joint.transform_at(at);
+        let joint = &mut model.joints[index];
+        (joint.origin, joint.kind, joint.limits) = (origin, JointKind::Fixed, JointLimits::default());
+        model.mimics.retain(|mimic| mimic.joint != index && mimic.master != index);
+    }
+}
+
+fn group_joints(model: &ArmModel, groups: &[Group], group: &Group, findings: &mut Findings) -> Vec<usize> {
+    let mut joints = Vec::new();
+    add_group_joints(model, groups, group, &mut vec![&group.name], &mut joints, findings);
+    // Other readers allow fixed joints in groups; they have no place in a joint vector. A chain and its links name a joint twice.
+    let mut seen = Vec::new();
+    joints.retain(|joint| {
+        !seen.contains(joint) && {
+            seen.push(*joint);
+            true
+        }
+    });
+    moving_joints(model, joints)
+}
+
+/// The joints of `group` and of the groups in it; `path` holds the names of those that it is in.
+fn add_group_joints<'a>(
+    model: &ArmModel,
+    groups: &'a [Group],
+    group: &'a Group,
+    path: &mut Vec<&'a str>,
+    out: &mut Vec<usize>,
+    findings: &mut Findings,
+) {
     let location = format!("group \"{}\"", group.name);
-    let mut out = Vec::new();
     for member in &group.members {
         match member {
+            GroupMember::Link(name) => match model.link(name) {
+                // The root is moved by no joint.
+                Ok(link) => out.extend(link.checked_sub(1)),
+                Err(error) => {
+                    let remedy = "Correct the name, or take the link out of the group.";
+                    findings.error(&location, "a link does not exist", name, error.to_string(), remedy);
+                }
+            },
+            GroupMember::Group(name) => match groups.iter().find(|other| other.name == *name) {
+                Some(other) if !path.contains(&name.as_str()) => {
+                    path.push(name);
+                    add_group_joints(model, groups, other, path, out, findings);
+                    path.pop();
+                }
+                Some(_) => {
+                    let remedy = "Take one out of the other.";
+                    findings.error(&location, "a group is in itself", name, "groups within groups", remedy);
+                }
+                None => {
+                    let known = join_names(groups.iter().map(|group| group.name.as_str()));
+                    findings.error(&location, "a group does not exist", name, known, "Correct the name.");
+                }
+            },
             GroupMember::Joint(name) => match model.joint(name) {
                 Ok(joint) => out.push(joint),
                 Err(error) => {
@@ -254,8 +345,6 @@ fn group_joints(model: &ArmModel, group: &Group, findings: &mut Findings) -> Vec
             }
         }
     }
-    // Other readers allow fixed joints in groups; they have no place in a joint vector.
-    moving_joints(model, out)
 }
 
 /// Every moving joint belongs to one group, and the arm is a chain that ends at the tip.
@@ -300,53 +389,67 @@ fn check_groups(model: &ArmModel, arm: &str, findings: &mut Findings) {
 fn add_pose(
     model: &mut ArmModel,
     state: &crate::srdf::GroupState,
+    groups: &[Group],
     arm: &Group,
     hand: Option<&Group>,
     findings: &mut Findings,
 ) {
     let location = format!("pose \"{}\" of group \"{}\"", state.name, state.group);
-    let (role, joints) = if state.group == arm.name {
-        ("arm", &model.arm)
+    let roles = if state.group == arm.name {
+        vec![("arm", model.arm.clone())]
     } else if hand.is_some_and(|h| h.name == state.group) {
-        ("hand", &model.hand)
+        vec![("hand", model.hand.clone())]
+    } else if let Some(group) = groups.iter().find(|group| group.name == state.group) {
+        // A group of both: each takes what is its own.
+        let joints = group_joints(model, groups, group, findings);
+        let of = |own: &[usize]| own.iter().any(|joint| joints.contains(joint));
+        let both = [("arm", model.arm.clone()), ("hand", model.hand.clone())];
+        both.into_iter().filter(|(role, own)| of(own) && model.pose(role, &state.name).is_err()).collect()
     } else {
-        let expected = "the arm's or the hand's group";
-        findings.error(
-            location,
-            "its group has no role",
-            &state.group,
-            expected,
-            "Correct or remove the pose.",
-        );
-        return;
+        Vec::new()
     };
+    if roles.is_empty() {
+        let expected = "the arm's or the hand's group";
+        let remedy = "Nothing: the pose is left out.";
+        findings.warning(location, "its group has no role", &state.group, expected, remedy);
+        return;
+    }
     for (name, _) in &state.values {
-        if !joints.iter().any(|&j| model.joints[j].name == *name) {
-            let expected = join_names(joints.iter().map(|&j| model.joints[j].name.as_str()));
-            let remedy = "Correct the name, or remove the angle.";
-            findings.error(&location, "a joint is not in the group", name, expected, remedy);
+        if !roles.iter().flat_map(|(_, joints)| joints).any(|&j| model.joints[j].name == *name) {
+            let names = roles.iter().flat_map(|(_, joints)| joints).map(|&j| model.joints[j].name.as_str());
+            let (expected, remedy) = (join_names(names), "Nothing: the angle is left out.");
+            findings.warning(&location, "a joint is not in the group", name, expected, remedy);
         }
     }
-    let mut angles = Vec::new();
-    for &j in joints {
-        let joint = &model.joints[j];
-        let Some(angle) = pose_angle(model, j, &state.values) else {
-            let remedy = "Give an angle for every joint of the group.";
-            findings.error(&location, "an angle is missing", "nothing", joint_place(&joint.name), remedy);
-            return;
-        };
-        if angle < joint.limits.lower || angle > joint.limits.upper {
-            findings.warning(
-                &location,
-                format!("the angle of {} is out of its limits", joint_place(&joint.name)),
-                format!("{angle} rad"),
-                format!("{} to {} rad", joint.limits.lower, joint.limits.upper),
-                "Correct the pose; a program that moves there will stop at the limit.",
-            );
+    for (role, joints) in roles {
+        let given = |joint: &usize| state.values.iter().any(|(name, _)| *name == model.joints[*joint].name);
+        if !joints.iter().any(given) {
+            continue;
         }
-        angles.push(angle);
+        let mut angles = Vec::new();
+        for &j in &joints {
+            let joint = &model.joints[j];
+            let limits = &joint.limits;
+            let angle = pose_angle(model, j, &state.values).unwrap_or_else(|| {
+                let at = 0.0_f64.clamp(limits.lower, limits.upper);
+                let done = format!("Nothing: it is {at} {}.", joint.kind.unit());
+                findings.warning(&location, "an angle is missing", "nothing", joint_place(&joint.name), done);
+                at
+            });
+            if angle < limits.lower || angle > limits.upper {
+                let unit = joint.kind.unit();
+                findings.warning(
+                    &location,
+                    format!("the angle of {} is out of its limits", joint_place(&joint.name)),
+                    format!("{angle} {unit}"),
+                    format!("{} to {} {unit}", limits.lower, limits.upper),
+                    "Correct the pose; a program that moves there will stop at the limit.",
+                );
+            }
+            angles.push(angle);
+        }
+        model.poses.push(NamedPose { name: state.name.clone(), group: role.to_owned(), angles });
     }
-    model.poses.push(NamedPose { name: state.name.clone(), group: role.to_owned(), angles });
 }
 
 /// The angle of a joint among those of a pose, rad: what its master's makes it if it follows one, else its own.

@@ -13,7 +13,7 @@ use roxmltree::Node;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct SrdfModel {
     pub(crate) groups: Vec<Group>,
-    pub(crate) end_effector: Option<EndEffector>,
+    pub(crate) end_effectors: Vec<EndEffector>,
     pub(crate) states: Vec<GroupState>,
     pub(crate) allowed: Vec<(String, String)>,
     pub(crate) grasp_center: Option<(String, [f64; 3])>,
@@ -39,7 +39,14 @@ pub(crate) struct Group {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum GroupMember {
     Joint(String),
-    Chain { base: String, tip: String },
+    Chain {
+        base: String,
+        tip: String,
+    },
+    /// The joint that moves it.
+    Link(String),
+    /// All of another group.
+    Group(String),
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -120,17 +127,19 @@ fn read_group(node: Node<'_, '_>, findings: &mut Findings, out: &mut SrdfModel) 
     for member in node.children().filter(Node::is_element) {
         match member.tag_name().name() {
             "joint" => members.extend(required_attribute(member, "name", findings).map(GroupMember::Joint)),
+            "link" => members.extend(required_attribute(member, "name", findings).map(GroupMember::Link)),
+            "group" => members.extend(required_attribute(member, "name", findings).map(GroupMember::Group)),
             "chain" => {
                 let base = required_attribute(member, "base_link", findings);
                 let tip = required_attribute(member, "tip_link", findings);
                 members.extend(base.zip(tip).map(|(base, tip)| GroupMember::Chain { base, tip }));
             }
-            other => findings.error(
+            other => findings.warning(
                 format!("group \"{name}\""),
-                "the kind of member is not supported",
+                "a member has no meaning here",
                 format!("<{other}>"),
-                "<joint> or <chain>",
-                "List the group's joints one by one.",
+                "<joint>, <link>, <chain> or <group>",
+                "Nothing: it is left out.",
             ),
         }
     }
@@ -142,16 +151,16 @@ fn read_end_effector(node: Node<'_, '_>, findings: &mut Findings, out: &mut Srdf
         (required_attribute(node, "group", findings), required_attribute(node, "parent_link", findings));
     let arm = node.attribute("parent_group").map(str::to_owned);
     if let (Some(hand), Some(tip)) = (hand, tip) {
-        if out.end_effector.is_some() {
-            findings.error(
+        if let Some(first) = out.end_effectors.first() {
+            findings.warning(
                 element_location(node),
                 "there is more than one end effector",
-                "a second one",
-                "at most one: the hand",
-                "Describe one arm with one hand per file.",
+                format!("group \"{hand}\""),
+                "one: the hand",
+                format!("Nothing: the first is taken, group \"{}\".", first.hand),
             );
         }
-        out.end_effector = Some(EndEffector { hand, arm, tip });
+        out.end_effectors.push(EndEffector { hand, arm, tip });
     }
 }
 

@@ -73,7 +73,9 @@ fn a_missing_joint_is_named_by_the_group_that_needs_it() {
     let cut = MPL_RIGHT_ARM_URDF.replace("<joint name=\"mpl_right_arm__elbow\"", "<joint name=\"other\"");
     let error = parse(&cut, MPL_RIGHT_ARM_SRDF).unwrap_err().to_string();
     assert!(error.contains("group \"mpl_arm\": a joint does not exist: got mpl_right_arm__elbow"), "{error}");
-    assert!(error.contains("joint \"other\""), "a moving joint without a group is named too: {error}");
+    let report = proact_description::check(&cut, Some(MPL_RIGHT_ARM_SRDF));
+    let named = report.findings.iter().any(|finding| finding.location.contains("joint \"other\""));
+    assert!(named, "a moving joint without a group is named too: {report}");
 }
 
 #[test]
@@ -196,9 +198,7 @@ fn semantics_that_do_not_fit_the_arm_are_refused() {
         "<joint name=\"biceps\"/>",
         &["biceps", "mpl_arm"],
     );
-    refused_srdf("<joint name=\"mpl_right_arm__humerus\"/>", "", &["mpl_right_arm__humerus", "0 places"]);
     refused_srdf(" value=\"1.029\"", " value=\"nan\"", &["pose \"start\"", "\"nan\"", "finite"]);
-    refused_srdf("<joint name=\"mpl_right_arm__shoulder\" value=\"1.029\"/>", "", &["an angle is missing"]);
     refused_srdf(
         "parent_group=\"mpl_arm\"",
         "parent_group=\"leg\"",
@@ -218,10 +218,60 @@ fn semantics_that_do_not_fit_the_arm_are_refused() {
     refused_srdf(
         "<group name=\"mpl_arm\">",
         "<group name=\"mpl_arm\"><link name=\"x\"/>",
-        &["<link>", "<chain>"],
+        &["a link does not exist", "x"],
+    );
+    refused_srdf(
+        "<group name=\"mpl_arm\">",
+        "<group name=\"mpl_arm\"><group name=\"mpl_arm\"/>",
+        &["a group is in itself"],
     );
     assert!(parse(MPL_RIGHT_ARM_URDF, "<robot").unwrap_err().to_string().contains("SRDF"));
     assert!(parse(MPL_RIGHT_ARM_URDF, "").is_err());
+}
+
+/// As the assistants of other programs write it: links in groups, groups in groups, poses of both and of some joints, a second end
+/// effector, no parent_group, a joint in no group.
+#[test]
+fn an_srdf_file_as_others_write_it_is_read_in_full() {
+    let hand_joints: String = {
+        let start = MPL_RIGHT_ARM_SRDF.find("<group name=\"mpl_hand\">").unwrap();
+        let end = start + MPL_RIGHT_ARM_SRDF[start..].find("</group>").unwrap();
+        MPL_RIGHT_ARM_SRDF[start..end].to_owned()
+    };
+    let ours = parse(MPL_RIGHT_ARM_URDF, MPL_RIGHT_ARM_SRDF).unwrap();
+    let links: String = ours
+        .hand
+        .iter()
+        .map(|&joint| format!("<link name=\"{}\"/>", ours.links[ours.joints[joint].child].name))
+        .collect();
+    let srdf = MPL_RIGHT_ARM_SRDF
+        .replace(&hand_joints, &format!("<group name=\"mpl_hand\">{links}"))
+        .replace(" parent_group=\"mpl_arm\"", "")
+        .replace(
+            "</robot>",
+            "<group name=\"all\"><group name=\"mpl_arm\"/><group name=\"mpl_hand\"/></group>\
+             <group_state name=\"ready\" group=\"all\"><joint name=\"mpl_right_arm__elbow\" value=\"1\"/></group_state>\
+             <end_effector name=\"tool\" group=\"all\" parent_link=\"base_link\"/>\
+             <virtual_joint name=\"v\" type=\"fixed\" parent_frame=\"world\" child_link=\"base_link\"/></robot>",
+        );
+    let model = parse(MPL_RIGHT_ARM_URDF, &srdf).unwrap();
+    assert_eq!((&model.arm, &model.hand, model.tip), (&ours.arm, &ours.hand, ours.tip));
+    let elbow =
+        model.arm.iter().position(|&joint| model.joints[joint].name == "mpl_right_arm__elbow").unwrap();
+    let ready = model.pose("arm", "ready").unwrap();
+    for (place, (angle, &joint)) in ready.iter().zip(&model.arm).enumerate() {
+        let limits = model.joints[joint].limits;
+        let rest = 0.0_f64.clamp(limits.lower, limits.upper);
+        assert_eq!(*angle, if place == elbow { 1.0 } else { rest }, "{}", model.joints[joint].name);
+    }
+    let report = proact_description::check(MPL_RIGHT_ARM_URDF, Some(&srdf));
+    for words in ["more than one end effector", "an angle is missing"] {
+        assert!(report.findings.iter().any(|finding| finding.problem.contains(words)), "{words}: {report}");
+    }
+
+    let held = srdf.replace("<joint name=\"mpl_right_arm__humerus\"/>", "");
+    let model = parse(MPL_RIGHT_ARM_URDF, &held).unwrap();
+    assert_eq!(model.arm.len(), 6, "a joint in no group is held");
 }
 
 #[test]

@@ -197,7 +197,7 @@ const MAX_LEAN_RAD: f64 = 0.26;
 const ROOM_M: f64 = 0.003;
 
 /// Where the hand holds a block of `width`, metres: between the two digits that come together most as it closes, approached from
-/// where the fingers point. None if the hand is too narrow for it.
+/// where the fingers point. None if no digits come together.
 pub(crate) fn grasp_shape(model: &ArmModel, width: f64) -> Option<GraspShape> {
     let (open, closed) = (model.pose("hand", OPEN_POSE).ok()?, model.pose("hand", CLOSED_POSE).ok()?);
     let at = |share: f64| -> Vec<Pose> {
@@ -247,7 +247,7 @@ pub(crate) fn grasp_shape(model: &ArmModel, width: f64) -> Option<GraspShape> {
     let [a, b] = ends(pair, &poses);
     let [far_a, far_b] = ends(pair, &apart);
     let opening = (far_b - far_a).norm() - thick;
-    if opening < width + ROOM_M || closing_of(pair) < 1e-3 {
+    if closing_of(pair) < 1e-3 {
         return None;
     }
     let closing = (b - a).try_normalize(1e-6).or_else(|| (far_b - far_a).try_normalize(1e-6))?;
@@ -262,7 +262,7 @@ pub(crate) fn grasp_shape(model: &ArmModel, width: f64) -> Option<GraspShape> {
     let frame = mount::grasp_rotation(&closing, &approach);
     let names: Vec<&str> = pair.iter().map(|tip| model.links[tip.root].name.as_str()).collect();
     let grasp = Grasp {
-        width_range_m: [0.0, ((opening - ROOM_M) * 1e3).floor() / 1e3],
+        width_range_m: [0.0, (((opening - ROOM_M) * 1e3).floor() / 1e3).max(0.005)],
         center: (frame.inverse() * center).map(|x| (x * 1e5).round() / 1e5),
         closing_direction: Some(Vector::x()),
         roll_rad: 0.0,
@@ -272,8 +272,13 @@ pub(crate) fn grasp_shape(model: &ArmModel, width: f64) -> Option<GraspShape> {
         withdrawal_direction: Vector::z(),
         ..Grasp::default()
     };
-    let sentence =
-        format!("the hand closes between {} and opens to {:.0} mm", names.join(" and "), 1e3 * opening);
+    let narrow =
+        if opening < width + ROOM_M { ", which is too narrow for the blocks of the task" } else { "" };
+    let sentence = format!(
+        "the hand closes between {} and opens to {:.0} mm{narrow}",
+        names.join(" and "),
+        1e3 * opening.max(0.0)
+    );
     Some(GraspShape { frame, grasp, sentence })
 }
 

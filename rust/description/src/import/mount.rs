@@ -34,7 +34,7 @@ const CARRIER: &str = "wam";
 /// Parts of a body that are no arm.
 const NO_ARM: [&str; 11] =
     ["leg", "foot", "ankle", "toe", "hip", "knee", "wheel", "head", "neck", "camera", "caster"];
-/// So many corners of a mesh tell where it ends.
+/// Number of corners of a mesh that tell where it ends.
 const MAX_MESH_CORNERS: usize = 400;
 
 /// The chain that is the arm: all else is held. Where there are several, the one that has a hand, is right and has most joints.
