@@ -14,7 +14,7 @@ python3-actionlib python3-tf2-ros python3-message-filters python3-std-msgs pytho
 python3-visualization-msgs python3-diagnostic-msgs python3-std-srvs python3-tf2-msgs python3-actionlib-msgs
 python3-rosgraph-msgs python3-shape-msgs libshape-msgs-dev libactionlib-dev libstd-msgs-dev libgeometry-msgs-dev libsensor-msgs-dev libtrajectory-msgs-dev
 libtf2-ros-dev ros-robot-state-publisher ros-core-dev ros-message-generation catkin catkin-tools colcon python3-colcon-ros rviz xvfb
-xauth libgl1-mesa-dri imagemagick cmake make python3-websocket python3-numpy"
+xauth libgl1-mesa-dri imagemagick cmake make python3-websocket python3-numpy iproute2"
 
 # Debian packages that a lane needs beside those of the build.
 packages_of() {

@@ -18,7 +18,7 @@ import xmlrpc.client
 ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), "..", ".."))
 BINARY = os.environ.get("PROACT_BINARY", os.path.join(ROOT, "target", "release", "proact"))
 # A loaded machine may be slow; a missing thing must still fail in the end.
-TIMEOUT_SECS = float(os.environ.get("PROACT_TIMEOUT_SECS") or "60")
+TIMEOUT_SECS = float(os.environ.get("PROACT_TIMEOUT_SECS") or "240")
 
 
 def free_port():

@@ -55,7 +55,7 @@ pub fn place_arm(model: &mut ArmModel) -> Result<Option<ArmPlacement>, Box<dyn E
         return Ok(None);
     }
     let config = TrialConfig::new("D", 1, Setup::named("still")?);
-    let scene = trial::live_trial(config.clone())?.trial.testbed().task().scene().clone();
+    let scene = config.build_task(model)?.scene().clone();
     let mut places = reachable_places(model, &scene);
     // A trial does not begin with links in each other.
     let mut contacts = CollisionScene::new(model)?;

@@ -11,6 +11,7 @@ pub mod agent;
 pub mod analysis;
 mod arm;
 pub mod arm_comparison;
+mod arm_picture;
 mod arm_placement;
 mod armband;
 pub mod bag_playback;
@@ -80,6 +81,7 @@ pub mod vmpl_ghost;
 mod xdf_export;
 
 pub use arm::{Arm, ArmError};
+pub use arm_picture::{MeshPoints, arm_picture};
 pub use arm_placement::{ArmPlacement, allow_lasting_contacts, place_arm};
 pub use armband::LiveArmband;
 pub use calibrations::{

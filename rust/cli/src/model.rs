@@ -3,7 +3,7 @@
 use crate::model_size::{self, SizeArgs};
 use clap::{Args, Subcommand};
 use proact_app::{
-    ArmPlacement, allow_lasting_contacts, arm_comparison::compare_arm, place_arm, print_result,
+    ArmPlacement, allow_lasting_contacts, arm_comparison::compare_arm, arm_picture, place_arm, print_result,
     print_result_json,
 };
 use proact_arm::{Grasp, PinchError, PinchGrasp, find_pinch};
@@ -21,6 +21,9 @@ use std::{
     path::{Path, PathBuf},
     process::Command,
 };
+
+/// Files of an imported arm beside its meshes.
+const FILES_BESIDE_MESHES: usize = 4;
 
 /// What to do with a description.
 #[derive(Debug, Subcommand)]
@@ -96,6 +99,9 @@ pub struct ImportArgs {
     /// Leave an arm without a hand as it is; else it gets a gripper with two fingers
     #[arg(long)]
     no_gripper: bool,
+    /// Accept what the import chooses; it asks nothing today, so this changes nothing
+    #[arg(long)]
+    yes: bool,
     /// Leave out the search for a place of the base and a start pose, by trials of method D
     #[arg(long)]
     no_placement: bool,
@@ -213,6 +219,7 @@ fn run_import(args: &ImportArgs, json: bool) -> Result<bool, Box<dyn Error>> {
                 object["urdf"] = json!(files[0]);
                 object["srdf"] = json!(files[1]);
                 object["settings"] = json!(files[2]);
+                object["picture"] = json!(files[3]);
                 object["missing_meshes"] = json!(missing);
                 object["mesh_fits"] = json!(imported.fits);
                 object["found"] = json!(imported.found);
@@ -228,9 +235,11 @@ fn run_import(args: &ImportArgs, json: bool) -> Result<bool, Box<dyn Error>> {
                         "mesh {address} is not drawn; its link is drawn by its collision shapes"
                     ))?;
                 }
-                let meshes = files.len() - 3;
-                let [urdf, srdf, settings] = [0, 1, 2].map(|file| files[file].display());
-                print_result(format_args!("wrote {urdf}, {srdf}, {settings} and {meshes} meshes"))?;
+                let meshes = files.len() - FILES_BESIDE_MESHES;
+                let [urdf, srdf, settings, picture] = [0, 1, 2, 3].map(|file| files[file].display());
+                print_result(format_args!(
+                    "wrote {urdf}, {srdf}, {settings}, {meshes} meshes, and {picture} to look at"
+                ))?;
             }
             Ok(true)
         }
@@ -412,10 +421,11 @@ fn write_arm_folder(
         ("arm.urdf".to_owned(), to_urdf(&model).into_bytes()),
         ("arm.srdf".to_owned(), imported.srdf.clone().into_bytes()),
         ("arm.toml".to_owned(), settings_template(&model).into_bytes()),
+        ("arm.svg".to_owned(), arm_picture(&model, &imported.mesh_points)?.into_bytes()),
     ];
     files.extend(meshes.into_iter().map(|(name, bytes)| (format!("meshes/{name}"), bytes)));
     let made_folder = !folder.exists();
-    let deepest = if files.len() > 3 { folder.join("meshes") } else { folder.to_owned() };
+    let deepest = if files.len() > FILES_BESIDE_MESHES { folder.join("meshes") } else { folder.to_owned() };
     let failed = |error: WriteError| format!("{error}. Choose another folder with --out");
     make_folder(&deepest).map_err(failed)?;
     let path = |(name, _): &(String, Vec<u8>)| folder.join(name);
@@ -457,6 +467,7 @@ mod tests {
             tip: None,
             package_path: Vec::new(),
             no_gripper: false,
+            yes: false,
             no_placement: true,
             replace,
         })

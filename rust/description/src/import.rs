@@ -20,10 +20,12 @@ use crate::{
     finding::{Findings, Severity},
     write, xml,
 };
+use nalgebra::Point3;
 use parts::{PartKind, RobotParts};
 use proact_arm::{
     ArmModel, CollisionShape, Joint, JointKind, JointLimits, Link, Mimic, VisualGeometry, find_pinch,
 };
+use proact_types::Vector;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -61,7 +63,12 @@ pub struct ImportedArm {
     pub fits: Vec<MeshFit>,
     /// What was found out about the hand and the poses, a sentence each.
     pub found: Vec<String>,
+    /// Corners of the collision meshes of each link, in its frame, some hundred at most: for pictures.
+    pub mesh_points: BTreeMap<String, Vec<Point3<f64>>>,
 }
+
+/// Corners of meshes by the name of their link, in its frame.
+type MeshPoints = BTreeMap<String, Vec<Point3<f64>>>;
 
 /// How primitives enclose the collision mesh of a link.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -101,7 +108,7 @@ pub fn import(text: &str, options: &ImportOptions<'_>) -> Result<ImportedArm, De
     let Some(parts) = read.filter(|_| !findings.has_error()) else {
         return Err(invalid(text, findings));
     };
-    let Some((urdf_text, fits)) = complete(parts, options, &mut findings) else {
+    let Some((urdf_text, fits, mesh_points)) = complete(parts, options, &mut findings) else {
         return Err(invalid(text, findings));
     };
     let (model, more) = examine(&urdf_text, options.srdf);
@@ -130,7 +137,7 @@ pub fn import(text: &str, options: &ImportOptions<'_>) -> Result<ImportedArm, De
     if !report.usable {
         return Err(DescriptionError::Invalid { findings: report.findings });
     }
-    Ok(ImportedArm { model, urdf, srdf, report, fits, found })
+    Ok(ImportedArm { model, urdf, srdf, report, fits, found, mesh_points })
 }
 
 fn invalid(text: &str, mut findings: Findings) -> DescriptionError {
@@ -144,7 +151,7 @@ fn complete(
     mut parts: RobotParts,
     options: &ImportOptions<'_>,
     findings: &mut Findings,
-) -> Option<(String, Vec<MeshFit>)> {
+) -> Option<(String, Vec<MeshFit>, MeshPoints)> {
     complete::find_wrong_units(&parts, findings);
     complete::choose_base(&mut parts, options.base, findings);
     if let Some(tip) = options.tip.filter(|_| !findings.has_error()) {
@@ -168,9 +175,38 @@ fn complete(
     complete::complete_masses(&mut parts, &meshes, findings);
     complete::complete_limits(&mut parts, findings);
     let mut fits = Vec::new();
-    let links: Vec<Link> = parts.links.iter().map(|link| enclose_link(link, &meshes, &mut fits)).collect();
+    let mut mesh_points = MeshPoints::new();
+    let links: Vec<Link> = parts
+        .links
+        .iter()
+        .map(|link| {
+            let points = mesh_corners(link, &meshes);
+            if !points.is_empty() {
+                mesh_points.insert(link.name.clone(), points);
+            }
+            enclose_link(link, &meshes, &mut fits)
+        })
+        .collect();
     let (joints, mimics) = finish_joints(&parts);
-    Some((write::urdf(&parts.name, &links, &joints, &mimics), fits))
+    Some((write::urdf(&parts.name, &links, &joints, &mimics), fits, mesh_points))
+}
+
+/// Some corners of the collision meshes of a link, in its frame.
+fn mesh_corners(
+    part: &parts::PartLink,
+    meshes: &BTreeMap<String, Result<TriangleMesh, String>>,
+) -> Vec<Point3<f64>> {
+    const MAX_CORNERS: usize = 300;
+    let mut corners = Vec::new();
+    for collision in &part.collisions {
+        let VisualGeometry::Mesh { file, scale } = &collision.geometry else { continue };
+        let Some(Ok(mesh)) = meshes.get(file) else { continue };
+        let step = mesh.points.len().div_ceil(MAX_CORNERS).max(1);
+        let scale = Vector::from(*scale);
+        let place = |point: &Point3<f64>| collision.pose * Point3::from(point.coords.component_mul(&scale));
+        corners.extend(mesh.points.iter().step_by(step).map(place));
+    }
+    corners
 }
 
 /// A link with primitives in the place of its collision meshes.
