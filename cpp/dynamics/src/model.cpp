@@ -81,10 +81,10 @@ void check_joints(const Model& model) {
     check_pose(what, joint.origin);
     if (joint.kind == JointKind::fixed) continue;
     if (!is_finite(joint.axis) || std::fabs(norm(joint.axis) - 1.0) > 1e-6) refuse(what, ": the axis is not a unit vector");
-    const bool continuous = joint.kind == JointKind::revolute && joint.lower == -infinity && joint.upper == infinity;
+    const bool continuous = joint.lower == -infinity && joint.upper == infinity;
     if (!continuous && !(std::fabs(joint.lower) <= max_position && std::fabs(joint.upper) <= max_position)) {
       refuse(what, ": limits ", joint.lower, " to ", joint.upper, " ", joint.unit(), ", expected within +-", max_position,
-             ", or of a revolute joint both infinite for none");
+             ", or both infinite for none");
     }
     if (joint.lower > joint.upper) refuse(what, ": lower limit ", joint.lower, " is above the upper ", joint.upper);
     check_number(what + ": velocity limit", joint.velocity, 0.0);

@@ -8,7 +8,7 @@ use proact_description::{ArmFolder, settings_template, to_srdf, to_urdf};
 use proact_devices::{EmgOrigin, FeedbackSinks};
 use proact_planning::CollisionScene;
 use proact_testbed::{Setup, TrialConfig};
-use proact_types::{JointVector, Point, Pose, Scene, Vector};
+use proact_types::{EventKind, JointVector, Point, Pose, Scene, Vector};
 use std::{collections::BTreeMap, error::Error, path::Path, sync::atomic::AtomicBool};
 
 /// Pose of the arm in which a trial starts.
@@ -43,6 +43,8 @@ pub struct ArmPlacement {
     pub reached: f64,
     /// Blocks that a simulated person moved with method D; none if no trial could be run.
     pub blocks_moved: Option<usize>,
+    /// Why the last plan of that trial was none, or why no trial could be run.
+    pub reason: Option<String>,
 }
 
 /// The best place for an arm, by trials of method D: its base and start pose are then in the model. None, and nothing is changed,
@@ -66,7 +68,10 @@ pub fn place_arm(model: &mut ArmModel) -> Result<Option<ArmPlacement>, Box<dyn E
     let places = spread_over_heights(places);
     let mut best: Option<ArmPlacement> = None;
     for mut place in places {
-        place.blocks_moved = blocks_moved(&placed(model, &place), &config);
+        match blocks_moved(&placed(model, &place), &config) {
+            Ok((count, reason)) => (place.blocks_moved, place.reason) = (Some(count), reason),
+            Err(error) => place.reason = Some(error.to_string()),
+        }
         let is_done = place.blocks_moved >= Some(scene.objects.len());
         if best.as_ref().is_none_or(|best| place.blocks_moved > best.blocks_moved) {
             best = Some(place);
@@ -218,7 +223,8 @@ fn reachable_places(model: &ArmModel, scene: &Scene) -> Vec<ArmPlacement> {
                     }
                 }
                 let reached = count as f64 / goals.len().max(1) as f64;
-                let place = ArmPlacement { base, start: start.to_vec(), reached, blocks_moved: None };
+                let place =
+                    ArmPlacement { base, start: start.to_vec(), reached, blocks_moved: None, reason: None };
                 found.push((reached + 0.2 * margins / (count + 1) as f64, place));
             }
         }
@@ -248,8 +254,8 @@ fn reach_of(chain: &Chain) -> f64 {
     farthest
 }
 
-/// Blocks that a simulated person moves with the arm, across or onto their targets; none if the trial cannot be run.
-fn blocks_moved(model: &ArmModel, config: &TrialConfig) -> Option<usize> {
+/// Blocks that a simulated person moves with the arm, across or onto their targets, and why the last plan that failed did.
+fn blocks_moved(model: &ArmModel, config: &TrialConfig) -> Result<(usize, Option<String>), Box<dyn Error>> {
     let folder = ArmFolder {
         name: model.name.clone(),
         urdf: to_urdf(model),
@@ -257,13 +263,13 @@ fn blocks_moved(model: &ArmModel, config: &TrialConfig) -> Option<usize> {
         settings: Some(settings_template(model)),
         meshes: BTreeMap::new(),
     };
-    let arm = Arm::from_folder(folder, Path::new(&model.name), false).ok()?;
+    let arm = Arm::from_folder(folder, Path::new(&model.name), false)?;
     let mut config = config.clone();
     config.arm = arm.pinned();
     config.setup = config.setup.with_arm(arm.model());
     config.limit_secs = TRIAL_SECS;
     let methods = MethodRegistry::standard();
-    let made = trial::simulated_trial_with_model(&methods, &arm, config, &EmgOrigin::Synthetic, None).ok()?;
+    let made = trial::simulated_trial_with_model(&methods, &arm, config, &EmgOrigin::Synthetic, None)?;
     let interrupted = AtomicBool::new(false);
     let mut nobody = RunOutputs {
         page: None,
@@ -273,12 +279,19 @@ fn blocks_moved(model: &ArmModel, config: &TrialConfig) -> Option<usize> {
         feedback: FeedbackSinks::default(),
         interrupted: &interrupted,
     };
-    let result = run_to_end(made.trial, None, &mut nobody, None, |_, _| {}).ok()?;
-    let outcomes = result.legacy_fields.get("outcomes")?.as_array()?;
+    let mut failure = None;
+    let result = run_to_end(made.trial, None, &mut nobody, None, |step, _| {
+        for event in &step.output.events {
+            if let EventKind::PlanFinished { reason: Some(reason), .. } = &event.kind {
+                failure = Some(reason.clone());
+            }
+        }
+    })?;
+    let outcomes = result.legacy_fields.get("outcomes").and_then(|outcomes| outcomes.as_array());
     let crossed = |entry: &&serde_json::Value| {
         entry["outcome"]
             .as_str()
             .is_some_and(|outcome| outcome.ends_with("on_target") || outcome == "crossed_off_target")
     };
-    Some(outcomes.iter().filter(crossed).count())
+    Ok((outcomes.map_or(0, |outcomes| outcomes.iter().filter(crossed).count()), failure))
 }

@@ -259,18 +259,28 @@ fn run_import(args: &ImportArgs, json: bool) -> Result<bool, Box<dyn Error>> {
 /// Finds where the arm stands and how a trial begins with it.
 fn place(imported: &mut ImportedArm) -> Result<(), Box<dyn Error>> {
     if imported.model.hand.is_empty() {
+        imported.found.push("it has no hand, so that no trial can be run with it".to_owned());
         return Ok(());
     }
     let said = match place_arm(&mut imported.model)? {
         None => "no place of the base was found from which the hand reaches the blocks".to_owned(),
-        Some(ArmPlacement { base, reached, blocks_moved, .. }) => {
+        Some(ArmPlacement { base, reached, blocks_moved, reason, .. }) => {
             imported.srdf = to_srdf(&imported.model);
+            imported.found.retain(|said| !said.starts_with("pose \"start\""));
+            let reason =
+                |at: &str| reason.as_ref().map_or_else(String::new, |reason| format!("{at}: {reason}"));
             let moved = match blocks_moved {
-                Some(count) => format!("a simulated person moved {count} of 4 blocks in 100 s with method D"),
-                None => "no trial could be run".to_owned(),
+                Some(0) => {
+                    let why = reason("; its last plan failed");
+                    format!("a simulated person moved none of 4 blocks in 100 s with method D{why}")
+                }
+                Some(count) => {
+                    format!("a simulated person moved {count} of 4 blocks in 100 s with method D")
+                }
+                None => reason("no trial could be run"),
             };
             format!(
-                "the base stands at {:.2} {:.2} {:.2} m, from where the hand reaches {:.0} % of what it has to; {moved}",
+                "the base stands at {:.2} {:.2} {:.2} m, from where the hand reaches {:.0} % of blocks and targets, obstacles aside; {moved}",
                 base.x,
                 base.y,
                 base.z,
@@ -483,7 +493,7 @@ mod tests {
         assert_eq!(load(&urdf, Some(&srdf)).unwrap().moving_count(), 27);
         assert_eq!(
             fs::read_dir(&out).unwrap().count(),
-            3,
+            4,
             "no part file is left, and its meshes are nowhere"
         );
         let folder = ArmFolder::read(&out).unwrap();

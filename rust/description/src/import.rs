@@ -164,6 +164,7 @@ fn complete(
         return None;
     }
     complete::resolve_mimics(&mut parts, findings);
+    complete::complete_collisions(&mut parts, findings);
     let nowhere = MeshFolders::default();
     let meshes = meshes::load_collision_meshes(&parts, options.meshes.unwrap_or(&nowhere));
     complete::note_missing_meshes(&parts, &meshes, findings);
@@ -174,6 +175,7 @@ fn complete(
     }
     complete::complete_masses(&mut parts, &meshes, findings);
     complete::complete_limits(&mut parts, findings);
+    complete::complete_followers(&mut parts, findings);
     let mut fits = Vec::new();
     let mut mesh_points = MeshPoints::new();
     let links: Vec<Link> = parts

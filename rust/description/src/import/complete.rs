@@ -3,7 +3,8 @@
 use super::{
     fit,
     meshes::TriangleMesh,
-    parts::{PartKind, RobotParts, note_joint, note_link},
+    mount,
+    parts::{PartKind, PlacedGeometry, RobotParts, note_joint, note_link},
 };
 use crate::{
     finding::{Findings, Severity, join_names, link_location},
@@ -119,7 +120,9 @@ pub(crate) fn hold_beside_chain(parts: &mut RobotParts, tip: &str, findings: &mu
         return;
     };
     let carriers = parts.carriers();
-    let mut free = parts.below(tip_index);
+    // A row of joints beyond the tip is no hand.
+    let mut free =
+        if mount::branches_below(parts, tip_index) { parts.below(tip_index) } else { vec![tip_index] };
     let mut link = tip_index;
     while let Some(joint) = carriers[link] {
         free.push(link);
@@ -139,7 +142,7 @@ pub(crate) fn hold_beside_chain(parts: &mut RobotParts, tip: &str, findings: &mu
             "the joint is not of the chosen arm",
             "it moves",
             "a joint of the arm or hand",
-            &format!("Nothing: it is held at {held} rad."),
+            &format!("Nothing: it is held at {held}."),
         );
     }
 }
@@ -211,6 +214,69 @@ pub(crate) fn resolve_mimics(parts: &mut RobotParts, findings: &mut Findings) {
             );
         }
         parts.joints[index].mimic = resolved;
+    }
+}
+
+/// Gives joints that follow others the range in which these take them: they move no other way. What has no range is held.
+pub(crate) fn complete_followers(parts: &mut RobotParts, findings: &mut Findings) {
+    for index in 0..parts.joints.len() {
+        let joint = &parts.joints[index];
+        let name = joint.name.clone();
+        if joint.kind.moves()
+            && joint.kind != PartKind::Continuous
+            && joint.range.is_some_and(|[a, b]| a == b)
+        {
+            let held = hold(parts, &name);
+            let done = format!("Nothing: it is held at {held}.");
+            note_joint(findings, &name, "the joint cannot move", "lower = upper", "lower below upper", &done);
+            parts
+                .joints
+                .iter_mut()
+                .filter(|joint| joint.mimic.as_ref().is_some_and(|m| m.master == name))
+                .for_each(|joint| joint.mimic = None);
+            continue;
+        }
+        let Some(mimic) = &joint.mimic else { continue };
+        let master =
+            parts.joints.iter().find(|joint| joint.name == mimic.master).and_then(|joint| joint.range);
+        let (Some(master), Some([low, high])) = (master, joint.range) else { continue };
+        let mut ends = master.map(|end| mimic.multiplier * end + mimic.offset);
+        ends.sort_by(f64::total_cmp);
+        if ends[0] < low - 1e-9 || ends[1] > high + 1e-9 {
+            let got = format!("lower {low}, upper {high}");
+            let expected = format!("{:.4} to {:.4}, where \"{}\" takes it", ends[0], ends[1], mimic.master);
+            note_joint(
+                findings,
+                &name,
+                "the joint follows another beyond its limits",
+                &got,
+                &expected,
+                "Nothing: its limits are widened.",
+            );
+            parts.joints[index].range = Some([low.min(ends[0]), high.max(ends[1])]);
+        }
+    }
+}
+
+/// Links that are drawn and have no shape for contacts get the drawn shapes.
+pub(crate) fn complete_collisions(parts: &mut RobotParts, findings: &mut Findings) {
+    for link in &mut parts.links {
+        if !link.collisions.is_empty() || link.visuals.is_empty() {
+            continue;
+        }
+        link.collisions = link
+            .visuals
+            .iter()
+            .map(|visual| PlacedGeometry { pose: visual.pose, geometry: visual.geometry.clone() })
+            .collect();
+        note_link(
+            findings,
+            &link.name,
+            "the link has no shape for contacts",
+            "no <collision>",
+            "a shape",
+            "Nothing: it gets the shapes that are drawn.",
+        );
     }
 }
 
@@ -335,8 +401,9 @@ pub(crate) fn complete_limits(parts: &mut RobotParts, findings: &mut Findings) {
             let scale = 10f64.powf(effort.log10().floor() - 1.0);
             let effort = (effort / scale).ceil() * scale;
             joint.effort = Some(effort);
-            let done =
-                format!("Nothing: it gets {effort:.3}, {EFFORT_FACTOR} times the largest static load.");
+            let done = format!(
+                "Nothing: it gets {effort:.3}, {EFFORT_FACTOR} times what its masses could put on it at their longest reach."
+            );
             note_joint(
                 findings,
                 &joint.name,

@@ -275,7 +275,7 @@ pub(crate) fn grasp_shape(model: &ArmModel, width: f64) -> Option<GraspShape> {
     let narrow =
         if opening < width + ROOM_M { ", which is too narrow for the blocks of the task" } else { "" };
     let sentence = format!(
-        "the hand closes between {} and opens to {:.0} mm{narrow}",
+        "the hand closes between the digits on {} and opens to {:.0} mm{narrow}",
         names.join(" and "),
         1e3 * opening.max(0.0)
     );
@@ -293,7 +293,8 @@ fn thickness(model: &ArmModel, tip: &FingerTip) -> f64 {
         Shape::Sphere { radius } | Shape::Capsule { radius, .. } => radius,
         Shape::Cylinder { radius, length } => radius.min(0.5 * length),
     });
-    shapes.fold(f64::INFINITY, f64::min).min(0.02)
+    let least = shapes.fold(f64::INFINITY, f64::min);
+    if least.is_finite() { least } else { 0.0 }
 }
 
 /// Adds the frame in which the grasp is given, and makes it the arm's tip.

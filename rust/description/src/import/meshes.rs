@@ -85,6 +85,10 @@ impl MeshFolders {
         let own = self.own.last().cloned().unwrap_or_default();
         let beside = tails.flat_map(|tail| self.own.iter().map(move |folder| folder.join(tail)));
         candidates.extend(beside.map(|path| (path, own.clone())));
+        // A path that leads out of the description is read where it ends in a folder of packages.
+        if let (None, Some(folder)) = (named, self.own.first()) {
+            candidates.extend(self.packages.iter().map(|package| (folder.join(below), package.clone())));
+        }
         let mut outside = None;
         for (path, root) in candidates {
             let Some(whole) = path.canonicalize().ok().filter(|path| path.is_file()) else { continue };

@@ -29,11 +29,11 @@ const MIN_BARE_ARM_JOINTS: usize = 5;
 const MAX_HAND_M: f64 = 0.45;
 /// ... or with its wrist and forearm from its root.
 const MAX_HAND_WITH_WRIST_M: f64 = 0.52;
-/// The arm that carries a hand which is given alone.
-const CARRIER: &str = "wam";
 /// Parts of a body that are no arm.
 const NO_ARM: [&str; 11] =
     ["leg", "foot", "ankle", "toe", "hip", "knee", "wheel", "head", "neck", "camera", "caster"];
+/// What is nearer tells no direction, metres.
+const MIN_HINT_M: f64 = 0.005;
 /// Number of corners of a mesh that tell where it ends.
 const MAX_MESH_CORNERS: usize = 400;
 
@@ -253,6 +253,14 @@ fn extent(parts: &RobotParts, link: usize, meshes: &Meshes) -> f64 {
     points.map(|point| point.coords.norm()).fold(reach(parts, link), f64::max)
 }
 
+/// Whether joints beyond a link lead on from somewhere side by side, as fingers do.
+pub(crate) fn branches_below(parts: &RobotParts, link: usize) -> bool {
+    let tree = BodyTree::of(parts);
+    let below = parts.below(link);
+    below.iter().any(|&link| tree.body_of(link) == link && tree.leading_on(link).len() > 1)
+        || tree.leading_on(tree.body_of(link)).len() > 1
+}
+
 /// The rigid body from which the fingers lead on.
 pub(crate) fn palm(parts: &RobotParts) -> usize {
     BodyTree::of(parts).first_branching()
@@ -322,15 +330,21 @@ fn flange(parts: &RobotParts, body: usize, tip: usize, meshes: &Meshes) -> Pose 
     points.extend(fixed.iter().map(|(_, pose)| Point3::from(pose.translation.vector)));
     let count = points.len().max(1) as f64;
     let mean = points.iter().map(|p| p.coords).sum::<Vector>() / count;
-    // Where the tip is, what the last link looks like, and how the last joint is reached tell which way is out.
-    let back = (joint.origin.inverse() * Pose::identity()).translation.vector;
-    let out = [of_tip.translation.vector, mean, -back]
-        .into_iter()
-        .find(|way| way.norm() > 0.005)
-        .unwrap_or(joint.axis);
-    let along = out.dot(&joint.axis) / out.norm();
-    let rolls = joint.kind != PartKind::Prismatic && along.abs() > 0.5;
-    let way = if rolls { joint.axis * along.signum() } else { out.normalize() };
+    // Where the tip is, how the last joint is reached, and what the last link looks like tell which way is out. A mesh alone may lie
+    // behind a frame at the face of the flange.
+    let back = joint.origin.inverse().translation.vector;
+    let hints = [of_tip.translation.vector, -back, mean]
+        .map(|way| if way.norm() > MIN_HINT_M { way } else { Vector::zeros() });
+    let rolls = joint.kind != PartKind::Prismatic
+        && hints.iter().any(|way| way.norm() > 0.0 && way.dot(&joint.axis).abs() > 0.7 * way.norm());
+    let along = hints.iter().map(|way| way.dot(&joint.axis)).find(|along| along.abs() > MIN_HINT_M);
+    let way = match along.filter(|_| rolls) {
+        Some(along) => joint.axis * along.signum(),
+        None => {
+            let across = [hints[0], hints[2], hints[1]];
+            across.into_iter().find(|way| way.norm() > 0.0).unwrap_or(joint.axis).normalize()
+        }
+    };
     let end = points.iter().map(|p| p.coords.dot(&way)).fold(0.0, f64::max);
     let middle = if rolls {
         Vector::zeros()
@@ -443,8 +457,13 @@ fn mount_hand(
             &done,
         );
     }
-    let shipped = ArmFolder::shipped(CARRIER)?;
-    let model = shipped.model().ok()?;
+    // One that stands by itself: no one wears it.
+    let (shipped, model) = ArmFolder::shipped_names().into_iter().find_map(|name| {
+        let folder = ArmFolder::shipped(&name)?;
+        let model = folder.model().ok().filter(|model| model.settings.fixed_base.is_some())?;
+        Some((folder, model))
+    })?;
+    let carrier = shipped.name.clone();
     let mut arm = urdf::read(&shipped.urdf, &mut Findings::default())?;
     // The arm without its own hand: all up to the tip.
     let tip = arm.link(&model.links[model.tip].name)?;
@@ -483,21 +502,22 @@ fn mount_hand(
     };
     for link in &mut arm.links {
         if hand.link(&link.name).is_some() || hand.joints.iter().any(|joint| joint.name == link.name) {
-            link.name = format!("{CARRIER}_{}", link.name);
+            link.name = format!("{carrier}_{}", link.name);
         }
         // Drawn by its shapes: its meshes are not those of the hand's file.
         link.visuals.retain(|visual| matches!(visual.geometry, VisualGeometry::Shape(_)));
     }
     for joint in &mut arm.joints {
         if hand.joints.iter().any(|other| other.name == joint.name) {
-            joint.name = format!("{CARRIER}_{}", joint.name);
+            joint.name = format!("{carrier}_{}", joint.name);
         }
     }
     let offset = arm.links.len();
-    let mut name = "hand_mount".to_owned();
+    let mut name = "mounted_hand".to_owned();
     while taken(&name, &hand) || taken(&name, &arm) {
         name.push('_');
     }
+    let (fingers_moving, hand_name) = (BodyTree::of(&hand).moving(), hand.name.clone());
     arm.links.extend(hand.links);
     arm.joints.push(PartJoint {
         name,
@@ -518,14 +538,14 @@ fn mount_hand(
         child: joint.child + offset,
         ..joint
     }));
-    arm.name = format!("{CARRIER}_with_{}", hand.name);
+    arm.name = format!("{carrier}_with_{hand_name}");
     findings.add(
         Severity::Note,
         "URDF",
         "it is a hand without an arm",
-        format!("{} joints of fingers", BodyTree::of(&arm).moving()),
+        format!("{fingers_moving} joints of fingers"),
         "an arm that ends in a hand",
-        format!("Nothing: it is mounted on the arm {CARRIER} that ships with the program. Import a URDF of your arm with the hand in it for another."),
+        format!("Nothing: it is mounted on the arm {carrier} that ships with the program. Import a URDF of your arm with the hand in it for another."),
     );
     Some(arm)
 }

@@ -37,7 +37,7 @@ std::array<Vec3, 2> tangents(const Vec3& normal) {
 
 /// Takes the angle of a joint without stops into -pi to pi.
 double wrap_angle(const Joint& joint, double angle) {
-  if (joint.upper != infinity) return angle;
+  if (joint.upper != infinity || joint.kind == JointKind::prismatic) return angle;
   return angle > pi ? angle - 2.0 * pi : (angle < -pi ? angle + 2.0 * pi : angle);
 }
 
