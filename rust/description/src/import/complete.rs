@@ -217,15 +217,19 @@ pub(crate) fn resolve_mimics(parts: &mut RobotParts, findings: &mut Findings) {
     }
 }
 
-/// Gives joints that follow others the range in which these take them: they move no other way. What has no range is held.
+/// Gives joints that follow others the range in which these take them: they move no other way. A joint of the arm
+/// without range is held.
 pub(crate) fn complete_followers(parts: &mut RobotParts, findings: &mut Findings) {
+    let carriers = parts.carriers();
+    let arm: Vec<usize> =
+        std::iter::successors(carriers[mount::palm(parts)], |&joint| carriers[parts.joints[joint].parent])
+            .collect();
     for index in 0..parts.joints.len() {
         let joint = &parts.joints[index];
         let name = joint.name.clone();
-        if joint.kind.moves()
-            && joint.kind != PartKind::Continuous
-            && joint.range.is_some_and(|[a, b]| a == b)
-        {
+        // A finger may have one for its place among the others; a planner has no use for it.
+        let cannot_move = joint.kind != PartKind::Continuous && joint.range.is_some_and(|[a, b]| a == b);
+        if joint.kind.moves() && cannot_move && arm.contains(&index) {
             let held = hold(parts, &name);
             let done = format!("Nothing: it is held at {held}.");
             note_joint(findings, &name, "the joint cannot move", "lower = upper", "lower below upper", &done);

@@ -31,6 +31,8 @@ pub struct MeshFolders {
     own: Vec<PathBuf>,
     /// Folders that contain packages.
     packages: Vec<PathBuf>,
+    /// Those of them that were named, and do not merely lie beside the description.
+    given: Vec<PathBuf>,
 }
 
 /// Why a mesh is not used, one clause.
@@ -47,8 +49,10 @@ impl MeshFolders {
             above.iter().take(package.unwrap_or(1) + 1).map(|path| (*path).to_owned()).collect();
         // Beside a package lie others, and a package may be given by its own folder.
         let beside = own.last().and_then(|folder| folder.parent()).map(Path::to_owned);
-        let packages = packages.into_iter().filter_map(|folder| folder.canonicalize().ok());
-        Self { packages: packages.chain(beside.filter(|_| package.is_some())).collect(), own }
+        let given: Vec<PathBuf> =
+            packages.into_iter().filter_map(|folder| folder.canonicalize().ok()).collect();
+        let beside = beside.filter(|_| package.is_some());
+        Self { packages: given.iter().cloned().chain(beside).collect(), own, given }
     }
 
     /// The bytes of the mesh at `address`, and its file.
@@ -85,9 +89,9 @@ impl MeshFolders {
         let own = self.own.last().cloned().unwrap_or_default();
         let beside = tails.flat_map(|tail| self.own.iter().map(move |folder| folder.join(tail)));
         candidates.extend(beside.map(|path| (path, own.clone())));
-        // A path that leads out of the description is read where it ends in a folder of packages.
+        // A path that leads out of the description is read where it ends in a folder that was named.
         if let (None, Some(folder)) = (named, self.own.first()) {
-            candidates.extend(self.packages.iter().map(|package| (folder.join(below), package.clone())));
+            candidates.extend(self.given.iter().map(|package| (folder.join(below), package.clone())));
         }
         let mut outside = None;
         for (path, root) in candidates {
