@@ -711,15 +711,15 @@ kind: JointKind,
 parent: number,
 /** Index of the child link. */
 child: number,
-/** `parent_from_child` at angle zero. */
+/** `parent_from_child` at position zero. */
 origin: Pose,
 /** Unit axis in the joint frame. */
 axis: [number, number, number],
 /** Limits; zero for a fixed joint. */
 limits: JointLimits,
-/** Viscous damping, N m s/rad. */
+/** Viscous damping, N m s/rad or N s/m. */
 damping: number,
-/** Coulomb friction, N m. */
+/** Coulomb friction, N m or N. */
 friction: number, };
 
 /** How a joint is shown. */
@@ -752,17 +752,17 @@ angle: number,
 tolerance: number, };
 
 /** Kinds of joint that an arm may have. */
-export type JointKind = "fixed" | "revolute" | "continuous";
+export type JointKind = "fixed" | "revolute" | "continuous" | "prismatic";
 
 /** Limits of a joint. */
 export type JointLimits = {
-/** Smallest angle, rad. */
+/** Smallest position, rad or m. */
 lower: number,
-/** Largest angle, rad. */
+/** Largest position, rad or m. */
 upper: number,
-/** Highest speed, rad/s. */
+/** Highest speed, rad/s or m/s. */
 velocity: number,
-/** Highest effort, N m. */
+/** Highest effort, N m or N. */
 effort: number, };
 
 /** How long one stage took so far in the trial. */
@@ -897,7 +897,7 @@ export type NamedPose = {
 name: string,
 /** Group it belongs to: `arm` or `hand`. */
 group: string,
-/** One angle per joint of the group, rad. */
+/** One position per joint of the group, rad, of prismatic joints m. */
 angles: Array<number>, };
 
 /** Whose turn it is. */
