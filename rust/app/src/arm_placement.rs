@@ -8,7 +8,7 @@ use proact_description::{ArmFolder, settings_template, to_srdf, to_urdf};
 use proact_devices::{EmgOrigin, FeedbackSinks};
 use proact_planning::CollisionScene;
 use proact_testbed::{Setup, TrialConfig};
-use proact_types::{EventKind, JointVector, Point, Pose, Scene, Vector};
+use proact_types::{EventKind, JointVector, Obstacle, Point, Pose, Scene, Shape, Vector};
 use std::{collections::BTreeMap, error::Error, path::Path, sync::atomic::AtomicBool};
 
 /// Pose of the arm in which a trial starts.
@@ -59,12 +59,25 @@ pub fn place_arm(model: &mut ArmModel) -> Result<Option<ArmPlacement>, Box<dyn E
     let config = TrialConfig::new("D", 1, Setup::named("still")?);
     let scene = config.build_task(model)?.scene().clone();
     let mut places = reachable_places(model, &scene);
-    // A trial does not begin with links in each other.
+    // A trial does not begin with links in each other, or in what stands there.
     let mut contacts = CollisionScene::new(model)?;
     if let Ok(open) = model.pose("hand", OPEN_POSE) {
         contacts.set_hand(open)?;
     }
-    places.retain(|place| contacts.collisions(&place.start).is_ok_and(|pairs| pairs.is_empty()));
+    let solid = |name: &str, shape: &Shape, pose: &Pose| Obstacle {
+        name: name.to_owned(),
+        shape: *shape,
+        pose: *pose,
+        loose: false,
+    };
+    let fixed = scene.fixed.iter().map(|object| solid(&object.name, &object.shape, &object.pose));
+    let blocks = scene.objects.iter().map(|block| solid(&block.name, &block.shape, &block.pose));
+    contacts.set_obstacles(&fixed.chain(blocks).collect::<Vec<_>>())?;
+    places.retain(|place| {
+        let base = Pose::translation(place.base.x, place.base.y, place.base.z);
+        contacts.set_base(&base).is_ok()
+            && contacts.collisions(&place.start).is_ok_and(|pairs| pairs.is_empty())
+    });
     let places = spread_over_heights(places);
     let mut best: Option<ArmPlacement> = None;
     for mut place in places {
