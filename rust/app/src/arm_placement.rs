@@ -20,6 +20,8 @@ const ASIDE: [f64; 3] = [-0.3, 0.0, 0.3];
 const ABOVE: [f64; 6] = [-0.4, -0.2, 0.0, 0.2, 0.4, 0.7];
 /// No base is nearer to the middle of the box, metres: walls are there.
 const MIN_AHEAD_M: f64 = 0.3;
+/// Postures from which a start is sought that touches nothing.
+const OTHER_STARTS: usize = 6;
 /// A hand is carried so far above where it grips, metres.
 const LIFT_M: f64 = 0.15;
 /// Number of places that are tried by a trial, and the length of each trial.
@@ -73,10 +75,32 @@ pub fn place_arm(model: &mut ArmModel) -> Result<Option<ArmPlacement>, Box<dyn E
     let fixed = scene.fixed.iter().map(|object| solid(&object.name, &object.shape, &object.pose));
     let blocks = scene.objects.iter().map(|block| solid(&block.name, &block.shape, &block.pose));
     contacts.set_obstacles(&fixed.chain(blocks).collect::<Vec<_>>())?;
-    places.retain(|place| {
+    let chain = Chain::new(model);
+    let width = scene.objects.first().map_or(0.05, |object| object.shape.grip_width());
+    let hand = GraspIk::new(model, model.grasp_for(width).clone());
+    let mut random = RandomPostures::new(&chain);
+    places.retain_mut(|place| {
         let base = Pose::translation(place.base.x, place.base.y, place.base.z);
-        contacts.set_base(&base).is_ok()
-            && contacts.collisions(&place.start).is_ok_and(|pairs| pairs.is_empty())
+        if contacts.set_base(&base).is_err() {
+            return false;
+        }
+        let mut is_free = |q: &[f64]| contacts.collisions(q).is_ok_and(|pairs| pairs.is_empty());
+        if is_free(&place.start) {
+            return true;
+        }
+        // Another posture for the same place of the hand, or one higher up.
+        let tip = base * chain.forward(&place.start) * Point::from(hand.grasp_center());
+        let others = [0.0, LIFT_M].into_iter().flat_map(|lift| std::iter::repeat_n(lift, OTHER_STARTS));
+        for lift in others {
+            let above = tip + Vector::z() * lift;
+            if let Some(start) =
+                hand.solve(&base, &above, Some(&random.next_posture())).filter(|q| is_free(q))
+            {
+                place.start = start.to_vec();
+                return true;
+            }
+        }
+        false
     });
     let places = spread_over_heights(places);
     let mut best: Option<ArmPlacement> = None;

@@ -156,6 +156,11 @@ impl GraspIk {
         Self { chain, grasp, start_postures: starts }
     }
 
+    /// Where the middle of a gripped object is, in the tip's frame.
+    pub(crate) fn grasp_center(&self) -> Vector {
+        self.grasp.center
+    }
+
     /// Angles that bring the grasp's centre to `goal`, upright as far as the grasp allows, for a base at `base`; from those of a
     /// neighbour first.
     pub(crate) fn solve(
