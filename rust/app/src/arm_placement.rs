@@ -308,7 +308,7 @@ fn blocks_moved(model: &ArmModel, config: &TrialConfig) -> Result<(usize, Option
     let methods = MethodRegistry::standard();
     let made = trial::simulated_trial_with_model(&methods, &arm, config, &EmgOrigin::Synthetic, None)?;
     let interrupted = AtomicBool::new(false);
-    let mut nobody = RunOutputs {
+    let mut outputs = RunOutputs {
         page: None,
         inputs: None,
         rosbridge: None,
@@ -317,7 +317,7 @@ fn blocks_moved(model: &ArmModel, config: &TrialConfig) -> Result<(usize, Option
         interrupted: &interrupted,
     };
     let mut failure = None;
-    let result = run_to_end(made.trial, None, &mut nobody, None, |step, _| {
+    let result = run_to_end(made.trial, None, &mut outputs, None, |step, _| {
         for event in &step.output.events {
             if let EventKind::PlanFinished { reason: Some(reason), .. } = &event.kind {
                 failure = Some(reason.clone());

@@ -242,7 +242,7 @@ pub fn settings_template(model: &ArmModel) -> String {
     if let Some(stand) = &model.settings.fixed_base {
         let [x, y, z] = [stand.xyz.x, stand.xyz.y, stand.xyz.z];
         text += &format!(
-            "\n# Where the base stands, `world`, metres: nobody wears the arm. x is away from the person, y left, z up.\n\
+            "\n# Where the base stands, `world`, metres. x is away from the person, y left, z up.\n\
              [stand]\nxyz = [{x:.3}, {y:.3}, {z:.3}]\n"
         );
     }

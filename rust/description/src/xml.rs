@@ -57,7 +57,7 @@ pub(crate) fn parse_document<'a>(
 pub(crate) fn declare_prefixes(text: &str) -> Cow<'_, str> {
     const MAX_PREFIXES: usize = 20;
     let mut text = Cow::Borrowed(text);
-    // Whoever has too much of something is refused later, before it is parsed.
+    // Texts beyond a size limit are refused later.
     let extent = measure_extent(&text);
     if text.len() > MAX_TEXT_BYTES || extent.depth > MAX_ELEMENT_DEPTH || extent.attributes > MAX_ATTRIBUTES {
         return text;

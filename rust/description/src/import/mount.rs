@@ -381,20 +381,7 @@ fn add_gripper(parts: &mut RobotParts, tip: usize, body: usize, meshes: &Meshes,
     let first = parts.links.len();
     let half = |size: [f64; 3]| Vector::new(0.0, 0.0, 0.5 * size[2]);
     parts.links.push(part("gripper_palm", PALM_M, 0.35, half(PALM_M)));
-    let fixed = PartJoint {
-        name: "gripper_mount".to_owned(),
-        kind: PartKind::Fixed,
-        parent: body,
-        child: first,
-        origin: at,
-        axis: Vector::x(),
-        range: None,
-        velocity: None,
-        effort: None,
-        damping: 0.0,
-        friction: 0.0,
-        mimic: None,
-    };
+    let fixed = PartJoint::fixed("gripper_mount".to_owned(), body, first, at);
     parts.joints.push(fixed.clone());
     for (index, (side, sign)) in [("left", 1.0), ("right", -1.0)].into_iter().enumerate() {
         let own = Vector::x() * (sign * 0.5 * FINGER_M[0]) + half(FINGER_M);
@@ -519,20 +506,7 @@ fn mount_hand(
     }
     let (fingers_moving, hand_name) = (BodyTree::of(&hand).moving(), hand.name.clone());
     arm.links.extend(hand.links);
-    arm.joints.push(PartJoint {
-        name,
-        kind: PartKind::Fixed,
-        parent: body,
-        child: offset,
-        origin: mounted,
-        axis: Vector::x(),
-        range: None,
-        velocity: None,
-        effort: None,
-        damping: 0.0,
-        friction: 0.0,
-        mimic: None,
-    });
+    arm.joints.push(PartJoint::fixed(name, body, offset, mounted));
     arm.joints.extend(hand.joints.into_iter().map(|joint| PartJoint {
         parent: joint.parent + offset,
         child: joint.child + offset,

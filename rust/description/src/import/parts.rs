@@ -69,6 +69,26 @@ pub(crate) struct PartMimic {
     pub(crate) offset: f64,
 }
 
+impl PartJoint {
+    /// A joint that does not move.
+    pub(crate) fn fixed(name: String, parent: usize, child: usize, origin: Pose) -> Self {
+        Self {
+            name,
+            kind: PartKind::Fixed,
+            parent,
+            child,
+            origin,
+            axis: Vector::x(),
+            range: None,
+            velocity: None,
+            effort: None,
+            damping: 0.0,
+            friction: 0.0,
+            mimic: None,
+        }
+    }
+}
+
 impl PartKind {
     pub(crate) fn moves(self) -> bool {
         self != Self::Fixed

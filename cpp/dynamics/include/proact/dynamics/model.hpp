@@ -38,8 +38,7 @@ struct Link {
 
 using proact::JointKind;
 
-/// So many metres along a prismatic joint count for as much as a radian of a revolute one, in tolerances: about a finger's
-/// lever.
+/// Metres of a prismatic joint that equal one radian of a revolute joint in tolerances: about the length of a finger.
 constexpr double meters_per_radian = 0.1;
 
 /// Joint k moves link k + 1; a parent stands before its children. Numbers are in rad and N m, of a prismatic joint in m and

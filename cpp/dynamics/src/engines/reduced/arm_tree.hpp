@@ -37,7 +37,7 @@ Pose integrate_pose(const Pose& pose, const Vec3& linear, const Vec3& angular, d
 
 class ArmTree {
  public:
-  /// Body 0 is the base, which goes where it is told; hinge k, which may be a slide, moves body k + 1.
+  /// Body 0 is the base, which goes where it is told; joint k, revolute or prismatic, moves body k + 1.
   struct Body {
     std::size_t parent = 0;
     std::size_t moving = 0;  ///< index of the joint vector
