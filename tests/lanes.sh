@@ -437,6 +437,11 @@ test_action_topics
 TESTS
     failed_tests=$(find "$results" -name '*.failed' -exec basename {} .failed \; | sort | tr '\n' ' ')
     passed_tests=$(find "$results" -name '*.passed' | wc -l)
+    # Once more at the end, where it is looked for.
+    for test in $failed_tests; do
+        echo "ROS test $test FAILED:"
+        sed -n '/^\(ERROR\|FAIL\|Traceback\)/,$p' "$results/$test.log" | head -n 60
+    done
     rm -rf "$results"
     echo "ROS tests: $passed_tests passed, failed: ${failed_tests:-none}"
     [ -z "$failed_tests" ] && [ "$passed_tests" -gt 0 ]

@@ -4,6 +4,7 @@ Nothing here sleeps for a guessed time: every wait ends when the thing waited fo
 """
 
 import atexit
+import http.client
 import os
 import shutil
 import signal
@@ -13,6 +14,7 @@ import sys
 import tempfile
 import threading
 import time
+import xml.parsers.expat
 import xmlrpc.client
 
 ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), "..", ".."))
@@ -27,15 +29,23 @@ def free_port():
         return s.getsockname()[1]
 
 
+# What a call to a node gives that has not registered yet, starts anew or is about to end.
+NOT_YET = (OSError, xmlrpc.client.Error, http.client.HTTPException, xml.parsers.expat.ExpatError)
+
+
 def wait_until(true, what, timeout=TIMEOUT_SECS):
-    """Waits until true() is true; looks fifty times a second."""
-    end = time.monotonic() + timeout
+    """Waits until true() is true; looks fifty times a second. A node that cannot be reached counts as false."""
+    end, why = time.monotonic() + timeout, ""
     while time.monotonic() < end:
-        value = true()
-        if value:
-            return value
+        try:
+            value = true()
+            if value:
+                return value
+            why = ""
+        except NOT_YET as error:
+            why = f": {error!r}"
         time.sleep(0.02)
-    raise AssertionError(f"waited {timeout} s in vain for {what}")
+    raise AssertionError(f"waited {timeout} s in vain for {what}{why}")
 
 
 def message_packages():
@@ -66,15 +76,7 @@ class Graph:
 
     def start_master(self):
         self.master = self.spawn(["rosmaster", "--core", "-p", str(self.port)], "master.log")
-        proxy = xmlrpc.client.ServerProxy(self.uri)
-
-        def up():
-            try:
-                return proxy.getPid("/test")[0] == 1
-            except OSError:
-                return False
-
-        wait_until(up, "the master")
+        wait_until(lambda: xmlrpc.client.ServerProxy(self.uri).getPid("/test")[0] == 1, "the master")
         # What roscore starts beside the master.
         self.rosout = self.spawn(["/usr/lib/rosout/rosout"], "rosout.log")
 

@@ -16,8 +16,10 @@ def node_proxy(uri, node):
 
 
 def connections(uri, node, topic=None):
-    """Names of the nodes that `node` publishes to, once for each connection."""
-    found = node_proxy(uri, node).getBusInfo("/test")[2]
+    """Names of the nodes that `node` publishes to, once for each connection; none from one that is not up yet."""
+    code, _, found = node_proxy(uri, node).getBusInfo("/test")
+    if code != 1:
+        return []
     return [entry[1] for entry in found if entry[2] == "o" and topic in (None, entry[4])]
 
 
@@ -48,9 +50,9 @@ def read_header(stream):
 
 def connect(uri, node, topic, kind, name, md5=None, type_name=None, receive_bytes=None):
     """A socket to the publisher `node` of `topic`, and the header that it answered."""
-    protocol = node_proxy(uri, node).requestTopic(name, topic, [["TCPROS"]])
-    assert protocol[0] == 1, protocol
-    _, host, port = protocol[2]
+    # A node registers a topic with the master a moment before it serves it.
+    ask = lambda: node_proxy(uri, node).requestTopic(name, topic, [["TCPROS"]])  # noqa: E731
+    _, host, port = graph.wait_until(lambda: [answer for answer in [ask()] if answer[0] == 1], f"{topic} of {node}")[0][2]
     stream = socket.socket()
     if receive_bytes:
         stream.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_bytes)

@@ -8,7 +8,9 @@ dropped for the slow one, which `/statistics` says.
 
 import os
 import random
+import shutil
 import signal
+import socket
 import struct
 import subprocess
 import sys
@@ -233,18 +235,24 @@ class Beside(unittest.TestCase):
         space, here, there = "proact_slow", "proact_a", "proact_b"
         run = lambda *words: subprocess.run(words, check=True)  # noqa: E731
         inside = lambda *words: run("ip", "netns", "exec", space, *words)  # noqa: E731
-        subprocess.run(["ip", "netns", "del", space], stderr=subprocess.DEVNULL)
         try:
+            subprocess.run(["ip", "netns", "del", space], stderr=subprocess.DEVNULL)
             run("ip", "netns", "add", space)
             run("ip", "link", "add", here, "type", "veth", "peer", "name", there, "netns", space)
-        except (OSError, subprocess.CalledProcessError) as error:
-            self.skipTest(f"no network namespaces here: {error}")
-        node = far = None
-        try:
             run("ip", "addr", "add", "10.77.51.1/24", "dev", here)
             run("ip", "link", "set", here, "up")
             inside("ip", "addr", "add", "10.77.51.2/24", "dev", there)
             inside("ip", "link", "set", there, "up")
+            # A container may have both ends and let nothing through.
+            with socket.create_server(("10.77.51.1", 0)) as server:
+                inside("/usr/bin/python3", "-c",
+                       f"import socket; socket.create_connection(('10.77.51.1', {server.getsockname()[1]}), 20).close()")
+        except (OSError, subprocess.CalledProcessError) as error:
+            if shutil.which("ip"):
+                subprocess.run(["ip", "netns", "del", space])
+            self.skipTest(f"no network namespaces here: {error}")
+        node = far = None
+        try:
             # A simulator that other machines reach, at an address of its own.
             env = dict(GRAPH.env, ROS_IP="10.77.51.1")
             with open(os.path.join(GRAPH.home, "far.log"), "w") as log:

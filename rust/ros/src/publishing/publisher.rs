@@ -303,7 +303,9 @@ fn request_topic(arguments: &[Value]) -> Option<Response> {
 fn bus_info() -> Option<Response> {
     /// Numbers of the connections that were listed.
     static NUMBER: AtomicU64 = AtomicU64::new(0);
-    let connections = PUBLISHING_STATE.get()?.server.bus().into_iter().map(|connection| {
+    // A node that is just starting has none.
+    let bus = PUBLISHING_STATE.get().map(|state| state.server.bus()).unwrap_or_default();
+    let connections = bus.into_iter().map(|connection| {
         let number = NUMBER.fetch_add(1, Ordering::Relaxed) as i32;
         Value::Array(vec![
             Value::Int(number),
