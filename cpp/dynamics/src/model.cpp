@@ -165,6 +165,7 @@ void validate(const Model& model) {
   check_number("rolling resistance", options.rolling_resistance, 0.0);
   check_number("base speed", options.max_base_speed_m_per_s, 0.0);
   check_number("base turn speed", options.max_base_turn_rate_rad_per_s, 0.0);
+  check_number("joint softness", options.joint_cfm, 0.0);
 }
 
 }  // namespace proact::dynamics

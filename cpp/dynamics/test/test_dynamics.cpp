@@ -175,6 +175,24 @@ void a_slide_on_a_falling_rod_goes_where_lagrange_says(Engine engine) {
   }
 }
 
+/// Of a slide whose mass lies beside its line, on a rod that turns: what the turn does to the mass is no motion of the joint.
+void the_speed_of_a_slide_is_the_change_of_its_position(Engine engine) {
+  Model model = chain_in(engine, 2);
+  model.arm_count = 2;
+  for (Joint& joint : model.joints) joint.effort = joint.damping = 0.0;
+  model.joints[1].kind = JointKind::prismatic;
+  model.joints[1].axis = {1.0, 0.0, 0.0};
+  model.links[2].inertial.position.z = 0.08;
+  World world(std::move(model));
+  run(world, 100);
+  const double before = world.positions()[1];
+  run(world, 1);
+  const double speed = (world.positions()[1] - before) / tick_secs;
+  check(std::fabs(world.velocities()[0]) > 0.5, "the rod turns");
+  check(std::fabs(world.velocities()[1] - speed) < 0.01,
+        name_of(engine) + std::to_string(world.velocities()[1]) + " m/s, expected " + std::to_string(speed));
+}
+
 void a_slide_bears_its_weight_and_stops_at_its_limit(Engine engine) {
   Model model = chain_in(engine, 1);
   model.joints[0].kind = JointKind::prismatic;
@@ -241,6 +259,7 @@ int main() {
     effort_is_that_of_statics(engine);
     a_joint_that_is_driven_by_gains_sags_by_its_weight_over_the_gain(engine);
     a_slide_on_a_falling_rod_goes_where_lagrange_says(engine);
+    the_speed_of_a_slide_is_the_change_of_its_position(engine);
     a_slide_bears_its_weight_and_stops_at_its_limit(engine);
   }
   a_block_falls_as_the_closed_form_says();

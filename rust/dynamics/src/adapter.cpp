@@ -40,6 +40,7 @@ std::unique_ptr<Model> new_model(const DynamicsSettings& settings, In world_from
   options.merge_attached = settings.merge_attached;
   options.max_base_speed_m_per_s = settings.max_base_speed_m_per_s;
   options.max_base_turn_rate_rad_per_s = settings.max_base_turn_rate_rad_per_s;
+  options.joint_cfm = settings.joint_cfm;
   model->world_from_base = pose_from_array(world_from_base);
   return model;
 }

@@ -70,6 +70,7 @@ pub(crate) mod ffi {
         merge_attached: bool,
         max_base_speed_m_per_s: f64,
         max_base_turn_rate_rad_per_s: f64,
+        joint_cfm: f64,
     }
 
     unsafe extern "C++" {

@@ -54,6 +54,8 @@ pub struct DynamicsOptions {
     pub max_base_speed_m_per_s: f64,
     /// The same for its turning, rad/s.
     pub max_base_turn_rate_rad_per_s: f64,
+    /// How much the joints of [`PhysicsEngine::Ode`] yield: ODE's constraint force mixing, above zero.
+    pub joint_cfm: f64,
 }
 
 impl DynamicsOptions {
@@ -78,6 +80,7 @@ impl Default for DynamicsOptions {
             merge_attached: true,
             max_base_speed_m_per_s: 5.0,
             max_base_turn_rate_rad_per_s: 20.0,
+            joint_cfm: 1e-7,
         }
     }
 }
@@ -377,6 +380,7 @@ fn build_model(
         merge_attached: options.merge_attached,
         max_base_speed_m_per_s: options.max_base_speed_m_per_s,
         max_base_turn_rate_rad_per_s: options.max_base_turn_rate_rad_per_s,
+        joint_cfm: options.joint_cfm,
     };
     let factor = options.mass_set.factor();
     let mut described = ffi::new_model(&settings, &from_pose(world_from_base));

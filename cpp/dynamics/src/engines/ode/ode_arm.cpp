@@ -315,6 +315,18 @@ double OdeArm::position(const Hinge& hinge) const {
   return turns == 0.0 ? angle : angle + 2.0 * pi * turns;
 }
 
+/// The speed of a joint. ODE's own rate of a slider leaves out how the turning parent carries the child's centre of mass along.
+double OdeArm::speed(const Hinge& hinge) {
+  if (!hinge.slides) return dJointGetHingeAngleRate(hinge.joint);
+  dVector3 axis_at;
+  dJointGetSliderAxis(hinge.joint, axis_at);
+  const dBodyID child = dJointGetBody(hinge.joint, 0);
+  const dBodyID parent = dJointGetBody(hinge.joint, 1);
+  const Vec3 lever = to_vec(dBodyGetPosition(child)) - to_vec(dBodyGetPosition(parent));
+  const Vec3 carried = linear_velocity(parent) + cross(angular_velocity(parent), lever);
+  return dot(to_vec(axis_at), linear_velocity(child) - carried);
+}
+
 /// The torque on the child about the axis, or the force along it.
 double OdeArm::bearing_effort(const Hinge& hinge) {
   dVector3 axis_at;
@@ -335,11 +347,9 @@ void OdeArm::finish() {
   set_body_pose(bodies_[0], base_.pose());
   joints_.clear_efforts();
   for (const Hinge& hinge : hinges_) {
-    const double rate =
-        hinge.slides ? dJointGetSliderPositionRate(hinge.joint) : dJointGetHingeAngleRate(hinge.joint);
     const double effort = bearing_effort(hinge);
     const double limit_effort = control_.limit_effort(hinge.moving, effort);
-    joints_.set_state(hinge.moving, position(hinge), rate, effort - limit_effort, limit_effort);
+    joints_.set_state(hinge.moving, position(hinge), speed(hinge), effort - limit_effort, limit_effort);
   }
 }
 

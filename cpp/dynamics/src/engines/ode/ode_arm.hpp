@@ -47,6 +47,7 @@ class OdeArm final : public Arm {
   };
 
   double position(const Hinge& hinge) const;
+  static double speed(const Hinge& hinge);
   static double bearing_effort(const Hinge& hinge);
 
   void build_at(const Pose& world_from_base);
