@@ -160,7 +160,11 @@ impl Arm {
         Self::from_folder(ArmFolder::read(folder)?, folder, false)
     }
 
-    pub(crate) fn from_folder(folder: ArmFolder, path: &Path, shipped: bool) -> Result<Self, ArmError> {
+    /// The arm of the files in `folder`, which were read from `path`.
+    ///
+    /// # Errors
+    /// As [`Arm::in_folder`].
+    pub fn from_folder(folder: ArmFolder, path: &Path, shipped: bool) -> Result<Self, ArmError> {
         let model = folder.model();
         let model = model.map_err(|source| ArmError::Description { path: path.to_owned(), source })?;
         for (group, pose) in REQUIRED_POSES {

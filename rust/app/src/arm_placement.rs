@@ -4,8 +4,8 @@
 use crate::{Arm, RunOutputs, reach_map::GraspIk, run_to_end, trial};
 use proact_arm::{ArmModel, Chain, ChainPoses, FixedBase, JointLimits, NamedPose, OPEN_POSE};
 use proact_control::MethodRegistry;
-use proact_description::{ArmFolder, settings_template, to_srdf, to_urdf};
-use proact_devices::{EmgOrigin, FeedbackSinks};
+use proact_description::{ArmFolder, Finding, settings_template, to_srdf, to_urdf};
+use proact_devices::EmgOrigin;
 use proact_planning::CollisionScene;
 use proact_testbed::{Setup, TrialConfig};
 use proact_types::{EventKind, JointVector, Obstacle, Point, Pose, Scene, Shape, Vector};
@@ -27,6 +27,8 @@ const LIFT_M: f64 = 0.15;
 /// Number of places that are tried by a trial, and the length of each trial.
 const TRIED: usize = 12;
 const TRIAL_SECS: f64 = 100.0;
+/// Length of the trial that shows that one begins.
+const BEGUN_SECS: f64 = 0.1;
 
 /// Postures in which links are looked at for contacts, and the shares from which on a contact lasts: of any two links, and of
 /// neighbours.
@@ -291,6 +293,26 @@ fn reach_of(chain: &Chain) -> f64 {
     farthest
 }
 
+/// Whether a trial begins with an arm: method D in the set-up `still`, for a tenth of a second.
+///
+/// # Errors
+/// What keeps it from that, and what to do.
+pub fn try_arm(arm: &Arm) -> Result<(), Finding> {
+    if arm.model().hand.is_empty() {
+        let remedy = "Import the file of an arm with a hand, or let proact model import mount a gripper.";
+        return Err(Finding::about_trial("no block can be moved", "an arm without a hand", remedy));
+    }
+    let begun = Setup::named("still")
+        .map_err(Into::into)
+        .and_then(|setup| run_trial(arm, TrialConfig::new("D", 1, setup), BEGUN_SECS));
+    let Err(error) = begun else { return Ok(()) };
+    Err(Finding::about_trial(
+        "no trial begins",
+        error.to_string(),
+        "Correct the pose \"start\" in arm.srdf or the base in arm.toml, or import the arm again.",
+    ))
+}
+
 /// Blocks that a simulated person moves with the arm, across or onto their targets, and why the last plan that failed did.
 fn blocks_moved(model: &ArmModel, config: &TrialConfig) -> Result<(usize, Option<String>), Box<dyn Error>> {
     let folder = ArmFolder {
@@ -301,21 +323,22 @@ fn blocks_moved(model: &ArmModel, config: &TrialConfig) -> Result<(usize, Option
         meshes: BTreeMap::new(),
     };
     let arm = Arm::from_folder(folder, Path::new(&model.name), false)?;
-    let mut config = config.clone();
+    run_trial(&arm, config.clone(), TRIAL_SECS)
+}
+
+/// Runs a trial of a simulated person without a record.
+fn run_trial(
+    arm: &Arm,
+    mut config: TrialConfig,
+    limit_secs: f64,
+) -> Result<(usize, Option<String>), Box<dyn Error>> {
     config.arm = arm.pinned();
     config.setup = config.setup.with_arm(arm.model());
-    config.limit_secs = TRIAL_SECS;
+    config.limit_secs = limit_secs;
     let methods = MethodRegistry::standard();
-    let made = trial::simulated_trial_with_model(&methods, &arm, config, &EmgOrigin::Synthetic, None)?;
+    let made = trial::simulated_trial_with_model(&methods, arm, config, &EmgOrigin::Synthetic, None)?;
     let interrupted = AtomicBool::new(false);
-    let mut outputs = RunOutputs {
-        page: None,
-        inputs: None,
-        rosbridge: None,
-        shoulder: None,
-        feedback: FeedbackSinks::default(),
-        interrupted: &interrupted,
-    };
+    let mut outputs = RunOutputs::none(&interrupted);
     let mut failure = None;
     let result = run_to_end(made.trial, None, &mut outputs, None, |step, _| {
         for event in &step.output.events {

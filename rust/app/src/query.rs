@@ -5,7 +5,7 @@
 //! | `fk` | `q` | `position`, `quaternion` |
 //! | `jacobian` | `q` | `jacobian`: 6 rows, linear first |
 //! | `condition` | `q` | `condition` (null when infinite), `sigma`: 6 singular values |
-//! | `inverse_dynamics` | `q`, `qd`, `qdd`, `hand` (default zero) | `tau` of the arm joints, hand's mass included |
+//! | `inverse_dynamics` | `q`, `qd`, `qdd`, `hand` | `tau` of the arm joints, hand's mass included |
 //! | `ik` | `position`, `quaternion`, `seed` | `status`: `ok` or `unreachable`, `q` or null |
 //! | `plan` | `start`, `goal_q` or `goal_pose`, `scene`, `base_pose`, `hand`, `attached`, `seed`, `planner`, `parameters`, `roadmap` | `status`, `path`, `times`, `reason`, `clearance`, `words`, `iterations`, `wall_secs` |
 //! | `roadmap` | `milestones` (how many), `scene`, `base_pose`, `hand`, `seed` | `milestones`, `edges` |
@@ -13,7 +13,7 @@
 //!
 //! SI units, radians, quaternions x, y, z, w. Poses of the tip, `goal_pose` too, are in the base link; gravity is
 //! 9.80665 m/s^2 along -z of the base link. `q` has one angle for each arm joint, `hand` one for each hand joint in
-//! the order of its group. The `seed` of `ik` is either the angles from which the search starts or a whole number
+//! the order of its group: without it the hand is open as the arm's SRDF says if the arm was named with `--arm`, and at zero otherwise. The `seed` of `ik` is either the angles from which the search starts or a whole number
 //! that picks some; without it the search starts in the middle of the limits.
 //!
 //! `scene` is `empty`, `box` (table, walls, partition), `clutter` (the same with four blocks) or a list of
@@ -29,9 +29,10 @@
 
 mod scene;
 
+use crate::{Arm, ArmError};
 use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
-use proact_arm::ArmModel;
-use proact_description::DescriptionError;
+use proact_arm::{ArmModel, OPEN_POSE};
+use proact_description::{DescriptionError, ImportOptions, MeshFolders};
 use proact_kinematics::{ArmKinematics, IkOutcome, Kinematics, KinematicsError};
 use proact_planning::{ArmPlanner, PlannerName, PlannerOptions, Roadmap, status_label};
 use proact_types::{
@@ -58,7 +59,9 @@ const QUATERNION_TOLERANCE: f64 = 1e-3;
 /// Which arm is asked about. Everything left out: the MPL right arm, `base_link` to its wrist.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct QueryOptions {
-    /// Another arm's URDF file.
+    /// An arm as trials take it: its folder, or the name of one that ships with the program.
+    pub arm: Option<String>,
+    /// A URDF file alone; one that is not complete is completed as an import does.
     pub urdf: Option<PathBuf>,
     /// First link of the chain; the model's root if left out.
     pub base: Option<String>,
@@ -70,6 +73,9 @@ pub struct QueryOptions {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum QueryError {
+    /// The arm's folder.
+    #[error(transparent)]
+    Arm(#[from] ArmError),
     /// The description is not usable, or has no such link.
     #[error(transparent)]
     Description(#[from] DescriptionError),
@@ -79,6 +85,17 @@ pub enum QueryError {
     /// The input ended with an error, or nobody reads the output.
     #[error("reading questions or writing answers: {0}")]
     Stream(#[from] std::io::Error),
+}
+
+/// The arm of a URDF file: as it is, or completed as an import does, without a gripper that it does not have.
+fn load_or_import(file: &Path) -> Result<ArmModel, DescriptionError> {
+    let text = proact_description::read_text(file)?;
+    if let Ok(model) = proact_description::parse_urdf(&text) {
+        return Ok(model);
+    }
+    let meshes = MeshFolders::with_ros_packages(file, &[]);
+    let options = ImportOptions { meshes: Some(&meshes), without_gripper: true, ..ImportOptions::default() };
+    proact_description::import(&text, &options).map(|imported| imported.model)
 }
 
 /// Answers every line of `input` on a line of `output`, until the input ends. Empty lines are passed over.
@@ -173,20 +190,28 @@ pub struct QueryHandler {
     model: Arc<ArmModel>,
     kinematics: Kinematics,
     planner: Option<ArmPlanner>,
+    /// Positions of the hand's joints where a question has none.
+    default_hand: Vec<f64>,
 }
 
 impl QueryHandler {
     fn new(options: &QueryOptions) -> Result<Self, QueryError> {
-        let mut model = match &options.urdf {
-            Some(file) => proact_description::load(file, None)?,
-            None => proact_description::mpl_right_arm(),
+        let mut model = match (&options.arm, &options.urdf) {
+            (Some(arm), _) => (**Arm::load(arm)?.model()).clone(),
+            (None, Some(file)) => load_or_import(file)?,
+            (None, None) => proact_description::mpl_right_arm(),
         };
         if options.base.is_some() || options.tip.is_some() {
             let base = options.base.as_ref().unwrap_or(&model.links[0].name);
             let tip = options.tip.as_ref().unwrap_or(&model.links[model.tip].name);
             model = proact_description::select_chain(&model, base, tip)?;
         }
-        Self::for_model(model)
+        let open = model.pose("hand", OPEN_POSE).map(<[f64]>::to_vec);
+        let mut handler = Self::for_model(model)?;
+        if let (Some(_), Ok(open)) = (&options.arm, open) {
+            handler.default_hand = open;
+        }
+        Ok(handler)
     }
 
     /// Who answers for the arm `model`.
@@ -195,7 +220,8 @@ impl QueryHandler {
     /// An arm that the kinematics does not take.
     pub fn for_model(model: ArmModel) -> Result<Self, QueryError> {
         let kinematics = Kinematics::new(&model)?;
-        Ok(Self { model: Arc::new(model), kinematics, planner: None })
+        let default_hand = vec![0.0; model.hand.len()];
+        Ok(Self { model: Arc::new(model), kinematics, planner: None, default_hand })
     }
 
     /// The answer to a question, one JSON object.
@@ -282,7 +308,7 @@ impl QueryHandler {
 
     fn hand_angles(&self, hand: Option<Vec<f64>>) -> Result<Vec<f64>, String> {
         let expected = self.model.moving_count() - self.model.arm_count();
-        let hand = hand.unwrap_or_else(|| vec![0.0; expected]);
+        let hand = hand.unwrap_or_else(|| self.default_hand.clone());
         expect_length("hand", &hand, expected).map(|()| hand)
     }
 

@@ -36,6 +36,20 @@ pub struct RunOutputs<'a> {
     pub interrupted: &'a AtomicBool,
 }
 
+impl<'a> RunOutputs<'a> {
+    /// No outputs: the trial runs as fast as it can.
+    pub fn none(interrupted: &'a AtomicBool) -> Self {
+        Self {
+            page: None,
+            inputs: None,
+            rosbridge: None,
+            shoulder: None,
+            feedback: FeedbackSinks::default(),
+            interrupted,
+        }
+    }
+}
+
 /// Runs a simulated trial: flat out if nobody watches, in real time for the page, for clients of rosbridge and with a tracked
 /// shoulder. Written to `recorder`, whose directory is `dir`; `on_step` sees each tick.
 ///

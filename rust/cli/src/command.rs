@@ -119,6 +119,9 @@ enum Command {
     Operations: fk, jacobian, condition, inverse_dynamics, ik, plan, collision. SI units, radians, quaternions \
     x, y, z, w. A line that cannot be answered gives {\"error\": ..} and the stream goes on.")]
 struct QueryArgs {
+    /// Another arm: its folder, or the name of one that ships with the program
+    #[arg(long, value_name = "FOLDER|NAME", conflicts_with = "urdf")]
+    arm: Option<String>,
     /// Another arm's URDF file
     #[arg(long, value_name = "FILE")]
     urdf: Option<PathBuf>,
@@ -280,8 +283,8 @@ fn dispatch(registry: &Registry, command: Command) -> Result<bool, Box<dyn Error
         Command::Replay(args) => crate::replay::command(&registry.methods, &args),
         Command::Serve(args) => crate::serve::command(registry, &args),
         Command::Emg { json, command } => crate::emg::run(&registry.sources, &command, json).map(|()| true),
-        Command::Query(QueryArgs { urdf, base, tip }) => {
-            query::run(QueryOptions { urdf, base, tip }, stdin().lock(), stdout().lock())?;
+        Command::Query(QueryArgs { arm, urdf, base, tip }) => {
+            query::run(QueryOptions { arm, urdf, base, tip }, stdin().lock(), stdout().lock())?;
             Ok(true)
         }
         Command::Model { json, command } => crate::model::run(&command, json),

@@ -3,13 +3,14 @@
 use crate::model_size::{self, SizeArgs};
 use clap::{Args, Subcommand};
 use proact_app::{
-    ArmPlacement, allow_lasting_contacts, arm_comparison::compare_arm, arm_picture, place_arm, print_result,
-    print_result_json,
+    Arm, ArmPlacement, allow_lasting_contacts, arm_comparison::compare_arm, arm_picture, place_arm,
+    print_result, print_result_json, try_arm,
 };
-use proact_arm::{Grasp, PinchError, PinchGrasp, find_pinch};
+use proact_arm::{ArmModel, Grasp, PinchError, PinchGrasp, find_pinch};
 use proact_description::{
-    ArmFolder, DescriptionError, DescriptionReport, ImportOptions, ImportedArm, MeshFit, MeshFolders, check,
-    collect_meshes, import, parse, parse_urdf, read_text, settings_template, to_srdf, to_urdf, with_pinch,
+    ArmChoice, ArmFolder, DescriptionError, DescriptionReport, ImportOptions, ImportedArm, MeshFit,
+    MeshFolders, arm_choices, check, collect_meshes, import, parse, read_text, settings_template, to_srdf,
+    to_urdf, with_pinch,
 };
 use proact_files::{OutputFile, WriteError, check_folder, check_output, make_folder, write_atomically};
 use proact_types::Number;
@@ -17,7 +18,7 @@ use serde_json::json;
 use std::{
     error::Error,
     fs,
-    io::Write,
+    io::{BufRead, IsTerminal, Write, stdin},
     path::{Path, PathBuf},
     process::Command,
 };
@@ -32,7 +33,8 @@ pub enum ModelCommand {
     #[command(after_help = "Examples:\n  proact model check my_arm.urdf\n  \
         proact model check my_arm.urdf --srdf my_arm.srdf --json\n  \
         proact model check my_arm --compare\n\n\
-        The exit code is 0 if the description can be used, warnings or not; with --compare, if all agree as well.")]
+        A file is judged as proact model import would take it; of a folder, or an arm that ships with the program, the start of a \
+        trial is run too. The exit code is 0 if the arm can be used, warnings or not; with --compare, if all agree as well.")]
     Check(ModelCheckArgs),
     /// Turn an arm in URDF, or in Gazebo's SDF, into a checked folder: URDF, SRDF, settings and meshes
     #[command(
@@ -62,9 +64,12 @@ pub struct ModelCheckArgs {
     /// URDF file, the folder of an arm, or the name of one that ships with the program
     #[arg(value_name = "FILE|FOLDER|NAME")]
     file: PathBuf,
-    /// SRDF file with groups and poses; without it they are guessed
+    /// SRDF file with groups and poses; without it they are found from the joints
     #[arg(long)]
     srdf: Option<PathBuf>,
+    /// Folder that contains packages of meshes, beside those of ROS_PACKAGE_PATH; may be given several times
+    #[arg(long, value_name = "DIR")]
+    package_path: Vec<PathBuf>,
     /// Print the largest differences between our arithmetic, KDL, urdfdom and both engines of the physics, and where
     #[arg(long)]
     compare: bool,
@@ -99,7 +104,7 @@ pub struct ImportArgs {
     /// Leave an arm without a hand as it is; else it gets a gripper with two fingers
     #[arg(long)]
     no_gripper: bool,
-    /// Accept what the import chooses; it asks nothing today, so this changes nothing
+    /// Accept what the import suggests: of a robot with several arms, the right one with a hand
     #[arg(long)]
     yes: bool,
     /// Leave out the search for a place of the base and a start pose, by trials of method D
@@ -143,28 +148,27 @@ pub fn run(command: &ModelCommand, json: bool) -> Result<bool, Box<dyn Error>> {
     }
 }
 
+/// An arm that was looked at: its report, and the model and URDF text of a usable one.
+struct CheckedArm {
+    report: DescriptionReport,
+    usable: Option<(ArmModel, String)>,
+}
+
 fn run_check(args: &ModelCheckArgs, json: bool) -> Result<bool, Box<dyn Error>> {
     let shipped = args.file.to_str().filter(|_| !args.file.exists()).and_then(ArmFolder::shipped);
-    let (urdf, srdf) = match &shipped {
-        Some(folder) => (folder.urdf.clone(), folder.srdf.clone()),
-        None => {
-            let (urdf, srdf) = match args.file.is_dir() {
-                true => proact_description::arm_files(&args.file)?,
-                false => (args.file.clone(), None),
-            };
-            let srdf = args.srdf.clone().or(srdf);
-            (read_text(&urdf)?, srdf.as_deref().map(read_text).transpose()?)
+    let is_folder = shipped.is_some() || args.file.is_dir();
+    let CheckedArm { report, usable } = match shipped {
+        Some(folder) => check_arm_folder(folder, &args.file)?,
+        None if is_folder && args.srdf.is_none() => {
+            check_arm_folder(ArmFolder::read(&args.file)?, &args.file)?
         }
+        None => check_file(args)?,
     };
-    let report = check(&urdf, srdf.as_deref());
-    let compared = if args.compare && report.usable {
-        let model = match &srdf {
-            Some(srdf) => parse(&urdf, srdf)?,
-            None => parse_urdf(&urdf)?,
-        };
-        Some(compare_arm(&model, &urdf, args.postures as usize, args.seed)?)
-    } else {
-        None
+    let compared = match &usable {
+        Some((model, urdf)) if args.compare => {
+            Some(compare_arm(model, urdf, args.postures as usize, args.seed)?)
+        }
+        _ => None,
     };
     if json {
         let mut object = serde_json::to_value(&report)?;
@@ -173,32 +177,78 @@ fn run_check(args: &ModelCheckArgs, json: bool) -> Result<bool, Box<dyn Error>> 
         }
         print_result_json(&object)?;
     } else {
-        print_result(&report)?;
+        let urdf = match args.file.is_dir() {
+            true => proact_description::arm_files(&args.file)?.0,
+            false => args.file.clone(),
+        };
+        print_result(report.of_file(&urdf))?;
+        if report.usable && !is_folder {
+            let file = args.file.display();
+            print_result(format_args!("a trial needs a folder: proact model import {file} --out FOLDER"))?;
+        }
         if let Some(compared) = &compared {
             print_result(compared)?;
         }
     }
-    if args.file.is_dir() && report.usable {
-        // What a trial would miss too: meshes, poses, and what the settings name.
-        proact_app::Arm::in_folder(&args.file)?;
-    }
     Ok(report.usable && compared.is_none_or(|compared| compared.agrees()))
+}
+
+/// The verdict on an arm that is complete: its description, and that a trial runs with it.
+fn check_arm_folder(folder: ArmFolder, path: &Path) -> Result<CheckedArm, Box<dyn Error>> {
+    let mut report = check(&folder.urdf, folder.srdf.as_deref());
+    if !report.usable {
+        return Ok(CheckedArm { report, usable: None });
+    }
+    let urdf = folder.urdf.clone();
+    // What a trial would miss too: meshes, poses, and what the settings name.
+    let arm = Arm::from_folder(folder, path, false)?;
+    match try_arm(&arm) {
+        Ok(()) => Ok(CheckedArm { report, usable: Some(((**arm.model()).clone(), urdf)) }),
+        Err(finding) => {
+            report.usable = false;
+            report.findings.insert(0, finding);
+            Ok(CheckedArm { report, usable: None })
+        }
+    }
+}
+
+/// The verdict on the files of an arm: what an import says of them.
+fn check_file(args: &ModelCheckArgs) -> Result<CheckedArm, Box<dyn Error>> {
+    let (urdf, srdf) = match args.file.is_dir() {
+        true => proact_description::arm_files(&args.file)?,
+        false => (args.file.clone(), None),
+    };
+    let srdf = args.srdf.clone().or(srdf).as_deref().map(read_text).transpose()?;
+    let meshes = MeshFolders::with_ros_packages(&urdf, &args.package_path);
+    let options = ImportOptions { srdf: srdf.as_deref(), meshes: Some(&meshes), ..ImportOptions::default() };
+    match import(&read_description(&urdf)?, &options) {
+        Ok(ImportedArm { report, model, urdf, .. }) => Ok(CheckedArm { report, usable: Some((model, urdf)) }),
+        Err(DescriptionError::Invalid { findings }) => {
+            Ok(CheckedArm { report: DescriptionReport::refused(findings), usable: None })
+        }
+        Err(error) => Err(error.into()),
+    }
 }
 
 fn run_import(args: &ImportArgs, json: bool) -> Result<bool, Box<dyn Error>> {
     check_folder(&args.out).map_err(|error| format!("{error}. Choose another folder with --out"))?;
     let srdf = args.srdf.as_deref().map(read_text).transpose()?;
-    let ros = std::env::var_os("ROS_PACKAGE_PATH").unwrap_or_default();
-    let packages = args.package_path.iter().cloned().chain(std::env::split_paths(&ros));
-    let meshes = MeshFolders::of(&args.file, packages.filter(|path| !path.as_os_str().is_empty()));
+    let meshes = MeshFolders::with_ros_packages(&args.file, &args.package_path);
+    let text = read_description(&args.file)?;
+    let named = args.srdf.is_some() || args.base.is_some() || args.tip.is_some();
+    let choice = match named || args.yes || json || !stdin().is_terminal() {
+        true => None,
+        false => ask_for_arm(&arm_choices(&text), &mut stdin().lock())?,
+    };
+    let (base, tip) = choice.map(|choice| (choice.base, choice.tip)).unzip();
     let options = ImportOptions {
         srdf: srdf.as_deref(),
-        base: args.base.as_deref(),
-        tip: args.tip.as_deref(),
+        base: args.base.as_deref().or(base.as_deref()),
+        tip: args.tip.as_deref().or(tip.as_deref()),
         meshes: Some(&meshes),
         without_gripper: args.no_gripper,
     };
-    match import(&read_description(&args.file)?, &options) {
+    match import(&text, &options) {
         Ok(mut imported) => {
             if args.srdf.is_none() {
                 let allowed = allow_lasting_contacts(&mut imported.model)?;
@@ -225,7 +275,7 @@ fn run_import(args: &ImportArgs, json: bool) -> Result<bool, Box<dyn Error>> {
                 object["found"] = json!(imported.found);
                 print_result_json(&object)?;
             } else {
-                print_result(format_args!("{}", imported.report))?;
+                print_result(imported.report.of_file(&args.file))?;
                 for sentence in &imported.found {
                     print_result(format_args!("found: {sentence}"))?;
                 }
@@ -244,15 +294,41 @@ fn run_import(args: &ImportArgs, json: bool) -> Result<bool, Box<dyn Error>> {
             Ok(true)
         }
         Err(DescriptionError::Invalid { findings }) => {
-            let report = DescriptionReport { usable: false, summary: None, findings };
+            let report = DescriptionReport::refused(findings);
             if json {
                 print_report(&report)?
             } else {
-                print_result(format_args!("{report}\nnothing was written"))?
+                print_result(format_args!("{}\nnothing was written", report.of_file(&args.file)))?
             }
             Ok(false)
         }
         Err(error) => Err(error.into()),
+    }
+}
+
+/// Which arm of a robot is meant: none if there is nothing to choose.
+fn ask_for_arm(
+    choices: &[ArmChoice],
+    answers: &mut impl BufRead,
+) -> Result<Option<ArmChoice>, Box<dyn Error>> {
+    if choices.len() < 2 {
+        return Ok(None);
+    }
+    eprintln!("The file describes several arms:");
+    for (number, ArmChoice { base, tip, joints, has_hand }) in (1..).zip(choices) {
+        let hand = if *has_hand { "with" } else { "without" };
+        eprintln!("  {number}  {joints} joints from {base} to {tip}, {hand} a hand");
+    }
+    loop {
+        eprint!("Which one? A number, or Enter for 1: ");
+        let mut line = String::new();
+        if answers.read_line(&mut line)? == 0 || line.trim().is_empty() {
+            return Ok(choices.first().cloned());
+        }
+        match line.trim().parse::<usize>().ok().and_then(|number| choices.get(number.checked_sub(1)?)) {
+            Some(choice) => return Ok(Some(choice.clone())),
+            None => eprintln!("Expected a number from 1 to {}.", choices.len()),
+        }
     }
 }
 
@@ -522,6 +598,23 @@ mod tests {
     }
 
     #[test]
+    fn one_of_several_arms_is_asked_for() {
+        let arm = |name: &str| ArmChoice {
+            base: format!("{name}_base"),
+            tip: format!("{name}_palm"),
+            joints: 7,
+            has_hand: true,
+        };
+        let choices = [arm("right"), arm("left")];
+        let ask = |answers: &str| ask_for_arm(&choices, &mut answers.as_bytes()).unwrap().unwrap().base;
+        assert_eq!(
+            ["2\n", "\n", "", "9\nno\n2\n"].map(ask),
+            ["left_base", "right_base", "right_base", "left_base"]
+        );
+        assert_eq!(ask_for_arm(&choices[..1], &mut "".as_bytes()).unwrap(), None);
+    }
+
+    #[test]
     fn an_arm_that_cannot_be_used_fails_and_writes_nothing() {
         let folder = tempfile::tempdir().unwrap();
         let (file, out) = (folder.path().join("a.urdf"), folder.path().join("out"));
@@ -534,6 +627,7 @@ mod tests {
                 &ModelCommand::Check(ModelCheckArgs {
                     file,
                     srdf: None,
+                    package_path: Vec::new(),
                     compare: false,
                     postures: 1,
                     seed: 1
@@ -555,6 +649,7 @@ mod tests {
                 &ModelCommand::Check(ModelCheckArgs {
                     file,
                     srdf: Some(srdf),
+                    package_path: Vec::new(),
                     compare: true,
                     postures: 5,
                     seed: 1
@@ -568,6 +663,7 @@ mod tests {
             &ModelCommand::Check(ModelCheckArgs {
                 file: missing,
                 srdf: None,
+                package_path: Vec::new(),
                 compare: false,
                 postures: 1,
                 seed: 1,

@@ -205,7 +205,11 @@ fn roles<'a>(model: &ArmModel, semantics: &'a SrdfModel, findings: &mut Findings
             findings.error(
                 "end effector",
                 "its groups do not exist",
-                format!("group \"{}\", parent_group {:?}", effector.hand, effector.arm),
+                format!(
+                    "group \"{}\", parent_group \"{}\"",
+                    effector.hand,
+                    effector.arm.as_deref().unwrap_or_default()
+                ),
                 format!("two of the groups: {}", known()),
                 "Name the hand as group and the arm as parent_group.",
             );
@@ -265,7 +269,7 @@ fn hold_other_joints(model: &mut ArmModel, findings: &mut Findings) {
             "the joint is in no group",
             "it moves",
             "a place in the arm's group or in the hand's",
-            format!("Nothing: it is held at {at} {}.", joint.kind.unit()),
+            format!("It is held at {at} {}.", joint.kind.unit()),
         );
         let origin = joint.transform_at(at);
         let joint = &mut model.joints[index];
@@ -410,14 +414,14 @@ fn add_pose(
     };
     if roles.is_empty() {
         let expected = "the arm's or the hand's group";
-        let remedy = "Nothing: the pose is left out.";
+        let remedy = "The pose is left out.";
         findings.warning(location, "its group has no role", &state.group, expected, remedy);
         return;
     }
     for (name, _) in &state.values {
         if !roles.iter().flat_map(|(_, joints)| joints).any(|&j| model.joints[j].name == *name) {
             let names = roles.iter().flat_map(|(_, joints)| joints).map(|&j| model.joints[j].name.as_str());
-            let (expected, remedy) = (join_names(names), "Nothing: the angle is left out.");
+            let (expected, remedy) = (join_names(names), "The angle is left out.");
             findings.warning(&location, "a joint is not in the group", name, expected, remedy);
         }
     }
@@ -432,7 +436,7 @@ fn add_pose(
             let limits = &joint.limits;
             let angle = pose_angle(model, j, &state.values).unwrap_or_else(|| {
                 let at = 0.0_f64.clamp(limits.lower, limits.upper);
-                let done = format!("Nothing: it is {at} {}.", joint.kind.unit());
+                let done = format!("It is {at} {}.", joint.kind.unit());
                 findings.warning(&location, "an angle is missing", "nothing", joint_place(&joint.name), done);
                 at
             });

@@ -2,7 +2,10 @@
 
 use crate::size_limits::MAX_FINDINGS;
 use serde::Serialize;
-use std::{fmt, path::PathBuf};
+use std::{
+    fmt,
+    path::{Path, PathBuf},
+};
 
 /// How bad a finding is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
@@ -46,13 +49,41 @@ pub struct Finding {
     pub remedy: String,
 }
 
-impl fmt::Display for Finding {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+impl Finding {
+    /// What keeps a trial from running with an arm that can be read.
+    pub fn about_trial(
+        problem: impl Into<String>,
+        got: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> Self {
+        Self {
+            severity: Severity::Error,
+            location: "trial".to_owned(),
+            line: None,
+            problem: problem.into(),
+            got: got.into(),
+            expected: "an arm with which a trial runs".to_owned(),
+            remedy: remedy.into(),
+        }
+    }
+}
+
+impl Finding {
+    /// The finding as a line of text; `file` is where its line is, if that is to be named.
+    pub(crate) fn write_to(&self, f: &mut fmt::Formatter<'_>, file: Option<&Path>) -> fmt::Result {
         write!(f, "{}: {}", self.severity, self.location)?;
-        if let Some(line) = self.line {
-            write!(f, " (line {line})")?;
+        match (self.line, file) {
+            (Some(line), Some(file)) => write!(f, " ({}:{line})", file.display())?,
+            (Some(line), None) => write!(f, " (line {line})")?,
+            (None, _) => {}
         }
         write!(f, ": {}: got {}, expected {}. {}", self.problem, self.got, self.expected, self.remedy)
+    }
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.write_to(f, None)
     }
 }
 

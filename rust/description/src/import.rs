@@ -14,6 +14,7 @@ mod sdf;
 mod urdf;
 
 pub use meshes::{MeshFolders, TriangleMesh};
+pub use mount::ArmChoice;
 
 use crate::{
     DescriptionError, DescriptionReport, Finding, check, examine,
@@ -104,8 +105,7 @@ pub fn import(text: &str, options: &ImportOptions<'_>) -> Result<ImportedArm, De
     let text = strip_preamble(text, &mut findings);
     let declared = xml::declare_prefixes(text);
     let text = &*declared;
-    let read = if is_sdf(text) { sdf::read(text, &mut findings) } else { urdf::read(text, &mut findings) };
-    let Some(parts) = read.filter(|_| !findings.has_error()) else {
+    let Some(parts) = read_parts(text, &mut findings).filter(|_| !findings.has_error()) else {
         return Err(invalid(text, findings));
     };
     let Some((urdf_text, fits, mesh_points)) = complete(parts, options, &mut findings) else {
@@ -127,6 +127,9 @@ pub fn import(text: &str, options: &ImportOptions<'_>) -> Result<ImportedArm, De
     if report.usable {
         model = crate::parse(&urdf, &srdf)?;
     }
+    // Lines of the text that was written are in no file of the user's.
+    report.findings.iter_mut().for_each(|finding| finding.line = None);
+    crate::lint::add_line_numbers(text, &mut report.findings);
     let new_findings: Vec<Finding> =
         more.into_iter().filter(|f| !is_known_finding(f, &report.findings)).collect();
     let mut own = findings.0;
@@ -138,6 +141,23 @@ pub fn import(text: &str, options: &ImportOptions<'_>) -> Result<ImportedArm, De
         return Err(DescriptionError::Invalid { findings: report.findings });
     }
     Ok(ImportedArm { model, urdf, srdf, report, fits, found, mesh_points })
+}
+
+/// The arms of a robot that has several, the one that [`import`] takes by itself first. Empty for one arm, and for a text that
+/// [`import`] refuses.
+pub fn arm_choices(text: &str) -> Vec<ArmChoice> {
+    let mut findings = Findings::default();
+    let text = strip_preamble(text, &mut findings);
+    let declared = xml::declare_prefixes(text);
+    let Some(mut parts) = read_parts(&declared, &mut findings).filter(|_| !findings.has_error()) else {
+        return Vec::new();
+    };
+    complete::choose_base(&mut parts, None, &mut findings);
+    if findings.has_error() { Vec::new() } else { mount::arm_choices(&parts) }
+}
+
+fn read_parts(text: &str, findings: &mut Findings) -> Option<RobotParts> {
+    if is_sdf(text) { sdf::read(text, findings) } else { urdf::read(text, findings) }
 }
 
 fn invalid(text: &str, mut findings: Findings) -> DescriptionError {
@@ -159,6 +179,9 @@ fn complete(
     }
     if !findings.has_error() && options.srdf.is_none() && options.tip.is_none() {
         mount::choose_arm(&mut parts, findings);
+    }
+    if !findings.has_error() && options.srdf.is_none() {
+        mount::hold_surplus(&mut parts, findings);
     }
     if findings.has_error() {
         return None;
@@ -339,7 +362,7 @@ fn strip_preamble<'a>(text: &'a str, findings: &mut Findings) -> &'a str {
         "a comment stands before the XML declaration, where none may be",
         "a comment",
         "<?xml ..?> first",
-        "Nothing: it was skipped.",
+        "It was skipped.",
     );
     &text[start..]
 }

@@ -34,7 +34,9 @@ mod xml;
 pub use finding::{DescriptionError, Finding, Severity};
 pub use folder::{ArmFolder, FolderError, arm_files, collect_meshes, mesh_id, mesh_uris, settings_template};
 pub use grasps::with_pinch;
-pub use import::{ImportOptions, ImportedArm, MeshFit, MeshFolders, TriangleMesh, import};
+pub use import::{
+    ArmChoice, ImportOptions, ImportedArm, MeshFit, MeshFolders, TriangleMesh, arm_choices, import,
+};
 pub use mirror::mirror;
 pub use report::{DescriptionReport, DescriptionSummary, check};
 pub use write::{to_srdf, to_urdf};

@@ -177,6 +177,9 @@ fn note_rounded_angles(robot: Node<'_, '_>, findings: &mut Findings) {
 /// Fills in the lines of links and joints that findings are about.
 pub(crate) fn add_line_numbers(text: &str, findings: &mut [Finding]) {
     let Some(document) = xml::parse_document(text, "", "", "", &mut Findings::default()) else { return };
+    for finding in findings.iter_mut().filter(|f| f.line.is_none() && f.location == "URDF") {
+        finding.line = Some(xml::line_of(document.root_element()));
+    }
     for node in document.root_element().children().filter(Node::is_element) {
         let Some(name) = node.attribute("name") else { continue };
         let location = match node.tag_name().name() {

@@ -2,7 +2,7 @@
 
 use crate::{Finding, Severity, examine};
 use serde::Serialize;
-use std::fmt;
+use std::{fmt, path::Path};
 
 /// What [`check`] found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -57,14 +57,42 @@ pub fn check(urdf: &str, srdf: Option<&str>) -> DescriptionReport {
 }
 
 impl DescriptionReport {
+    /// Of a description that cannot be used.
+    pub fn refused(findings: Vec<Finding>) -> Self {
+        Self { usable: false, summary: None, findings }
+    }
+
     /// How many findings are of this kind.
     pub fn count(&self, severity: Severity) -> usize {
         self.findings.iter().filter(|f| f.severity == severity).count()
     }
 }
 
+/// A report with the file that its lines are of.
+struct ReportOfFile<'a> {
+    report: &'a DescriptionReport,
+    file: &'a Path,
+}
+
+impl fmt::Display for ReportOfFile<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.report.write_to(f, Some(self.file))
+    }
+}
+
 impl fmt::Display for DescriptionReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.write_to(f, None)
+    }
+}
+
+impl DescriptionReport {
+    /// The report as text, with `file` before each line number.
+    pub fn of_file<'a>(&'a self, file: &'a Path) -> impl fmt::Display + 'a {
+        ReportOfFile { report: self, file }
+    }
+
+    fn write_to(&self, f: &mut fmt::Formatter<'_>, file: Option<&Path>) -> fmt::Result {
         if let Some(s) = &self.summary {
             writeln!(
                 f,
@@ -79,7 +107,8 @@ impl fmt::Display for DescriptionReport {
             )?;
         }
         for finding in &self.findings {
-            writeln!(f, "{finding}")?;
+            finding.write_to(f, file)?;
+            writeln!(f)?;
         }
         write!(
             f,

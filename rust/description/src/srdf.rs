@@ -139,7 +139,7 @@ fn read_group(node: Node<'_, '_>, findings: &mut Findings, out: &mut SrdfModel) 
                 "a member has no meaning here",
                 format!("<{other}>"),
                 "<joint>, <link>, <chain> or <group>",
-                "Nothing: it is left out.",
+                "It is left out.",
             ),
         }
     }
@@ -157,7 +157,7 @@ fn read_end_effector(node: Node<'_, '_>, findings: &mut Findings, out: &mut Srdf
                 "there is more than one end effector",
                 format!("group \"{hand}\""),
                 "one: the hand",
-                format!("Nothing: the first is taken, group \"{}\".", first.hand),
+                format!("The first is taken, group \"{}\".", first.hand),
             );
         }
         out.end_effectors.push(EndEffector { hand, arm, tip });

@@ -268,6 +268,82 @@ fn two_arms_are_asked_for_by_name_and_a_hand_alone_is_refused() {
 }
 
 /// The links that are named, with the joints between them.
+/// A hand of three digits of `phalanges` links each on the link `palm` of `side`.
+fn digits(side: &str, phalanges: usize) -> String {
+    let solid = format!("{MASS}{}", BOX.replace("0.04 0.04 0.1", "0.01 0.01 0.01"));
+    let mut text = link(&format!("{side}_palm"), &solid);
+    for digit in 0..3 {
+        let mut parent = format!("{side}_palm");
+        for phalanx in 0..phalanges {
+            let child = format!("{side}_{digit}_{phalanx}");
+            text += &link(&child, &solid);
+            let _ = writeln!(
+                text,
+                "<joint name=\"{child}_joint\" type=\"revolute\"><origin xyz=\"0 {} 0.01\"/><parent link=\"{parent}\"/>\
+                 <child link=\"{child}\"/><axis xyz=\"1 0 0\"/>{LIMIT}</joint>",
+                if phalanx == 0 { 0.02 * (f64::from(digit) - 1.0) } else { 0.0 }
+            );
+            parent = child;
+        }
+    }
+    text
+}
+
+#[test]
+fn one_of_two_hands_is_taken() {
+    let mount = |side: &str, y: &str| {
+        format!(
+            "<joint name=\"{side}_mount\" type=\"revolute\"><origin xyz=\"0 {y} 0\"/><parent link=\"stand\"/>\
+             <child link=\"{side}_palm\"/><axis xyz=\"0 0 1\"/>{LIMIT}</joint>"
+        )
+    };
+    let text = format!(
+        "<robot name=\"pair\">{}{}{}{}{}</robot>",
+        link("stand", MASS),
+        digits("left", 2),
+        digits("right", 2),
+        mount("left", "0.6"),
+        mount("right", "-0.6")
+    );
+    let arm = imported(&text);
+    said(&arm, "URDF", "more than one hand");
+    assert_eq!(arm.model.hand.len(), 6);
+    assert!(names(&arm, &arm.model.hand).iter().all(|name| name.starts_with("right_")));
+}
+
+#[test]
+fn of_a_hand_with_more_joints_than_a_model_takes_the_last_ones_are_held() {
+    let mut text = format!("<robot name=\"many\">{}{}", link("base", MASS), digits("big", 13));
+    let mut parent = "base".to_owned();
+    for number in 1..=3 {
+        let name = format!("l{number}");
+        text += &link(&name, &format!("{MASS}{BOX}"));
+        text += &joint(&format!("j{number}"), "revolute", [&parent, &name], LIMIT);
+        parent = name;
+    }
+    text += &format!(
+        "<joint name=\"mount\" type=\"fixed\"><parent link=\"{parent}\"/><child link=\"big_palm\"/></joint></robot>"
+    );
+    let arm = imported(&text);
+    said(&arm, "URDF", "number of moving joints");
+    assert_eq!((arm.model.arm.len(), arm.model.hand.len()), (3, 37));
+    assert!(names(&arm, &arm.model.hand).contains(&"big_1_11_joint".to_owned()));
+}
+
+#[test]
+fn limits_of_zeros_alone_are_none_and_lines_are_those_of_the_file() {
+    let zeros = "<limit lower=\"0\" upper=\"0\" effort=\"0\" velocity=\"0\"/>";
+    let text = arm("").replacen(LIMIT, zeros, 1);
+    let line = 1 + text.lines().position(|line| line.contains("\"shoulder\"")).unwrap();
+    let arm = imported(&text);
+    said(&arm, "shoulder", "has no limits");
+    assert_eq!(names(&arm, &arm.model.arm), ["shoulder", "wrist"]);
+    let finding = arm.report.findings.iter().find(|f| f.problem.contains("has no limits")).unwrap();
+    assert_eq!(finding.line, Some(u32::try_from(line).unwrap()));
+    let shown = arm.report.of_file(Path::new("lab/arm.urdf")).to_string();
+    assert!(shown.contains(&format!("(lab/arm.urdf:{line})")), "{shown}");
+}
+
 fn arm_alone(links: &[&str]) -> String {
     let text = arm("");
     let kept = |line: &&str| {

@@ -251,6 +251,7 @@ fn another_chain_and_another_arm_can_be_chosen() {
         urdf: Some(file.clone()),
         base: Some("mpl_right_arm__humerus_link".to_owned()),
         tip: Some(tip.to_owned()),
+        ..QueryOptions::default()
     };
     let question = json!({ "op": "jacobian", "q": [0.0, 0.5, 0.0] }).to_string();
     let answer = answers_of(options("mpl_right_arm__wristy_link"), &question);
@@ -259,6 +260,44 @@ fn another_chain_and_another_arm_can_be_chosen() {
     assert!(error.to_string().contains("hook"), "{error}");
     let missing = QueryOptions { urdf: Some(folder.path().join("none.urdf")), ..Default::default() };
     assert!(run(missing, "".as_bytes(), Vec::new()).unwrap_err().to_string().contains("none.urdf"));
+}
+
+#[test]
+fn an_arm_is_asked_with_the_open_hand_of_its_srdf_and_an_incomplete_file_is_completed() {
+    // The hand of the WAM opens at other angles than zero.
+    let standing = QueryOptions { arm: Some("wam_bhand".to_owned()), ..QueryOptions::default() };
+    let arm = Arm::load("wam_bhand").unwrap();
+    let open = arm.model().pose("hand", OPEN_POSE).unwrap();
+    let q = vec![0.3; arm.model().arm.len()];
+    let ask = |hand: Option<&[f64]>| {
+        let mut question = json!({ "op": "inverse_dynamics", "q": q, "qd": q, "qdd": q });
+        if let Some(hand) = hand {
+            question["hand"] = json!(hand);
+        }
+        answers_of(standing.clone(), &question.to_string())[0].to_string()
+    };
+    assert_eq!(ask(None), ask(Some(open)));
+    assert_ne!(ask(None), ask(Some(&vec![0.0; open.len()])));
+
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("arm.urdf");
+    let link = |name: &str| {
+        format!(
+            "<link name=\"{name}\"><inertial><mass value=\"0\"/><inertia ixx=\"0\" ixy=\"0\" ixz=\"0\" iyy=\"0\" iyz=\"0\" izz=\"0\"/></inertial></link>"
+        )
+    };
+    let joint = |k: usize| {
+        format!(
+            "<joint name=\"j{k}\" type=\"continuous\"><parent link=\"l{}\"/><child link=\"l{k}\"/><origin xyz=\"0 0 0.2\"/><axis xyz=\"0 1 0\"/></joint>",
+            k - 1
+        )
+    };
+    let links: String = (0..=4).map(|k| link(&format!("l{k}"))).collect();
+    let joints: String = (1..=4).map(joint).collect();
+    std::fs::write(&file, format!("<robot name=\"frames\">{links}{joints}</robot>")).unwrap();
+    let frames = QueryOptions { urdf: Some(file), ..QueryOptions::default() };
+    let answer = answers_of(frames, &json!({ "op": "fk", "q": [0.0; 4] }).to_string());
+    assert!((answer[0]["position"][2].as_f64().unwrap() - 0.8).abs() < 1e-12, "{}", answer[0]);
 }
 
 #[test]

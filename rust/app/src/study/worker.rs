@@ -14,7 +14,7 @@ use crate::{
     trial_choice::{TrialContext, trial_config},
 };
 use proact_analysis::table::TableCell;
-use proact_devices::{EmgOrigin, FeedbackSinks};
+use proact_devices::EmgOrigin;
 use proact_emg::EmgConfig;
 use proact_recording::StudyTrialId;
 use proact_study::TrialOptions;
@@ -159,16 +159,9 @@ pub fn run_simulated_trial(
         }
         None => None,
     };
-    let mut nobody = RunOutputs {
-        page: None,
-        inputs: None,
-        rosbridge: None,
-        shoulder: None,
-        feedback: FeedbackSinks::default(),
-        interrupted,
-    };
+    let mut outputs = RunOutputs::none(interrupted);
     let mut trace_builder = order.with_scores.then(|| LiveTraceBuilder::new(trial.testbed()));
-    let result = run_to_end(trial, recorder, &mut nobody, order.dir.as_deref(), |step, testbed| {
+    let result = run_to_end(trial, recorder, &mut outputs, order.dir.as_deref(), |step, testbed| {
         trace_builder.iter_mut().for_each(|trace_builder| trace_builder.add_step(step, testbed));
     })?;
     let scores = trace_builder

@@ -78,7 +78,7 @@ pub(crate) fn choose_base(parts: &mut RobotParts, base: Option<&str>, findings: 
             "there are several trees",
             got,
             format!("one, on \"{}\"", parts.links[root].name),
-            "Nothing: the others are left out; --base chooses another.",
+            "The others are left out; --base chooses another.",
         );
     }
     // A link that hangs on two joints closes a loop, which no tree has: the first joint of the file stays.
@@ -99,7 +99,7 @@ pub(crate) fn choose_base(parts: &mut RobotParts, base: Option<&str>, findings: 
             "it closes a loop",
             &format!("\"{child}\" hangs on another joint too"),
             "a tree",
-            "Nothing: this joint is left out.",
+            "This joint is left out.",
         );
     }
     let kept = parts.below(root);
@@ -142,7 +142,7 @@ pub(crate) fn hold_beside_chain(parts: &mut RobotParts, tip: &str, findings: &mu
             "the joint is not of the chosen arm",
             "it moves",
             "a joint of the arm or hand",
-            &format!("Nothing: it is held at {held}."),
+            &format!("It is held at {held}."),
         );
     }
 }
@@ -197,7 +197,7 @@ pub(crate) fn resolve_mimics(parts: &mut RobotParts, findings: &mut Findings) {
                 "the joint that it follows does not move by itself",
                 &got,
                 "a joint that moves",
-                "Nothing: it moves by itself.",
+                "It moves by itself.",
             );
         } else if steps > 1 {
             let got = format!(
@@ -210,7 +210,7 @@ pub(crate) fn resolve_mimics(parts: &mut RobotParts, findings: &mut Findings) {
                 "a coupling of a coupling",
                 &got,
                 "one step",
-                "Nothing: the factors are multiplied.",
+                "The factors are multiplied.",
             );
         }
         parts.joints[index].mimic = resolved;
@@ -231,7 +231,7 @@ pub(crate) fn complete_followers(parts: &mut RobotParts, findings: &mut Findings
         let cannot_move = joint.kind != PartKind::Continuous && joint.range.is_some_and(|[a, b]| a == b);
         if joint.kind.moves() && cannot_move && arm.contains(&index) {
             let held = hold(parts, &name);
-            let done = format!("Nothing: it is held at {held}.");
+            let done = format!("It is held at {held}.");
             note_joint(findings, &name, "the joint cannot move", "lower = upper", "lower below upper", &done);
             parts
                 .joints
@@ -255,7 +255,7 @@ pub(crate) fn complete_followers(parts: &mut RobotParts, findings: &mut Findings
                 "the joint follows another beyond its limits",
                 &got,
                 &expected,
-                "Nothing: its limits are widened.",
+                "Its limits are widened.",
             );
             parts.joints[index].range = Some([low.min(ends[0]), high.max(ends[1])]);
         }
@@ -279,7 +279,7 @@ pub(crate) fn complete_collisions(parts: &mut RobotParts, findings: &mut Finding
             "the link has no shape for contacts",
             "no <collision>",
             "a shape",
-            "Nothing: it gets the shapes that are drawn.",
+            "It gets the shapes that are drawn.",
         );
     }
 }
@@ -294,7 +294,7 @@ pub(crate) fn uncouple_arm(parts: &mut RobotParts, tip: usize, findings: &mut Fi
         let Some(mimic) = &joint.mimic else { continue };
         if chain.contains(&index) || of_arm.contains(&mimic.master) {
             let got = format!("it follows joint \"{}\"", mimic.master);
-            let done = "Nothing: it moves by itself.";
+            let done = "It moves by itself.";
             note_joint(
                 findings,
                 &joint.name,
@@ -352,15 +352,20 @@ pub(crate) fn complete_limits(parts: &mut RobotParts, findings: &mut Findings) {
             continue;
         }
         let slides = joint.kind == PartKind::Prismatic;
+        // As some exporters write a joint whose limits were not filled in.
+        let is_blank = |value: Option<f64>| value.is_none_or(|value| value == 0.0);
+        if joint.range == Some([0.0, 0.0]) && is_blank(joint.velocity) && is_blank(joint.effort) {
+            joint.range = None;
+        }
         let (unit, effort_unit) = if slides { ("m", "N") } else { ("rad", "N m") };
         let no_limit = if slides { NO_LIMIT_M } else { NO_LIMIT_RAD };
         if let Some(range) = joint.range.filter(|range| range.iter().any(|end| end.abs() >= no_limit)) {
             let done = if slides {
                 joint.range = Some(RANGE_M);
-                "Nothing: it gets a metre each way."
+                "It gets a metre each way."
             } else {
                 (joint.range, joint.kind) = (None, PartKind::Continuous);
-                "Nothing: it turns for ever."
+                "It turns for ever."
             };
             let got = format!("lower {}, upper {}", range[0], range[1]);
             note_joint(findings, &joint.name, "the limits limit nothing", &got, unit, done);
@@ -373,18 +378,25 @@ pub(crate) fn complete_limits(parts: &mut RobotParts, findings: &mut Findings) {
                 "the limits are reversed",
                 &format!("lower {low}, upper {high}"),
                 "lower at most upper",
-                "Nothing: they are swapped.",
+                "They are swapped.",
             );
         }
         if joint.range.is_none() && joint.kind != PartKind::Continuous {
             let (range, done) = if slides {
-                (RANGE_M, "Nothing: it gets a metre each way.")
+                (RANGE_M, "It gets a metre each way.")
             } else {
-                (RANGE_RAD, "Nothing: it gets half a turn each way.")
+                (RANGE_RAD, "It gets half a turn each way.")
             };
             joint.range = Some(range);
             let expected = format!("lower and upper, {unit}");
-            note_joint(findings, &joint.name, "the joint has no limits", "no <limit>", &expected, done);
+            note_joint(
+                findings,
+                &joint.name,
+                "the joint has no limits",
+                "no <limit>, or zeros alone",
+                &expected,
+                done,
+            );
         }
         if joint.velocity.is_none_or(|v| !(MIN_VELOCITY_RAD_PER_S..=MAX_VELOCITY_RAD_PER_S).contains(&v)) {
             let speed = if slides { VELOCITY_M_PER_S } else { VELOCITY_RAD_PER_S };
@@ -395,7 +407,7 @@ pub(crate) fn complete_limits(parts: &mut RobotParts, findings: &mut Findings) {
                 "the speed is not limited",
                 "no velocity above 0",
                 &format!("{unit}/s"),
-                &format!("Nothing: it gets {speed} {unit}/s."),
+                &format!("It gets {speed} {unit}/s."),
             );
         }
         if joint.effort.is_none_or(|e| !(MIN_EFFORT..=MAX_EFFORT).contains(&e)) {
@@ -406,7 +418,7 @@ pub(crate) fn complete_limits(parts: &mut RobotParts, findings: &mut Findings) {
             let effort = (effort / scale).ceil() * scale;
             joint.effort = Some(effort);
             let done = format!(
-                "Nothing: it gets {effort:.3}, {EFFORT_FACTOR} times what its masses could put on it at their longest reach."
+                "It gets {effort:.3}, {EFFORT_FACTOR} times what its masses could put on it at their longest reach."
             );
             note_joint(
                 findings,
@@ -456,7 +468,7 @@ pub(crate) fn complete_masses(
             "the inertia is missing or not that of a body",
             &format!("mass {mass} kg"),
             "a tensor with moments above 0",
-            &format!("Nothing: it is computed from {by}."),
+            &format!("It is computed from {by}."),
         );
         parts.links[index].inertial = Some(inertial);
     }
@@ -472,7 +484,7 @@ pub(crate) fn complete_masses(
             body.iter().filter_map(|(link, pose)| Some((*pose, parts.links[*link].inertial?))).collect();
         if masses.is_empty() {
             let (inertial, by) = body_of_link(parts, child, meshes, None);
-            let done = format!("Nothing: it gets {:.3} kg, from {by}.", inertial.mass);
+            let done = format!("It gets {:.3} kg, from {by}.", inertial.mass);
             note_link(
                 findings,
                 &name,
@@ -493,7 +505,7 @@ pub(crate) fn complete_masses(
                 "the link is a frame that others are fixed to",
                 "no mass",
                 "mass on the link that moves",
-                "Nothing: it gets their masses.",
+                "It gets their masses.",
             );
         }
     }

@@ -55,6 +55,13 @@ impl MeshFolders {
         Self { packages: given.iter().cloned().chain(beside).collect(), own, given }
     }
 
+    /// As [`MeshFolders::of`], with the folders of `packages` and those of `ROS_PACKAGE_PATH`.
+    pub fn with_ros_packages(file: &Path, packages: &[PathBuf]) -> Self {
+        let ros = std::env::var_os("ROS_PACKAGE_PATH").unwrap_or_default();
+        let all = packages.iter().cloned().chain(std::env::split_paths(&ros));
+        Self::of(file, all.filter(|path| !path.as_os_str().is_empty()))
+    }
+
     /// The bytes of the mesh at `address`, and its file.
     ///
     /// # Errors

@@ -8,7 +8,7 @@ use super::{
     urdf,
 };
 use crate::{
-    finding::{Findings, Severity},
+    finding::{Findings, Severity, join_names, link_location},
     folder::ArmFolder,
 };
 use nalgebra::{Point3, Rotation3, Translation3, UnitQuaternion};
@@ -37,23 +37,65 @@ const MIN_HINT_M: f64 = 0.005;
 /// Number of corners of a mesh that tell where it ends.
 const MAX_MESH_CORNERS: usize = 400;
 
-/// The chain that is the arm: all else is held. Where there are several, the one that has a hand, is right and has most joints.
-pub(crate) fn choose_arm(parts: &mut RobotParts, findings: &mut Findings) {
+/// A chain of a robot that may be the arm to import.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ArmChoice {
+    /// Link at its base.
+    pub base: String,
+    /// Link at which it ends.
+    pub tip: String,
+    /// Joints that move between the two.
+    pub joints: usize,
+    /// Fingers lead on from its end.
+    pub has_hand: bool,
+}
+
+/// The arms of a robot that is more than one arm, the one that an import takes first; none of a robot that is one arm.
+pub(crate) fn arm_choices(parts: &RobotParts) -> Vec<ArmChoice> {
+    let choice = |arm: ArmChain| ArmChoice {
+        base: parts.links[arm.base].name.clone(),
+        tip: parts.links[arm.tip].name.clone(),
+        joints: arm.joints,
+        has_hand: arm.has_hand,
+    };
+    arm_chains(parts).into_iter().map(choice).collect()
+}
+
+/// The chains of [`arm_choices`]: first those with a hand, of them those with most joints, and of these the right one.
+fn arm_chains(parts: &RobotParts) -> Vec<ArmChain> {
     let tree = BodyTree::of(parts);
+    if is_one_arm(parts, &tree) {
+        return Vec::new();
+    }
+    let mut chains = tree.arms(parts);
+    chains.reverse();
+    chains.sort_by_key(|arm| std::cmp::Reverse(arm.rank()));
+    chains
+}
+
+fn is_one_arm(parts: &RobotParts, tree: &BodyTree) -> bool {
     let first = tree.first_branching();
     let is_hand = tree.leading_on(first).is_empty() || reach(parts, first) <= MAX_HAND_M;
-    if is_hand && tree.moving() <= MAX_JOINTS {
+    is_hand && tree.moving() <= MAX_JOINTS
+}
+
+/// The chain that is the arm: all else is held.
+pub(crate) fn choose_arm(parts: &mut RobotParts, findings: &mut Findings) {
+    let tree = BodyTree::of(parts);
+    if is_one_arm(parts, &tree) {
         return;
     }
-    let candidates = tree.arms(parts);
-    let Some(best) = candidates.iter().max_by_key(|arm| arm.rank()) else { return };
+    let chains = arm_chains(parts);
+    let Some(best) = chains.first() else {
+        choose_hand(parts, &tree, findings);
+        return;
+    };
     let words =
         |arm: &ArmChain| format!("--base {} --tip {}", parts.links[arm.base].name, parts.links[arm.tip].name);
-    let others: Vec<String> =
-        candidates.iter().filter(|arm| arm.tip != best.tip).take(3).map(words).collect();
+    let others: Vec<String> = chains.iter().filter(|arm| arm.tip != best.tip).take(3).map(words).collect();
     let done = match others.as_slice() {
-        [] => "Nothing: all joints beside it are held.".to_owned(),
-        others => format!("Nothing: the others are held. Another one: {}", others.join(", or ")),
+        [] => "All joints beside it are held.".to_owned(),
+        others => format!("The others are held. Another one: {}", others.join(", or ")),
     };
     findings.add(
         Severity::Warning,
@@ -67,6 +109,67 @@ pub(crate) fn choose_arm(parts: &mut RobotParts, findings: &mut Findings) {
     let kept = parts.below(best.base);
     parts.retain_links(&kept);
     hold_beside_chain(parts, &tip, findings);
+}
+
+/// Of several hands without an arm, the right one, else the first; it comes with its wrist.
+fn choose_hand(parts: &mut RobotParts, tree: &BodyTree, findings: &mut Findings) {
+    let palms = tree.joints.iter().map(|[_, child]| *child);
+    let hands: Vec<usize> = palms
+        .filter(|&body| tree.leading_on(body).len() > 1 && reach(parts, body) <= MAX_HAND_M)
+        .map(|palm| {
+            let above = std::iter::successors(Some(palm), |&body| tree.carrier(body));
+            let is_wrist = |body: &usize| {
+                (*body == palm || tree.leading_on(*body).len() == 1)
+                    && reach(parts, *body) <= MAX_HAND_WITH_WRIST_M
+            };
+            above.take_while(is_wrist).last().unwrap_or(palm)
+        })
+        .collect();
+    let right = |body: &&usize| is_right(&parts.links[**body].name.to_lowercase());
+    let Some(&chosen) = hands.iter().find(right).or(hands.first()) else { return };
+    findings.add(
+        Severity::Warning,
+        "URDF",
+        "it has more than one hand",
+        join_names(hands.iter().map(|&hand| parts.links[hand].name.as_str())),
+        "one hand",
+        format!(
+            "The one on {} is taken. Name the link of another one with --base.",
+            link_location(&parts.links[chosen].name)
+        ),
+    );
+    let kept = parts.below(chosen);
+    parts.retain_links(&kept);
+}
+
+/// Holds joints of a hand that has more than a model takes: the last ones of its digits.
+pub(crate) fn hold_surplus(parts: &mut RobotParts, findings: &mut Findings) {
+    let tree = BodyTree::of(parts);
+    let surplus = tree.moving().saturating_sub(MAX_JOINTS);
+    let palm = tree.first_branching();
+    if surplus == 0 || tree.depth(palm) < MIN_ARM_JOINTS || reach(parts, palm) > MAX_HAND_M {
+        return;
+    }
+    let of_hand = parts.below(palm);
+    let mut joints: Vec<(usize, String)> = parts
+        .joints
+        .iter()
+        .filter(|joint| joint.kind.moves() && joint.child != palm && of_hand.contains(&joint.child))
+        .map(|joint| (tree.depth(joint.child), joint.name.clone()))
+        .collect();
+    joints.sort_by_key(|(depth, _)| std::cmp::Reverse(*depth));
+    joints.truncate(surplus);
+    for (_, name) in &joints {
+        hold(parts, name);
+    }
+    findings.add(
+        Severity::Warning,
+        "URDF",
+        "the number of moving joints is not supported",
+        tree.moving(),
+        format!("at most {MAX_JOINTS}"),
+        format!("Held are {}.", join_names(joints.iter().map(|(_, name)| name.as_str()))),
+    );
 }
 
 /// Gives an arm without a hand a gripper, and a hand without an arm an arm.
@@ -95,10 +198,15 @@ pub(crate) fn make_whole(
     let fingers =
         parts.joints.iter().filter(|joint| joint.kind.moves() && joint.kind != PartKind::Continuous).count();
     if branches == 0 || fingers == 0 || size > MAX_HAND_M || tree.moving() > MAX_JOINTS {
+        let expected = format!("an arm, or a hand of at most {MAX_HAND_M} m");
+        if tree.moving() == 0 {
+            let remedy = "Suction grippers and tools hold no block here: give the file of an arm, or of a hand with fingers.";
+            findings.error("URDF", "no joint moves", "fixed joints alone", expected, remedy);
+            return None;
+        }
         let problem = "it is neither an arm nor a hand";
         let got =
             format!("{} joints that move, {arm_joints} of them in a row, {size:.2} m in size", tree.moving());
-        let expected = format!("an arm, or a hand of at most {MAX_HAND_M} m");
         findings.error("URDF", problem, got, expected, "Give the file of an arm, or of a hand.");
         return None;
     }
@@ -210,23 +318,21 @@ impl BodyTree {
                 .map(|body| parts.links[body].name.to_lowercase())
                 .collect();
             let has_word = |name: &String| NO_ARM.iter().any(|word| name.contains(word));
-            let is_right = |name: &String| {
-                name.contains("right")
-                    || name.starts_with("r_")
-                    || name.ends_with("_r")
-                    || name.contains("_r_")
-            };
             found.push(ArmChain {
                 base,
                 tip,
                 joints,
                 has_hand,
-                is_right: names.iter().any(is_right),
+                is_right: names.iter().any(|name| is_right(name)),
                 is_no_arm: names.iter().any(has_word),
             });
         }
         found
     }
+}
+
+fn is_right(name: &str) -> bool {
+    name.contains("right") || name.starts_with("r_") || name.ends_with("_r") || name.contains("_r_")
 }
 
 /// How far the joints below a link are from it at position zero, metres.
@@ -413,7 +519,7 @@ fn add_gripper(parts: &mut RobotParts, tip: usize, body: usize, meshes: &Meshes,
         "no joint moves beyond it",
         "fingers",
         &format!(
-            "Nothing: a gripper of ours with two fingers, {:.0} mm apart when open, is mounted there; --no-gripper leaves it out.",
+            "A gripper of ours with two fingers, {:.0} mm apart when open, is mounted there; --no-gripper leaves it out.",
             2e3 * STROKE_M
         ),
     );
@@ -434,7 +540,7 @@ fn mount_hand(
             .collect();
     for name in above {
         let held = hold(&mut hand, &name);
-        let done = format!("Nothing: it is held at {held}.");
+        let done = format!("It is held at {held}.");
         note_joint(
             findings,
             &name,
@@ -519,7 +625,7 @@ fn mount_hand(
         "it is a hand without an arm",
         format!("{fingers_moving} joints of fingers"),
         "an arm that ends in a hand",
-        format!("Nothing: it is mounted on the arm {carrier} that ships with the program. Import a URDF of your arm with the hand in it for another."),
+        format!("It is mounted on the arm {carrier} that ships with the program. Import a URDF of your arm with the hand in it for another."),
     );
     Some(arm)
 }

@@ -102,7 +102,7 @@ fn add_missing_root(robot: Node<'_, '_>, parts: &mut RobotParts, findings: &mut 
         "the link is not in the file",
         "a parent of its joints",
         "a <link>",
-        "Nothing: it is the frame on which the rest stands.",
+        "It is the frame on which the rest stands.",
     );
 }
 
@@ -116,7 +116,7 @@ fn note_ignored(robot: Node<'_, '_>, findings: &mut Findings) {
         }
     }
     for (tag, count) in counts {
-        let done = "Nothing: it is left out.";
+        let done = "It is left out.";
         findings.add(
             Severity::Note,
             "URDF",
@@ -169,7 +169,7 @@ fn read_inertial(node: Node<'_, '_>, name: &str, findings: &mut Findings) -> (Op
             "the link is a frame",
             &got,
             "at least 1e-9 kg for a body",
-            "Nothing: it gets no mass of its own.",
+            "It gets no mass of its own.",
         );
         return (None, None);
     };
@@ -233,7 +233,7 @@ fn read_geometry(node: Node<'_, '_>, name: &str, findings: &mut Findings) -> Opt
             format!("<{}> on line {}", node.tag_name().name(), xml::line_of(node))
         });
         let expected = "box, cylinder, sphere, capsule or mesh, with sizes above 0 m";
-        note_link(findings, name, "a shape cannot be used", &got, expected, "Nothing: it is left out.");
+        note_link(findings, name, "a shape cannot be used", &got, expected, "It is left out.");
     }
     geometry
 }
@@ -275,7 +275,7 @@ fn read_joint(node: Node<'_, '_>, parts: &RobotParts, findings: &mut Findings) -
                 "the joint is made fixed",
                 other,
                 "revolute, continuous, prismatic or fixed",
-                "Nothing: what it carries stands where it is at zero.",
+                "What it carries stands where it is at zero.",
             );
             PartKind::Fixed
         }
