@@ -27,6 +27,8 @@ pub(crate) const MAX_MASS_KG: f64 = 5000.0;
 pub(crate) const MIN_MASS_KG: f64 = 1e-9;
 /// Largest moment or product of inertia, kg m^2.
 pub(crate) const MAX_INERTIA_KG_M2: f64 = 1e5;
+/// Smallest principal moment of inertia as a share of the largest: a needle a thousand times as long as thick has 1e-6.
+pub(crate) const MIN_MOMENT_SHARE: f64 = 1e-7;
 /// Largest angle of a joint, rad.
 pub(crate) const MAX_ANGLE_RAD: f64 = 100.0;
 /// Largest speed of a joint, rad/s.

@@ -7,7 +7,8 @@ use crate::{
     finding::{Findings, join_names, joint_location as joint_place, link_location as link_place},
     size_limits::{
         MAX_ANGLE_RAD, MAX_CHAIN_DEPTH, MAX_EFFORT, MAX_INERTIA_KG_M2, MAX_LENGTH_M, MAX_MASS_KG,
-        MAX_VELOCITY_RAD_PER_S, MIN_EFFORT, MIN_LENGTH_M, MIN_MASS_KG, MIN_VELOCITY_RAD_PER_S, check_at_most,
+        MAX_VELOCITY_RAD_PER_S, MIN_EFFORT, MIN_LENGTH_M, MIN_MASS_KG, MIN_MOMENT_SHARE,
+        MIN_VELOCITY_RAD_PER_S, check_at_most,
     },
 };
 use nalgebra::{Matrix3, Quaternion, Translation3, UnitQuaternion};
@@ -208,7 +209,7 @@ fn inertial(raw: &RawLink, location: &str, findings: &mut Findings) -> Inertial 
         let mut moments: [f64; 3] = tensor.symmetric_eigenvalues().into();
         moments.sort_by(f64::total_cmp);
         let [min, middle, max] = moments;
-        if min <= 0.0 {
+        if min <= MIN_MOMENT_SHARE * max {
             findings.error(
                 location,
                 "the inertia is not that of a body",

@@ -6,7 +6,7 @@ use super::parts::{
 use crate::{
     finding::{Findings, Severity, joint_location, link_location},
     lint,
-    size_limits::MIN_MASS_KG,
+    size_limits::{MIN_MASS_KG, MIN_MOMENT_SHARE},
     srdf::{number, vector},
     xml,
 };
@@ -185,7 +185,8 @@ fn read_inertial(node: Node<'_, '_>, name: &str, findings: &mut Findings) -> (Op
         let mut moments: [f64; 3] = tensor.symmetric_eigenvalues().into();
         moments.sort_by(f64::total_cmp);
         // One that breaks the inequality by a little more is kept, with a warning of the check.
-        (moments[0] > 0.0 && (moments[0] + moments[1]) * 2.0 > moments[2] * (1.0 - TRIANGLE_TOLERANCE))
+        (moments[0] > MIN_MOMENT_SHARE * moments[2]
+            && (moments[0] + moments[1]) * 2.0 > moments[2] * (1.0 - TRIANGLE_TOLERANCE))
             .then_some([ixx, ixy, ixz, iyy, iyz, izz])
     };
     match read() {
