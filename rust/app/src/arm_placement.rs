@@ -24,8 +24,7 @@ const MIN_AHEAD_M: f64 = 0.3;
 const OTHER_STARTS: usize = 6;
 /// A hand is carried so far above where it grips, metres.
 const LIFT_M: f64 = 0.15;
-/// Number of places that are tried by a trial, and the length of each trial.
-const TRIED: usize = 12;
+/// Length of a trial.
 const TRIAL_SECS: f64 = 100.0;
 /// Length of the trial that shows that one begins.
 const BEGUN_SECS: f64 = 0.1;
@@ -51,12 +50,12 @@ pub struct ArmPlacement {
     pub reason: Option<String>,
 }
 
-/// The best place for an arm, by trials of method D: its base and start pose are then in the model. None, and nothing is changed,
+/// The best place for an arm, by at most `max_trials` trials of method D: its base and start pose are then in the model. None, and nothing is changed,
 /// if it reaches nothing or stands by itself already.
 ///
 /// # Errors
 /// A task that does not build.
-pub fn place_arm(model: &mut ArmModel) -> Result<Option<ArmPlacement>, Box<dyn Error>> {
+pub fn place_arm(model: &mut ArmModel, max_trials: usize) -> Result<Option<ArmPlacement>, Box<dyn Error>> {
     if model.settings.fixed_base.is_some() {
         return Ok(None);
     }
@@ -104,7 +103,8 @@ pub fn place_arm(model: &mut ArmModel) -> Result<Option<ArmPlacement>, Box<dyn E
         }
         false
     });
-    let places = spread_over_heights(places);
+    let mut places = spread_over_heights(places);
+    places.truncate(max_trials);
     let mut best: Option<ArmPlacement> = None;
     for mut place in places {
         match blocks_moved(&placed(model, &place), &config) {
@@ -137,7 +137,7 @@ fn spread_over_heights(places: Vec<ArmPlacement>) -> Vec<ArmPlacement> {
         })
         .collect();
     ranked.sort_by_key(|(rank, _)| *rank);
-    ranked.into_iter().take(TRIED).map(|(_, place)| place).collect()
+    ranked.into_iter().map(|(_, place)| place).collect()
 }
 
 /// Lets links touch that always do: shapes that enclose meshes overlap where these meet. Allowed is what touches in many of the

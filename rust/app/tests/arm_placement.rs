@@ -60,8 +60,8 @@ fn a_bare_arm_gets_a_gripper_and_a_place_from_which_blocks_are_moved() {
         assert_eq!(arm.model.pose("hand", OPEN_POSE).unwrap(), [0.045, 0.045], "two fingers that slide");
         assert!(arm.found.iter().any(|said| said.contains("pinches a block of 50 mm")), "{:?}", arm.found);
 
-        let again = place_arm(&mut arm.model.clone()).unwrap().unwrap();
-        let place = place_arm(&mut arm.model).unwrap().unwrap();
+        let again = place_arm(&mut arm.model.clone(), 12).unwrap().unwrap();
+        let place = place_arm(&mut arm.model, 12).unwrap().unwrap();
         assert_eq!(place, again, "equal arms stand in equal places");
         assert!(place.reached == 1.0 && place.blocks_moved >= Some(3), "{place:?}");
         // What is written is what was tried.
@@ -70,6 +70,6 @@ fn a_bare_arm_gets_a_gripper_and_a_place_from_which_blocks_are_moved() {
         let base = arm.model.settings.fixed_base.unwrap().xyz;
         assert_eq!((base, arm.model.pose("arm", "start").unwrap()), (place.base, &*place.start));
         // An arm that stands by itself stays where it is.
-        assert_eq!(place_arm(&mut arm.model).unwrap(), None);
+        assert_eq!(place_arm(&mut arm.model, 12).unwrap(), None);
     }
 }

@@ -23,6 +23,9 @@ use std::{
     process::Command,
 };
 
+/// Number of places that are tried by a trial, and for each other grasp if none of these moved a block.
+const PLACE_TRIALS: usize = 12;
+const OTHER_GRASP_TRIALS: usize = 4;
 /// Files of an imported arm beside its meshes.
 const FILES_BESIDE_MESHES: usize = 4;
 
@@ -338,7 +341,23 @@ fn place(imported: &mut ImportedArm) -> Result<(), Box<dyn Error>> {
         imported.found.push("it has no hand, so that no trial can be run with it".to_owned());
         return Ok(());
     }
-    let said = match place_arm(&mut imported.model)? {
+    let mut placement = place_arm(&mut imported.model, PLACE_TRIALS)?;
+    // Where no search vouches for a grasp, trials tell which one holds.
+    let moved = |place: &Option<ArmPlacement>| place.as_ref().and_then(|place| place.blocks_moved);
+    for mut other in std::mem::take(&mut imported.other_grasps) {
+        if placement.is_none() || moved(&placement) > Some(0) {
+            break;
+        }
+        other.model.allowed_collisions.clone_from(&imported.model.allowed_collisions);
+        let place = place_arm(&mut other.model, OTHER_GRASP_TRIALS)?;
+        if moved(&place) > Some(0) {
+            imported.model = other.model;
+            imported.found.retain(|said| !said.starts_with("the hand closes between"));
+            imported.found.push(other.sentence);
+            placement = place;
+        }
+    }
+    let said = match placement {
         None => "no place of the base was found from which the hand reaches the blocks".to_owned(),
         Some(ArmPlacement { base, reached, blocks_moved, reason, .. }) => {
             imported.srdf = to_srdf(&imported.model);
@@ -597,6 +616,43 @@ mod tests {
         assert!(arm.meshes.keys().all(|address| address.starts_with("package://mpl_right_arm/meshes/")));
     }
 
+    fn check_args(file: PathBuf) -> ModelCommand {
+        ModelCommand::Check(ModelCheckArgs {
+            file,
+            srdf: None,
+            package_path: Vec::new(),
+            compare: false,
+            postures: 1,
+            seed: 1,
+        })
+    }
+
+    #[test]
+    fn check_says_of_a_file_what_an_import_would_and_of_a_folder_what_a_trial_would() {
+        let folder = tempfile::tempdir().unwrap();
+        let (file, out) = (folder.path().join("a.urdf"), folder.path().join("out"));
+        // A frame with a mass of zero, which a description itself may not have.
+        let frame = "<link name=\"tcp\"><inertial><mass value=\"0\"/><inertia ixx=\"0\" ixy=\"0\" ixz=\"0\" iyy=\"0\" \
+            iyz=\"0\" izz=\"0\"/></inertial></link><joint name=\"tcp_joint\" type=\"fixed\">\
+            <parent link=\"mpl_right_arm__wristz_link\"/><child link=\"tcp\"/></joint></robot>";
+        fs::write(&file, MPL_RIGHT_ARM_URDF.replace("</robot>", frame)).unwrap();
+        assert!(run(&check_args(file.clone()), true).unwrap());
+        assert!(!out.exists());
+        assert!(run(&import_args(file, out.clone(), false), true).unwrap());
+        assert!(run(&check_args(out.clone()), true).unwrap());
+
+        // The elbow far beyond its limits.
+        let srdf = fs::read_to_string(out.join("arm.srdf")).unwrap();
+        let start = srdf.find("name=\"start\"").unwrap();
+        let value = start + srdf[start..].find("value=\"").unwrap() + 7;
+        let end = value + srdf[value..].find('"').unwrap();
+        fs::write(out.join("arm.srdf"), format!("{}9{}", &srdf[..value], &srdf[end..])).unwrap();
+        assert!(!run(&check_args(out.clone()), true).unwrap_or(false));
+        fs::write(out.join("arm.srdf"), srdf.replace("name=\"start\"", "name=\"begin\"")).unwrap();
+        let error = run(&check_args(out), true).unwrap_err().to_string();
+        assert!(error.contains("start"), "{error}");
+    }
+
     #[test]
     fn one_of_several_arms_is_asked_for() {
         let arm = |name: &str| ArmChoice {
@@ -622,20 +678,7 @@ mod tests {
             .unwrap();
         assert!(!run(&import_args(file.clone(), out.clone(), false), false).unwrap());
         assert!(!out.exists());
-        assert!(
-            !run(
-                &ModelCommand::Check(ModelCheckArgs {
-                    file,
-                    srdf: None,
-                    package_path: Vec::new(),
-                    compare: false,
-                    postures: 1,
-                    seed: 1
-                }),
-                true
-            )
-            .unwrap()
-        );
+        assert!(!run(&check_args(file), true).unwrap());
     }
 
     #[test]
@@ -659,18 +702,7 @@ mod tests {
             .unwrap()
         );
         let missing = folder.path().join("none.urdf");
-        let error = run(
-            &ModelCommand::Check(ModelCheckArgs {
-                file: missing,
-                srdf: None,
-                package_path: Vec::new(),
-                compare: false,
-                postures: 1,
-                seed: 1,
-            }),
-            false,
-        )
-        .unwrap_err();
+        let error = run(&check_args(missing), false).unwrap_err();
         assert!(error.to_string().contains("none.urdf"), "{error}");
     }
 

@@ -24,7 +24,8 @@ use crate::{
 use nalgebra::Point3;
 use parts::{PartKind, RobotParts};
 use proact_arm::{
-    ArmModel, CollisionShape, Joint, JointKind, JointLimits, Link, Mimic, VisualGeometry, find_pinch,
+    ArmModel, CLOSED_POSE, CollisionShape, Joint, JointKind, JointLimits, Link, Mimic, OPEN_POSE,
+    VisualGeometry, find_pinch,
 };
 use proact_types::Vector;
 use serde::Serialize;
@@ -33,6 +34,8 @@ use std::collections::BTreeMap;
 /// Width of the cube for which a grasp is looked for, metres, and the friction between finger and cube.
 const BLOCK_WIDTH_M: f64 = 0.05;
 const FRICTION: f64 = 0.8;
+/// Number of ways to hold it from which a pinch is looked for.
+const SEARCHED_SHAPES: usize = 3;
 
 /// How a file is imported.
 #[derive(Clone, Copy, Debug, Default)]
@@ -64,8 +67,19 @@ pub struct ImportedArm {
     pub fits: Vec<MeshFit>,
     /// What was found out about the hand and the poses, a sentence each.
     pub found: Vec<String>,
+    /// The arm with other grasps, the most promising first, where no search vouches for one: a trial tells which holds.
+    pub other_grasps: Vec<OtherGrasp>,
     /// Corners of the collision meshes of each link, in its frame, some hundred at most: for pictures.
     pub mesh_points: BTreeMap<String, Vec<Point3<f64>>>,
+}
+
+/// An imported arm that grips in another way.
+#[derive(Clone, Debug)]
+pub struct OtherGrasp {
+    /// The model.
+    pub model: ArmModel,
+    /// Between which digits, one sentence.
+    pub sentence: String,
 }
 
 /// Corners of meshes by the name of their link, in its frame.
@@ -120,12 +134,15 @@ pub fn import(text: &str, options: &ImportOptions<'_>) -> Result<ImportedArm, De
         allow_hand_self_contact(&mut model);
     }
     let mut found = hand::add_poses(&mut model);
-    add_grasp(&mut model, &mut found);
+    let mut other_grasps = add_grasp(&mut model, &mut found);
     let (urdf, srdf) = (write::to_urdf(&model), write::to_srdf(&model));
     // What is handed out is what was checked: the texts are read once more.
     let mut report = check(&urdf, Some(&srdf));
     if report.usable {
         model = crate::parse(&urdf, &srdf)?;
+        for other in &mut other_grasps {
+            other.model = crate::parse(&write::to_urdf(&other.model), &write::to_srdf(&other.model))?;
+        }
     }
     // Lines of the text that was written are in no file of the user's.
     report.findings.iter_mut().for_each(|finding| finding.line = None);
@@ -140,7 +157,7 @@ pub fn import(text: &str, options: &ImportOptions<'_>) -> Result<ImportedArm, De
     if !report.usable {
         return Err(DescriptionError::Invalid { findings: report.findings });
     }
-    Ok(ImportedArm { model, urdf, srdf, report, fits, found, mesh_points })
+    Ok(ImportedArm { model, urdf, srdf, report, fits, found, other_grasps, mesh_points })
 }
 
 /// The arms of a robot that has several, the one that [`import`] takes by itself first. Empty for one arm, and for a text that
@@ -305,20 +322,45 @@ fn finish_joints(parts: &RobotParts) -> (Vec<Joint>, Vec<Mimic>) {
 }
 
 /// A pinch of the usual block, if the hand can.
-fn add_grasp(model: &mut ArmModel, found: &mut Vec<String>) {
+fn add_grasp(model: &mut ArmModel, found: &mut Vec<String>) -> Vec<OtherGrasp> {
     let is_default = |grasp: &proact_arm::Grasp| *grasp == proact_arm::Grasp::default();
     if model.hand.is_empty() || !model.grasps.iter().all(is_default) {
-        return;
+        return Vec::new();
     }
-    let Some(shape) = hand::grasp_shape(model, BLOCK_WIDTH_M) else {
+    let mut shapes = hand::grasp_shapes(model, BLOCK_WIDTH_M).into_iter();
+    let Some(first) = shapes.next() else {
         found.push("the hand does not close: it grips nothing".to_owned());
-        return;
+        return Vec::new();
     };
-    // The directions of a grasp are those of the tip's frame: z up, and the fingers close along x.
-    hand::add_grasp_frame(model, &shape);
-    found.push(shape.sentence.clone());
-    model.grasps = vec![shape.grasp];
-    match find_pinch(model, BLOCK_WIDTH_M, FRICTION) {
+    let bare = model.clone();
+    let take = |model: &mut ArmModel, shape: &hand::GraspShape| {
+        // The directions of a grasp are those of the tip's frame: z up, and the fingers close along x.
+        hand::add_grasp_frame(model, shape);
+        model.poses.extend(shape.poses.clone());
+        model.grasps = vec![shape.grasp.clone()];
+    };
+    take(model, &first);
+    let mut search = find_pinch(model, BLOCK_WIDTH_M, FRICTION);
+    let mut sentence = first.sentence;
+    let mut others = Vec::new();
+    for (tried, shape) in (1..).zip(shapes) {
+        if search.is_ok() {
+            break;
+        }
+        let mut other = bare.clone();
+        take(&mut other, &shape);
+        // A search takes seconds for a hand of five digits.
+        let searched = (tried < SEARCHED_SHAPES).then(|| find_pinch(&other, BLOCK_WIDTH_M, FRICTION).ok());
+        match searched.flatten() {
+            Some(pinch) => (*model, search, sentence) = (other, Ok(pinch), shape.sentence),
+            None => others.push(OtherGrasp { model: other, sentence: shape.sentence }),
+        }
+    }
+    if search.is_ok() {
+        others.clear();
+    }
+    found.push(sentence);
+    match search {
         Ok(pinch) => {
             found.push(format!(
                 "the hand pinches a block of {:.0} mm between {} and {}",
@@ -326,8 +368,12 @@ fn add_grasp(model: &mut ArmModel, found: &mut Vec<String>) {
                 pinch.digits[0],
                 pinch.digits[1]
             ));
+            let replaced =
+                [&model.grasps[0].open_pose, &model.grasps[0].closed_pose].map(|name| name.to_string());
             model.poses.retain(|pose| {
-                pose.group != "hand" || (pose.name != pinch.open.name && pose.name != pinch.closed.name)
+                let is_default = [OPEN_POSE, CLOSED_POSE].contains(&pose.name.as_str());
+                let is_new = pose.name == pinch.open.name || pose.name == pinch.closed.name;
+                pose.group != "hand" || is_default || !(is_new || replaced.contains(&pose.name))
             });
             model.poses.extend([pinch.open, pinch.closed]);
             model.grasps = vec![pinch.grasp];
@@ -337,6 +383,7 @@ fn add_grasp(model: &mut ArmModel, found: &mut Vec<String>) {
             1e3 * BLOCK_WIDTH_M
         )),
     }
+    others
 }
 
 /// Lines move when the text is written anew, so findings are compared without them.

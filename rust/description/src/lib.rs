@@ -35,7 +35,8 @@ pub use finding::{DescriptionError, Finding, Severity};
 pub use folder::{ArmFolder, FolderError, arm_files, collect_meshes, mesh_id, mesh_uris, settings_template};
 pub use grasps::with_pinch;
 pub use import::{
-    ArmChoice, ImportOptions, ImportedArm, MeshFit, MeshFolders, TriangleMesh, arm_choices, import,
+    ArmChoice, ImportOptions, ImportedArm, MeshFit, MeshFolders, OtherGrasp, TriangleMesh, arm_choices,
+    import,
 };
 pub use mirror::mirror;
 pub use report::{DescriptionReport, DescriptionSummary, check};

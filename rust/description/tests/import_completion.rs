@@ -344,6 +344,22 @@ fn limits_of_zeros_alone_are_none_and_lines_are_those_of_the_file() {
     assert!(shown.contains(&format!("(lab/arm.urdf:{line})")), "{shown}");
 }
 
+#[test]
+fn limits_that_are_no_numbers_are_refused_and_infinite_ones_are_none() {
+    let with = |limit: &str| arm("").replacen(LIMIT, limit, 1);
+    for text in ["nan", "2\u{b0}", "1,5", ""] {
+        let text = with(&format!("<limit lower=\"{text}\" upper=\"2\" effort=\"20\" velocity=\"2\"/>"));
+        let error = import(&text, &ImportOptions::default()).unwrap_err().to_string();
+        assert!(error.contains("shoulder") && error.contains("a limit is not usable"), "{error}");
+    }
+    let endless = imported(&with("<limit lower=\"-inf\" upper=\"inf\" effort=\"20\" velocity=\"2\"/>"));
+    said(&endless, "shoulder", "limit nothing");
+    let joint = endless.model.arm[0];
+    assert_eq!(endless.model.joints[joint].kind, JointKind::Continuous);
+    let empty = import("<robot name=\"e\"/>", &ImportOptions::default()).unwrap_err().to_string();
+    assert!(empty.contains("it describes nothing"), "{empty}");
+}
+
 fn arm_alone(links: &[&str]) -> String {
     let text = arm("");
     let kept = |line: &&str| {

@@ -57,6 +57,11 @@ pub(crate) fn choose_base(parts: &mut RobotParts, base: Option<&str>, findings: 
         None => roots.iter().copied().rev().max_by_key(|&root| moving(root, parts)),
     };
     let Some(root) = root else {
+        if parts.links.is_empty() {
+            let remedy = "Give the file that has the links and joints, such as the one that xacro makes.";
+            findings.error("URDF", "it describes nothing", "no <link>", "the links of an arm", remedy);
+            return;
+        }
         let known = join_names(parts.links.iter().map(|link| link.name.as_str()));
         let got = base.map_or("none: every link hangs on another".to_owned(), |name| format!("\"{name}\""));
         findings.error(

@@ -4,6 +4,7 @@ use super::mount;
 use nalgebra::UnitQuaternion;
 use proact_arm::{ArmModel, CLOSED_POSE, Grasp, Joint, JointKind, Link, NamedPose, OPEN_POSE};
 use proact_types::{Point, Pose, Shape, Vector};
+use std::borrow::Cow;
 
 /// Pose of the arm in which a trial starts.
 const START_POSE: &str = "start";
@@ -185,7 +186,13 @@ pub(crate) struct GraspShape {
     frame: UnitQuaternion<f64>,
     /// In that frame.
     pub(crate) grasp: Grasp,
+    /// The poses before and after the hand closes, where they are others than `open` and `closed`.
+    pub(crate) poses: Vec<NamedPose>,
     pub(crate) sentence: String,
+    /// How much room the hand has about the block and above the table, metres: less than none touches.
+    room: f64,
+    pair: Vec<usize>,
+    approach: Vector,
 }
 
 /// How far the ends of the fingers reach below the middle of what they hold, metres.
@@ -195,35 +202,77 @@ const MAX_ROLL_RAD: f64 = 0.45;
 const MAX_LEAN_RAD: f64 = 0.26;
 /// Room that the open hand has on each side of what it holds, metres.
 const ROOM_M: f64 = 0.003;
+/// Room that a hand opens by before it grips, metres on each side: one of several digits, and a gripper of two.
+const PREGRASP_ROOM_M: f64 = 0.0065;
+const GRIPPER_ROOM_M: f64 = 0.02;
+/// From the fingertips on a hand stays within a cone, so that it passes walls: so far up for each metre outward, from so many
+/// metres on.
+const CONE_SLOPE: f64 = 0.6;
+const CONE_RADIUS_M: f64 = 0.06;
+/// Directions from which a hand is brought to a block: so many about the line along which it closes.
+const APPROACHES: u32 = 24;
+/// What fingertips that slide past each other cost, metres: all of their way, or none.
+const SLIDING_COST_M: f64 = 0.03;
+/// Steps between the open and the closed hand.
+const CLOSING_STEPS: u32 = 40;
+/// Number of shapes that are kept, and the angle between the approaches of two with the same digits, rad.
+const MAX_SHAPES: usize = 6;
+const MAX_SHAPES_OF_PAIR: usize = 2;
+const DISTINCT_RAD: f64 = 0.5;
 
-/// Where the hand holds a block of `width`, metres: between the two digits that come together most as it closes, approached from
-/// where the fingers point. None if no digits come together.
-pub(crate) fn grasp_shape(model: &ArmModel, width: f64) -> Option<GraspShape> {
-    let (open, closed) = (model.pose("hand", OPEN_POSE).ok()?, model.pose("hand", CLOSED_POSE).ok()?);
-    let at = |share: f64| -> Vec<Pose> {
-        let hand: Vec<f64> = open.iter().zip(closed).map(|(a, b)| a + share * (b - a)).collect();
-        hand_poses(model, &hand)
-    };
-    let (apart, together) = (at(0.0), at(1.0));
-    let tips = fingertips(model);
-    let palm_from_base = apart[model.tip].inverse();
-    // Two digits, or one against the palm: where their ends are, palm's frame.
-    let ends = |pair: &[FingerTip], poses: &[Pose]| -> [Vector; 2] {
-        let place = |tip: &FingerTip| (palm_from_base * tip.place(poses)).coords;
+/// A hand at one moment of closing: the poses of its links in the palm's frame.
+struct ClosingHand<'a> {
+    model: &'a ArmModel,
+    open: &'a [f64],
+    closed: &'a [f64],
+}
+
+impl ClosingHand<'_> {
+    fn angles(&self, share: f64) -> Vec<f64> {
+        self.open.iter().zip(self.closed).map(|(a, b)| a + share * (b - a)).collect()
+    }
+
+    /// Two digits closed, and the others where they are at `share`.
+    fn angles_of_pair(&self, pair: &[FingerTip], share: f64) -> Vec<f64> {
+        let digits = self.model.digits();
+        let moves = |joint: usize| {
+            let digit = digits[self.model.joints[joint].child];
+            pair.iter().any(|tip| digit == Some(tip.root))
+        };
+        let held = self.angles(share).into_iter().zip(self.closed).zip(&self.model.hand);
+        held.map(|((held, closed), &joint)| if moves(joint) { *closed } else { held }).collect()
+    }
+
+    fn poses(&self, share: f64) -> Vec<Pose> {
+        let poses = hand_poses(self.model, &self.angles(share));
+        let palm_from_base = poses[self.model.tip].inverse();
+        poses.into_iter().map(|pose| palm_from_base * pose).collect()
+    }
+
+    /// Where the ends of two digits are; of one, where it is and where it goes.
+    fn ends(&self, pair: &[FingerTip], poses: &[Pose]) -> [Vector; 2] {
+        let place = |tip: &FingerTip, poses: &[Pose]| tip.place(poses).coords;
         match pair {
-            [a, b] => [place(a), place(b)],
-            // What does not move is where the one that moves goes.
-            [a, ..] => [place(a), place_at_end(a, &together, &palm_from_base)],
+            [a, b] => [place(a, poses), place(b, poses)],
+            [a, ..] => [place(a, poses), place(a, &self.poses(1.0))],
             [] => [Vector::zeros(); 2],
         }
+    }
+
+    fn gap(&self, pair: &[FingerTip], share: f64) -> f64 {
+        let [a, b] = self.ends(pair, &self.poses(share));
+        (b - a).norm()
+    }
+}
+
+/// How the hand may hold a block of `width`, metres: each way between two digits that come together as it closes, from where it
+/// has most room, the best first. Empty if no digits come together.
+pub(crate) fn grasp_shapes(model: &ArmModel, width: f64) -> Vec<GraspShape> {
+    let (Ok(open), Ok(closed)) = (model.pose("hand", OPEN_POSE), model.pose("hand", CLOSED_POSE)) else {
+        return Vec::new();
     };
-    let closing_of = |pair: &[FingerTip]| {
-        let gap = |poses: &[Pose]| {
-            let [a, b] = ends(pair, poses);
-            (b - a).norm()
-        };
-        gap(&apart) - gap(&together)
-    };
+    let hand = ClosingHand { model, open, closed };
+    let tips = fingertips(model);
     let pairs: Vec<Vec<FingerTip>> = match tips.as_slice() {
         [one] => vec![vec![*one]],
         several => several
@@ -232,46 +281,71 @@ pub(crate) fn grasp_shape(model: &ArmModel, width: f64) -> Option<GraspShape> {
             .flat_map(|(k, a)| several[k + 1..].iter().map(|b| vec![*a, *b]))
             .collect(),
     };
-    let pair = pairs.iter().max_by(|a, b| closing_of(a).total_cmp(&closing_of(b)))?;
+    let several_digits = tips.len() > 2;
+    // All digits close, or the two alone.
+    let variants: &[bool] = if several_digits { &[false, true] } else { &[false] };
+    let mut shapes: Vec<GraspShape> = variants
+        .iter()
+        .flat_map(|&alone| pairs.iter().map(move |pair| (pair, alone)))
+        .flat_map(|(pair, alone)| shapes_of_pair(&hand, pair, width, several_digits, alone))
+        .collect();
+    shapes.sort_by(|a, b| b.room.total_cmp(&a.room));
+    let mut kept: Vec<GraspShape> = Vec::new();
+    for shape in shapes {
+        let of_pair = kept.iter().filter(|other| other.pair == shape.pair);
+        let is_same = |other: &&GraspShape| {
+            other.grasp.closed_pose == shape.grasp.closed_pose
+                && other.approach.angle(&shape.approach) < DISTINCT_RAD
+        };
+        if kept.len() < MAX_SHAPES
+            && of_pair.clone().count() < MAX_SHAPES_OF_PAIR
+            && !of_pair.clone().any(|other| is_same(&other))
+        {
+            kept.push(shape);
+        }
+    }
+    kept
+}
+
+/// The shapes of two digits, one for each direction from which the hand may come.
+fn shapes_of_pair(
+    hand: &ClosingHand<'_>,
+    pair: &[FingerTip],
+    width: f64,
+    several_digits: bool,
+    pair_alone: bool,
+) -> Vec<GraspShape> {
+    let model = hand.model;
     // Where their ends are a block and two fingertips apart; else as near to that as they come.
     let thick = 2.0 * pair.iter().map(|tip| thickness(model, tip)).sum::<f64>() / pair.len() as f64;
-    let wanted = width + thick;
-    let off = |share: f64| {
-        let [a, b] = ends(pair, &at(share));
-        ((b - a).norm() - wanted).abs()
+    let share_at = |gap: f64| {
+        let off = |share: f64| (hand.gap(pair, share) - gap).abs();
+        (0..=CLOSING_STEPS)
+            .map(|k| f64::from(k) / f64::from(CLOSING_STEPS))
+            .min_by(|a, b| off(*a).total_cmp(&off(*b)))
+            .unwrap_or_default()
     };
-    let steps = 40;
-    let share =
-        (0..=steps).map(|k| f64::from(k) / f64::from(steps)).min_by(|a, b| off(*a).total_cmp(&off(*b)))?;
-    let poses = at(share);
-    let [a, b] = ends(pair, &poses);
-    let [far_a, far_b] = ends(pair, &apart);
-    let opening = (far_b - far_a).norm() - thick;
-    if closing_of(pair) < 1e-3 {
-        return None;
+    if hand.gap(pair, 0.0) - hand.gap(pair, 1.0) < 1e-3 {
+        return Vec::new();
     }
-    let closing = (b - a).try_normalize(1e-6).or_else(|| (far_b - far_a).try_normalize(1e-6))?;
-    let middle = (a + b) / 2.0;
-    let roots = pair.iter().map(|tip| (palm_from_base * apart[tip.root]).translation.vector);
-    let knuckles = roots.sum::<Vector>() / pair.len() as f64;
-    let across = |way: Vector| way - closing * way.dot(&closing);
-    let approach =
-        [across(middle - knuckles), across(middle)].into_iter().find(|way| way.norm() > 0.005)?.normalize();
-    let end = a.dot(&approach).max(b.dot(&approach));
-    let center = middle + approach * (end - FINGER_DEPTH_M - middle.dot(&approach));
-    let frame = mount::grasp_rotation(&closing, &approach);
-    let names: Vec<&str> = pair.iter().map(|tip| model.links[tip.root].name.as_str()).collect();
-    let grasp = Grasp {
-        width_range_m: [0.0, (((opening - ROOM_M) * 1e3).floor() / 1e3).max(0.005)],
-        center: (frame.inverse() * center).map(|x| (x * 1e5).round() / 1e5),
-        closing_direction: Some(Vector::x()),
-        roll_rad: 0.0,
-        roll_range_rad: [-MAX_ROLL_RAD, MAX_ROLL_RAD],
-        max_lean_rad: MAX_LEAN_RAD,
-        capture_radius_m: 0.5 * (opening + width),
-        withdrawal_direction: Vector::z(),
-        ..Grasp::default()
+    let gripping = share_at(width + thick);
+    // The other digits of a hand come down with the two: they are not left standing out.
+    let room_before = if several_digits { PREGRASP_ROOM_M } else { GRIPPER_ROOM_M };
+    let before = share_at(width + thick + 2.0 * room_before).min(gripping);
+    let (apart, together) = (hand.poses(before), hand.poses(gripping));
+    let ([far_a, far_b], [a, b]) = (hand.ends(pair, &apart), hand.ends(pair, &together));
+    let opening = (far_b - far_a).norm() - thick;
+    let Some(closing) = (b - a).try_normalize(1e-6).or_else(|| (far_b - far_a).try_normalize(1e-6)) else {
+        return Vec::new();
     };
+    let middle = (a + b) / 2.0;
+    let (way_a, way_b) = (a - far_a, b - far_b);
+    let way = way_a.norm() + way_b.norm();
+    let along = if way > 1e-9 { (way_a - way_b).dot(&closing).abs() / way } else { 1.0 };
+    let too_narrow = (width + ROOM_M - opening).max(0.0);
+    let across = if closing.x.abs() < 0.9 { Vector::x() } else { Vector::y() };
+    let across = (across - closing * closing.dot(&across)).normalize();
+    let names: Vec<&str> = pair.iter().map(|tip| model.links[tip.root].name.as_str()).collect();
     let narrow =
         if opening < width + ROOM_M { ", which is too narrow for the blocks of the task" } else { "" };
     let sentence = format!(
@@ -279,11 +353,126 @@ pub(crate) fn grasp_shape(model: &ArmModel, width: f64) -> Option<GraspShape> {
         names.join(" and "),
         1e3 * opening.max(0.0)
     );
-    Some(GraspShape { frame, grasp, sentence })
+    let pose = |name: &str, angles: Vec<f64>| NamedPose {
+        name: format!("grip_{:.0}_{name}", 1e3 * width),
+        group: "hand".to_owned(),
+        angles,
+    };
+    let mut poses = Vec::new();
+    if before > 0.0 {
+        poses.push(pose("open", hand.angles(before)));
+    }
+    if pair_alone {
+        poses.push(pose("closed", hand.angles_of_pair(pair, before)));
+    }
+    let name_of = |ending: &str, default: &'static str| -> Cow<'static, str> {
+        let named = poses.iter().find(|pose| pose.name.ends_with(ending));
+        named.map_or(default.into(), |pose| pose.name.clone().into())
+    };
+    let (open_pose, closed_pose) = (name_of("_open", OPEN_POSE), name_of("_closed", CLOSED_POSE));
+    let points = [hand_points(model, pair, &apart), hand_points(model, pair, &together)].concat();
+    let shape = |k: u32| {
+        let angle = f64::from(k) * std::f64::consts::TAU / f64::from(APPROACHES);
+        let approach = UnitQuaternion::from_scaled_axis(closing * angle) * across;
+        let end = points
+            .iter()
+            .filter(|point| point.grips)
+            .map(|point| point.at.dot(&approach))
+            .fold(f64::NEG_INFINITY, f64::max);
+        let center = middle + approach * (end - FINGER_DEPTH_M - middle.dot(&approach));
+        let frame = mount::grasp_rotation(&closing, &approach);
+        let grasp = Grasp {
+            width_range_m: [0.0, (((opening - ROOM_M) * 1e3).floor() / 1e3).max(0.005)],
+            center: (frame.inverse() * center).map(|x| (x * 1e5).round() / 1e5),
+            open_pose: open_pose.clone(),
+            closed_pose: closed_pose.clone(),
+            closing_direction: Some(Vector::x()),
+            roll_rad: 0.0,
+            roll_range_rad: [-MAX_ROLL_RAD, MAX_ROLL_RAD],
+            max_lean_rad: MAX_LEAN_RAD,
+            capture_radius_m: 0.5 * (opening + width),
+            withdrawal_direction: Vector::z(),
+            ..Grasp::default()
+        };
+        let room =
+            room(&points, &center, &approach, &closing, width) - too_narrow + SLIDING_COST_M * (along - 1.0);
+        GraspShape {
+            frame,
+            grasp,
+            poses: poses.clone(),
+            sentence: sentence.clone(),
+            room,
+            pair: pair.iter().map(|tip| tip.root).collect(),
+            approach,
+        }
+    };
+    (0..APPROACHES).map(shape).collect()
 }
 
-fn place_at_end(tip: &FingerTip, poses: &[Pose], palm_from_base: &Pose) -> Vector {
-    (palm_from_base * tip.place(poses)).coords
+/// A point of the hand, in the palm's frame.
+#[derive(Clone, Copy, Debug)]
+struct HandPoint {
+    at: Vector,
+    /// It is of the two digits that grip.
+    grips: bool,
+    /// It is of the last link of one of them, which is beside the block.
+    is_beside: bool,
+}
+
+/// Corners of the hand's shapes, and where its wrist turns.
+fn hand_points(model: &ArmModel, pair: &[FingerTip], poses: &[Pose]) -> Vec<HandPoint> {
+    let (palm, digits) = (model.palm(), model.digits());
+    let mut points = Vec::new();
+    for link in 0..model.links.len() {
+        if !palm[link] && digits[link].is_none() {
+            continue;
+        }
+        let grips = digits[link].is_some() && pair.iter().any(|tip| digits[link] == Some(tip.root));
+        let is_beside = pair.iter().any(|tip| tip.link == link);
+        let shapes = model.links[link].collisions.iter();
+        points.extend(
+            shapes
+                .flat_map(|part| corners(&part.shape).map(move |corner| part.pose * corner))
+                .map(|corner| HandPoint { at: (poses[link] * corner).coords, grips, is_beside }),
+        );
+    }
+    let wrist = model.arm.iter().rev().take(2);
+    points.extend(wrist.map(|&joint| HandPoint {
+        at: poses[model.joints[joint].child].translation.vector,
+        grips: false,
+        is_beside: false,
+    }));
+    points
+}
+
+/// The least room of a hand about a block on the table, metres: above the table, above the block, and within the cone.
+fn room(points: &[HandPoint], center: &Vector, approach: &Vector, closing: &Vector, width: f64) -> f64 {
+    let half = 0.5 * width;
+    let side = approach.cross(closing);
+    let of_point = |point: &HandPoint| {
+        let from = point.at - center;
+        let (depth, along, aside) = (from.dot(approach), from.dot(closing), from.dot(&side));
+        let outward = along.hypot(aside);
+        let over_table = half - ROOM_M - depth;
+        let in_cone = over_table - CONE_SLOPE * (outward - CONE_RADIUS_M).max(0.0);
+        let is_over = !point.is_beside && along.abs() < half + ROOM_M && aside.abs() < half;
+        if is_over { in_cone.min(-half - ROOM_M - depth) } else { in_cone }
+    };
+    points.iter().map(of_point).fold(f64::INFINITY, f64::min)
+}
+
+/// Corners of the box about a shape.
+fn corners(shape: &Shape) -> [Point; 8] {
+    let [x, y, z] = match *shape {
+        Shape::Box { size } => size.map(|side| 0.5 * side),
+        Shape::Sphere { radius } => [radius / 3_f64.sqrt(); 3],
+        Shape::Cylinder { radius, length } => [radius / 2_f64.sqrt(), radius / 2_f64.sqrt(), 0.5 * length],
+        Shape::Capsule { radius, length } => [radius / 2_f64.sqrt(), radius / 2_f64.sqrt(), 0.5 * length],
+    };
+    std::array::from_fn(|k| {
+        let sign = |bit: usize| if k >> bit & 1 == 0 { 1.0 } else { -1.0 };
+        Point::new(x * sign(0), y * sign(1), z * sign(2))
+    })
 }
 
 /// Half the least side of the shapes at the end of a digit, metres.

@@ -303,10 +303,7 @@ fn read_joint(node: Node<'_, '_>, parts: &RobotParts, findings: &mut Findings) -
         |node: Option<Node<'_, '_>>, key: &str| node.and_then(|node| node.attribute(key)).and_then(number);
     let range = match kind {
         PartKind::Continuous | PartKind::Fixed => None,
-        // A limit without a number is zero, as URDF says.
-        _ => limit.map(|limit| {
-            [value(Some(limit), "lower").unwrap_or(0.0), value(Some(limit), "upper").unwrap_or(0.0)]
-        }),
+        _ => limit.map(|limit| ["lower", "upper"].map(|key| limit_end(limit, key, &location, findings))),
     };
     let dynamics = child(node, "dynamics");
     let mimic = child(node, "mimic").and_then(|node| {
@@ -330,6 +327,21 @@ fn read_joint(node: Node<'_, '_>, parts: &RobotParts, findings: &mut Findings) -
         friction: value(dynamics, "friction").filter(|v| *v >= 0.0).unwrap_or(0.0),
         mimic: mimic.filter(|_| kind.moves()),
     })
+}
+
+/// An end of a joint's range: zero without the attribute, as URDF says.
+fn limit_end(limit: Node<'_, '_>, key: &str, location: &str, findings: &mut Findings) -> f64 {
+    let Some(text) = limit.attribute(key) else { return 0.0 };
+    match text.trim().parse::<f64>() {
+        // Far beyond what limits anything.
+        Ok(end) if end.is_infinite() => f64::MAX.copysign(end),
+        Ok(end) if !end.is_nan() => end,
+        _ => {
+            let got = format!("{key}=\"{text}\" on line {}", xml::line_of(limit));
+            findings.error(location, "a limit is not usable", got, "a number, rad or m", "Correct it.");
+            0.0
+        }
+    }
 }
 
 fn origin(node: Node<'_, '_>, location: &str, findings: &mut Findings) -> Pose {
