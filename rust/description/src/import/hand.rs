@@ -181,6 +181,7 @@ fn end_points(shape: &Shape) -> [Point; 6] {
 }
 
 /// How a hand grips from above.
+#[derive(Clone)]
 pub(crate) struct GraspShape {
     /// `tip_from_frame` of a frame whose z is up and along whose x the fingers close.
     frame: UnitQuaternion<f64>,
@@ -193,6 +194,9 @@ pub(crate) struct GraspShape {
     room: f64,
     pair: Vec<usize>,
     approach: Vector,
+    /// By how much the two digits come together, metres, and how straight the hand comes from their roots, -1 to 1.
+    closing_m: f64,
+    straightness: f64,
 }
 
 /// How far the ends of the fingers reach below the middle of what they hold, metres.
@@ -290,6 +294,12 @@ pub(crate) fn grasp_shapes(model: &ArmModel, width: f64) -> Vec<GraspShape> {
         .flat_map(|(pair, alone)| shapes_of_pair(&hand, pair, width, several_digits, alone))
         .collect();
     shapes.sort_by(|a, b| b.room.total_cmp(&a.room));
+    // The one that the hand's own build suggests, wherever it has room.
+    let by_build = shapes.iter().max_by(|a, b| {
+        let order = a.closing_m.total_cmp(&b.closing_m);
+        order.then(a.straightness.total_cmp(&b.straightness))
+    });
+    let by_build = by_build.cloned();
     let mut kept: Vec<GraspShape> = Vec::new();
     for shape in shapes {
         let of_pair = kept.iter().filter(|other| other.pair == shape.pair);
@@ -304,6 +314,7 @@ pub(crate) fn grasp_shapes(model: &ArmModel, width: f64) -> Vec<GraspShape> {
             kept.push(shape);
         }
     }
+    kept.extend(by_build);
     kept
 }
 
@@ -325,7 +336,8 @@ fn shapes_of_pair(
             .min_by(|a, b| off(*a).total_cmp(&off(*b)))
             .unwrap_or_default()
     };
-    if hand.gap(pair, 0.0) - hand.gap(pair, 1.0) < 1e-3 {
+    let closing_m = hand.gap(pair, 0.0) - hand.gap(pair, 1.0);
+    if closing_m < 1e-3 {
         return Vec::new();
     }
     let gripping = share_at(width + thick);
@@ -343,6 +355,8 @@ fn shapes_of_pair(
     let way = way_a.norm() + way_b.norm();
     let along = if way > 1e-9 { (way_a - way_b).dot(&closing).abs() / way } else { 1.0 };
     let too_narrow = (width + ROOM_M - opening).max(0.0);
+    let roots = pair.iter().map(|tip| apart[tip.root].translation.vector).sum::<Vector>() / pair.len() as f64;
+    let from_roots = (middle - roots).try_normalize(1e-6).unwrap_or_else(Vector::zeros);
     let across = if closing.x.abs() < 0.9 { Vector::x() } else { Vector::y() };
     let across = (across - closing * closing.dot(&across)).normalize();
     let names: Vec<&str> = pair.iter().map(|tip| model.links[tip.root].name.as_str()).collect();
@@ -404,6 +418,8 @@ fn shapes_of_pair(
             room,
             pair: pair.iter().map(|tip| tip.root).collect(),
             approach,
+            closing_m,
+            straightness: from_roots.dot(&approach),
         }
     };
     (0..APPROACHES).map(shape).collect()
