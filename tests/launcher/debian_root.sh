@@ -24,6 +24,8 @@ enter_namespace() {
 
 finish_root() {
     umount "$root/proc" "$root/dev/pts" 2>/dev/null || true
+    # Of network namespaces that tests made in the root.
+    umount "$root"/run/netns/* "$root/run/netns" 2>/dev/null || true
     rm -rf "$root"
 }
 

@@ -293,24 +293,18 @@ fn reach_of(chain: &Chain) -> f64 {
     farthest
 }
 
-/// Whether a trial begins with an arm: method D in the set-up `still`, for a tenth of a second.
-///
-/// # Errors
-/// What keeps it from that, and what to do.
-pub fn try_arm(arm: &Arm) -> Result<(), Finding> {
+/// What keeps a trial from beginning with an arm, if anything does: method D in the set-up `still`, for a tenth of a second.
+pub fn trial_obstacle(arm: &Arm) -> Option<Finding> {
     if arm.model().hand.is_empty() {
         let remedy = "Import the file of an arm with a hand, or let proact model import mount a gripper.";
-        return Err(Finding::about_trial("no block can be moved", "an arm without a hand", remedy));
+        return Some(Finding::about_trial("no block can be moved", "an arm without a hand", remedy));
     }
     let begun = Setup::named("still")
         .map_err(Into::into)
         .and_then(|setup| run_trial(arm, TrialConfig::new("D", 1, setup), BEGUN_SECS));
-    let Err(error) = begun else { return Ok(()) };
-    Err(Finding::about_trial(
-        "no trial begins",
-        error.to_string(),
-        "Correct the pose \"start\" in arm.srdf or the base in arm.toml, or import the arm again.",
-    ))
+    let error = begun.err()?;
+    let remedy = "Correct the pose \"start\" in arm.srdf or the base in arm.toml, or import the arm again.";
+    Some(Finding::about_trial("no trial begins", error.to_string(), remedy))
 }
 
 /// Blocks that a simulated person moves with the arm, across or onto their targets, and why the last plan that failed did.

@@ -82,7 +82,7 @@ mod xdf_export;
 
 pub use arm::{Arm, ArmError};
 pub use arm_picture::{MeshPoints, arm_picture};
-pub use arm_placement::{ArmPlacement, allow_lasting_contacts, place_arm, try_arm};
+pub use arm_placement::{ArmPlacement, allow_lasting_contacts, place_arm, trial_obstacle};
 pub use armband::LiveArmband;
 pub use calibrations::{
     CALIBRATIONS_DIR, CalibrationFile, CalibrationFileError, CalibrationSource, Calibrations,

@@ -4,7 +4,7 @@ use crate::model_size::{self, SizeArgs};
 use clap::{Args, Subcommand};
 use proact_app::{
     Arm, ArmPlacement, allow_lasting_contacts, arm_comparison::compare_arm, arm_picture, place_arm,
-    print_result, print_result_json, try_arm,
+    print_result, print_result_json, print_status, trial_obstacle,
 };
 use proact_arm::{ArmModel, Grasp, PinchError, PinchGrasp, find_pinch};
 use proact_description::{
@@ -205,9 +205,9 @@ fn check_arm_folder(folder: ArmFolder, path: &Path) -> Result<CheckedArm, Box<dy
     let urdf = folder.urdf.clone();
     // What a trial would miss too: meshes, poses, and what the settings name.
     let arm = Arm::from_folder(folder, path, false)?;
-    match try_arm(&arm) {
-        Ok(()) => Ok(CheckedArm { report, usable: Some(((**arm.model()).clone(), urdf)) }),
-        Err(finding) => {
+    match trial_obstacle(&arm) {
+        None => Ok(CheckedArm { report, usable: Some(((**arm.model()).clone(), urdf)) }),
+        Some(finding) => {
             report.usable = false;
             report.findings.insert(0, finding);
             Ok(CheckedArm { report, usable: None })
@@ -317,20 +317,20 @@ fn ask_for_arm(
     if choices.len() < 2 {
         return Ok(None);
     }
-    eprintln!("The file describes several arms:");
+    print_status("The file describes several arms:");
     for (number, ArmChoice { base, tip, joints, has_hand }) in (1..).zip(choices) {
         let hand = if *has_hand { "with" } else { "without" };
-        eprintln!("  {number}  {joints} joints from {base} to {tip}, {hand} a hand");
+        print_status(format_args!("  {number}  {joints} joints from {base} to {tip}, {hand} a hand"));
     }
     loop {
-        eprint!("Which one? A number, or Enter for 1: ");
+        print_status("Which one? A number, or Enter for 1:");
         let mut line = String::new();
         if answers.read_line(&mut line)? == 0 || line.trim().is_empty() {
             return Ok(choices.first().cloned());
         }
         match line.trim().parse::<usize>().ok().and_then(|number| choices.get(number.checked_sub(1)?)) {
             Some(choice) => return Ok(Some(choice.clone())),
-            None => eprintln!("Expected a number from 1 to {}.", choices.len()),
+            None => print_status(format_args!("expected a number from 1 to {}", choices.len())),
         }
     }
 }

@@ -392,7 +392,7 @@ fn open_person(dir: &str, options: &SourceOptions) -> Result<Box<dyn SampleSourc
 #[cfg(feature = "ble")]
 fn open_ble(name: &str, options: &SourceOptions) -> Result<Box<dyn SampleSource>, DeviceError> {
     let connector = crate::gforce::BleConnector::new(name).map_err(crate::gforce::GForceError::from)?;
-    Ok(Box::new(GForce::open(Box::new(connector), options.armband())?))
+    Ok(Box::new(GForce::open(Box::new(connector), options.gforce_options())?))
 }
 
 #[cfg(not(feature = "ble"))]

@@ -406,7 +406,6 @@ fn shapes_of_pair(
             max_lean_rad: MAX_LEAN_RAD,
             capture_radius_m: 0.5 * (opening + width),
             withdrawal_direction: Vector::z(),
-            ..Grasp::default()
         };
         let room =
             room(&points, &center, &approach, &closing, width) - too_narrow + SLIDING_COST_M * (along - 1.0);
