@@ -14,9 +14,11 @@ import socket
 import struct
 import subprocess
 import sys
+import threading
 import time
 import unittest
 import xmlrpc.client
+import xmlrpc.server
 
 import graph
 import tcpros
@@ -325,7 +327,59 @@ class Beside(unittest.TestCase):
             tcpros.close(slow)
 
 
+class LatePublisher:
+    """A publisher of /late/clock that refuses the first request of it, as a node does that is not ready."""
+
+    def __init__(self):
+        self.requests, self.nodes = 0, []
+        self.topics = socket.create_server(("127.0.0.1", 0))
+        self.calls = xmlrpc.server.SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False)
+        for name in ("requestTopic", "getBusInfo", "publisherUpdate", "paramUpdate"):
+            self.calls.register_function(getattr(self, name), name)
+        for work in (self.calls.serve_forever, self.accept):
+            threading.Thread(target=work, daemon=True).start()
+        self.uri = "http://127.0.0.1:{}/".format(self.calls.server_address[1])
+        self.master = xmlrpc.client.ServerProxy(GRAPH.uri)
+        self.master.registerPublisher("/late_publisher", "/late/clock", Clock._type, self.uri)
+
+    def requestTopic(self, _caller, _topic, _protocols):
+        self.requests += 1
+        if self.requests == 1:
+            return [-1, "not yet", 0]
+        return [1, "ready", ["TCPROS", "127.0.0.1", self.topics.getsockname()[1]]]
+
+    def getBusInfo(self, _caller):
+        return [1, "", [[at, node, "o", "TCPROS", "/late/clock", True] for at, node in enumerate(self.nodes)]]
+
+    def publisherUpdate(self, *_):
+        return [1, "", 0]
+
+    paramUpdate = publisherUpdate
+
+    def accept(self):
+        while True:
+            stream, _ = self.topics.accept()
+            asked = tcpros.read_header(stream)
+            stream.sendall(tcpros.header({"callerid": "/late_publisher", "type": Clock._type, "md5sum": Clock._md5sum}))
+            # What only compares types asks for any.
+            if asked["md5sum"] != "*":
+                self.nodes.append(asked["callerid"])
+
+    def close(self):
+        self.master.unregisterPublisher("/late_publisher", "/late/clock", self.uri)
+        self.calls.shutdown()
+
+
 class OneConnection(unittest.TestCase):
+    def test_a_publisher_that_refuses_the_first_request_is_asked_again(self):
+        late = LatePublisher()
+        stage = GRAPH.node("participant", "--setup", "still", "__name:=stage", "__ns:=/late", "/clock:=/late/clock")
+        try:
+            graph.wait_until(lambda: "/late/stage" in late.nodes, "the stage at the late publisher")
+        finally:
+            GRAPH.stop(stage)
+            late.close()
+
     def test_a_subscriber_has_one_connection_after_a_restart_of_the_master(self):
         node = GRAPH.node("participant", "--setup", "still")
         clocks = lambda: [name for name in tcpros.connections(GRAPH.uri, NODE, "/clock")  # noqa: E731

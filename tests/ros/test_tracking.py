@@ -155,7 +155,11 @@ class Gaze(unittest.TestCase):
             self.look("teapot" if "teapot" in text else "silent", EYE, (1.0, 0.0, -0.5))
             return any("refused (gaze)" in m.msg and text in m.msg for m in self.log.messages)
 
-        graph.wait_until(lambda: refused('there is no frame "teapot"'), "the refusal of an unknown frame")
+        try:
+            graph.wait_until(lambda: refused('there is no frame "teapot"'), "the refusal of an unknown frame")
+        except AssertionError as error:
+            said = [(m.name, m.msg) for m in list(self.log.messages) if "gaze" in m.msg][-5:]
+            raise AssertionError(f"{error}; the log has {said}") from error
         self.tf.publish(lab_frame("world", "silent"))
         graph.wait_until(lambda: refused("/tf was last heard of it"), "the refusal of a frame that is silent")
 

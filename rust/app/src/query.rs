@@ -88,14 +88,17 @@ pub enum QueryError {
 }
 
 /// The arm of a URDF file: as it is, or completed as an import does, without a gripper that it does not have.
-fn load_or_import(file: &Path) -> Result<ArmModel, DescriptionError> {
+fn load_or_import(file: &Path) -> Result<ArmModel, QueryError> {
     let text = proact_description::read_text(file)?;
     if let Ok(model) = proact_description::parse_urdf(&text) {
         return Ok(model);
     }
     let meshes = MeshFolders::with_ros_packages(file, &[]);
     let options = ImportOptions { meshes: Some(&meshes), without_gripper: true, ..ImportOptions::default() };
-    proact_description::import(&text, &options).map(|imported| imported.model)
+    let imported = proact_description::import(&text, &options);
+    imported
+        .map(|imported| imported.model)
+        .map_err(|source| ArmError::Description { path: file.to_owned(), source }.into())
 }
 
 /// Answers every line of `input` on a line of `output`, until the input ends. Empty lines are passed over.

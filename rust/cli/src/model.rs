@@ -70,6 +70,12 @@ pub struct ModelCheckArgs {
     /// SRDF file with groups and poses; without it they are found from the joints
     #[arg(long)]
     srdf: Option<PathBuf>,
+    /// Link at the arm's base, of a file; by default the root that carries most joints
+    #[arg(long, value_name = "LINK")]
+    base: Option<String>,
+    /// Link at which the arm ends and the hand begins, of a file
+    #[arg(long, value_name = "LINK")]
+    tip: Option<String>,
     /// Folder that contains packages of meshes, beside those of ROS_PACKAGE_PATH; may be given several times
     #[arg(long, value_name = "DIR")]
     package_path: Vec<PathBuf>,
@@ -223,7 +229,13 @@ fn check_file(args: &ModelCheckArgs) -> Result<CheckedArm, Box<dyn Error>> {
     };
     let srdf = args.srdf.clone().or(srdf).as_deref().map(read_text).transpose()?;
     let meshes = MeshFolders::with_ros_packages(&urdf, &args.package_path);
-    let options = ImportOptions { srdf: srdf.as_deref(), meshes: Some(&meshes), ..ImportOptions::default() };
+    let options = ImportOptions {
+        srdf: srdf.as_deref(),
+        base: args.base.as_deref(),
+        tip: args.tip.as_deref(),
+        meshes: Some(&meshes),
+        without_gripper: false,
+    };
     match import(&read_description(&urdf)?, &options) {
         Ok(ImportedArm { report, model, urdf, .. }) => Ok(CheckedArm { report, usable: Some((model, urdf)) }),
         Err(DescriptionError::Invalid { findings }) => {
@@ -389,18 +401,31 @@ fn place(imported: &mut ImportedArm) -> Result<(), Box<dyn Error>> {
 
 /// The text of a description; one with xacro macros is expanded by `xacro`, where that is installed.
 fn read_description(file: &Path) -> Result<String, Box<dyn Error>> {
+    const XACRO_SECS: &str = "60";
+    /// What `timeout` exits with: the time was up, and there is no such program.
+    const TIMED_OUT: i32 = 124;
+    const NOT_FOUND: i32 = 127;
     let text = read_text(file)?;
-    if !text.contains("<xacro:") {
+    // A xacro file is a program. Only one that is named as such is run.
+    if file.extension().is_none_or(|extension| extension != "xacro") {
         return Ok(text);
     }
     // Without the program the reader says what to do.
-    let Ok(output) = Command::new("xacro").arg(file).output() else { return Ok(text) };
-    if output.status.success() {
-        return Ok(String::from_utf8_lossy(&output.stdout).into_owned());
+    let Ok(output) = Command::new("timeout").args([XACRO_SECS, "xacro"]).arg(file).output() else {
+        return Ok(text);
+    };
+    let failed = |reason: &str| format!("xacro cannot expand {}: {reason}", file.display());
+    match output.status.code() {
+        Some(0) => Ok(String::from_utf8_lossy(&output.stdout).into_owned()),
+        Some(NOT_FOUND) => Ok(text),
+        Some(TIMED_OUT) => Err(failed(&format!("it takes longer than {XACRO_SECS} s")).into()),
+        _ => {
+            let reason = String::from_utf8_lossy(&output.stderr);
+            let lines: Vec<&str> = reason.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
+            let reason = if lines.is_empty() { "it gave no reason".to_owned() } else { lines.join("; ") };
+            Err(failed(&reason).into())
+        }
     }
-    let reason = String::from_utf8_lossy(&output.stderr);
-    let reason = reason.trim().lines().last().unwrap_or("it gave no reason");
-    Err(format!("xacro cannot expand {}: {reason}", file.display()).into())
 }
 
 fn run_grasps(args: &GraspsArgs, json: bool) -> Result<bool, Box<dyn Error>> {
@@ -620,6 +645,8 @@ mod tests {
         ModelCommand::Check(ModelCheckArgs {
             file,
             srdf: None,
+            base: None,
+            tip: None,
             package_path: Vec::new(),
             compare: false,
             postures: 1,
@@ -692,6 +719,8 @@ mod tests {
                 &ModelCommand::Check(ModelCheckArgs {
                     file,
                     srdf: Some(srdf),
+                    base: None,
+                    tip: None,
                     package_path: Vec::new(),
                     compare: true,
                     postures: 5,

@@ -75,6 +75,7 @@ impl Finding {
         match (self.line, file) {
             (Some(line), Some(file)) => write!(f, " ({}:{line})", file.display())?,
             (Some(line), None) => write!(f, " (line {line})")?,
+            (None, Some(file)) if self.location == "URDF" => write!(f, " ({})", file.display())?,
             (None, _) => {}
         }
         write!(f, ": {}: got {}, expected {}. {}", self.problem, self.got, self.expected, self.remedy)

@@ -57,8 +57,7 @@ pub enum FolderError {
     },
     /// A mesh that the description names is not there.
     #[error(
-        "{}: link {link} has the mesh {file}, which is not there; expected it at {}, where \
-         there {}", folder.display(), expected.display(), directory_listing(expected)
+        "{}: link {link} has the mesh {file}, which is not {}", folder.display(), expected_place(folder, expected)
     )]
     Mesh {
         /// The arm's folder.
@@ -346,6 +345,23 @@ fn files_with_extension(folder: &Path, ending: &str) -> Result<Vec<PathBuf>, Fol
 }
 
 /// What there is where a file was expected.
+/// Where in an arm's folder a mesh is expected. What is elsewhere is neither read nor listed.
+fn expected_place(folder: &Path, expected: &Path) -> String {
+    let whole = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
+    let parent = expected.parent().and_then(|parent| parent.canonicalize().ok());
+    match parent {
+        Some(parent) if !parent.starts_with(&whole) => "in the arm's folder; expected it there".to_owned(),
+        _ if expected.is_file() => {
+            format!("in the arm's folder: {} leads out of it; expected the file itself", expected.display())
+        }
+        _ => format!(
+            "there; expected it at {}, where there {}",
+            expected.display(),
+            directory_listing(expected)
+        ),
+    }
+}
+
 fn directory_listing(expected: &Path) -> String {
     let folder = expected.parent().unwrap_or(Path::new("."));
     let Ok(entries) = fs::read_dir(folder) else { return "is no such folder".to_owned() };

@@ -125,7 +125,9 @@ pub fn import(text: &str, options: &ImportOptions<'_>) -> Result<ImportedArm, De
     let Some((urdf_text, fits, mesh_points)) = complete(parts, options, &mut findings) else {
         return Err(invalid(text, findings));
     };
-    let (model, more) = examine(&urdf_text, options.srdf);
+    let (model, mut more) = examine(&urdf_text, options.srdf);
+    // Lines of the text that was written are in no file of the user's.
+    more.iter_mut().for_each(|finding| finding.line = None);
     let Some(mut model) = model else {
         findings.0.extend(more);
         return Err(invalid(text, findings));
@@ -150,8 +152,9 @@ pub fn import(text: &str, options: &ImportOptions<'_>) -> Result<ImportedArm, De
     let new_findings: Vec<Finding> =
         more.into_iter().filter(|f| !is_known_finding(f, &report.findings)).collect();
     let mut own = findings.0;
+    own.extend(new_findings);
     crate::lint::add_line_numbers(text, &mut own);
-    report.findings.extend(own.into_iter().chain(new_findings));
+    report.findings.extend(own);
     report.findings.sort_by_key(|f| f.severity);
     // Such as a joint without a name, which the model can hold and the text cannot.
     if !report.usable {
@@ -216,6 +219,17 @@ fn complete(
     complete::complete_masses(&mut parts, &meshes, findings);
     complete::complete_limits(&mut parts, findings);
     complete::complete_followers(&mut parts, findings);
+    if options.srdf.is_none() && !mount::arm_moves(&parts) {
+        let remedy = "Correct the limits of its joints, or name another end with --tip.";
+        findings.error(
+            "URDF",
+            "no joint of the arm moves",
+            "joints that cannot move",
+            "one that moves",
+            remedy,
+        );
+        return None;
+    }
     let mut fits = Vec::new();
     let mut mesh_points = MeshPoints::new();
     let links: Vec<Link> = parts

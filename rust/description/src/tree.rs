@@ -175,7 +175,7 @@ fn link(raw: &RawLink, findings: &mut Findings) -> Link {
         findings.warning(
             &location,
             "the link has mass but no collision shape, so nothing will notice when it hits something",
-            "no <collision>",
+            "no usable <collision>",
             "at least one primitive",
             "Add a box, cylinder or sphere that encloses the link.",
         );

@@ -45,8 +45,17 @@ pub(crate) fn parse_document<'a>(
     }
     match Document::parse(text) {
         Ok(document) => Some(document),
+        Err(roxmltree::Error::DtdDetected) => {
+            let remedy = "Remove <!DOCTYPE ..> and what is in it.";
+            findings.error(file, "the text has a document type definition", "<!DOCTYPE", "none", remedy);
+            None
+        }
         Err(error) => {
+            let line = error.pos().row;
             findings.error(file, "the text is not well-formed XML", error, expected, remedy);
+            if let Some(finding) = findings.0.last_mut() {
+                finding.line = Some(line);
+            }
             None
         }
     }

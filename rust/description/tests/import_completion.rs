@@ -195,7 +195,12 @@ fn couplings_of_couplings_become_one() {
     assert!((mimic.offset - 0.5).abs() < 1e-12, "{mimic:?}");
     // A loop, and a joint that stands.
     let looped = chain.replace("joint=\"finger_left\"", "joint=\"finger_right\"");
-    said(&imported(&looped), "finger_right", "does not move by itself");
+    said(&imported(&looped), "finger_right", "in a circle");
+    let still = chain.replace("multiplier=\"2\"", "multiplier=\"0\"");
+    said(&imported(&still), "finger_right", "by nothing");
+    let unreadable = chain.replace("multiplier=\"2\"", "multiplier=\"0,5\"");
+    let error = import(&unreadable, &ImportOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("finger_right") && error.contains("0,5"), "{error}");
 }
 
 #[test]
@@ -342,6 +347,35 @@ fn limits_of_zeros_alone_are_none_and_lines_are_those_of_the_file() {
     assert_eq!(finding.line, Some(u32::try_from(line).unwrap()));
     let shown = arm.report.of_file(Path::new("lab/arm.urdf")).to_string();
     assert!(shown.contains(&format!("(lab/arm.urdf:{line})")), "{shown}");
+}
+
+#[test]
+fn an_arm_with_links_of_the_grippers_names_gets_a_gripper_with_others() {
+    let solid = format!("{MASS}{BOX}");
+    let mut text = format!("<robot name=\"bare\">\n{}", link("base", &solid));
+    let mut parent = "base";
+    for name in ["upper", "fore", "gripper_palm"] {
+        text += &link(name, &solid);
+        text += &joint(&format!("{name}_left"), "revolute", [parent, name], LIMIT);
+        parent = name;
+    }
+    text += "</robot>";
+    let arm = imported(&text);
+    assert!(arm.model.link("gripper__palm").is_ok() && arm.model.hand.len() == 2, "{}", arm.report);
+    let lines = u32::try_from(text.lines().count()).unwrap();
+    assert!(arm.report.findings.iter().all(|f| f.line.is_none_or(|line| line <= lines)), "{}", arm.report);
+}
+
+#[test]
+fn the_folder_above_counts_only_with_meshes_of_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("urdf/arm.urdf");
+    fs::create_dir_all(file.parent().unwrap()).unwrap();
+    write_stl(&folder.path().join("finger.stl"), &box_mesh([0.02, 0.02, 0.1]));
+    let read = || MeshFolders::of(&file, []).read("../finger.stl");
+    assert!(read().is_err());
+    fs::create_dir(folder.path().join("meshes")).unwrap();
+    assert!(read().is_ok());
 }
 
 #[test]

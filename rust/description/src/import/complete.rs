@@ -171,16 +171,14 @@ pub(crate) fn resolve_mimics(parts: &mut RobotParts, findings: &mut Findings) {
     for index in 0..parts.joints.len() {
         let Some(mut mimic) = parts.joints[index].mimic.clone() else { continue };
         let name = parts.joints[index].name.clone();
-        let mut steps = 0;
+        let (mut steps, mut in_circle) = (0, false);
         let resolved = loop {
             let Some(master) = parts.joints.iter().find(|joint| joint.name == mimic.master) else {
                 break None;
             };
             steps += 1;
-            if steps > parts.joints.len()
-                || master.name == name
-                || !(mimic.multiplier.is_finite() && mimic.multiplier != 0.0)
-            {
+            in_circle = steps > parts.joints.len() || master.name == name;
+            if in_circle || !(mimic.multiplier.is_finite() && mimic.multiplier != 0.0) {
                 break None;
             }
             match &master.mimic {
@@ -196,14 +194,15 @@ pub(crate) fn resolve_mimics(parts: &mut RobotParts, findings: &mut Findings) {
         if resolved.is_none() {
             let got =
                 parts.joints[index].mimic.as_ref().map(|mimic| mimic.master.clone()).unwrap_or_default();
-            note_joint(
-                findings,
-                &name,
-                "the joint that it follows does not move by itself",
-                &got,
-                "a joint that moves",
-                "It moves by itself.",
-            );
+            let factor = parts.joints[index].mimic.as_ref().map_or(1.0, |mimic| mimic.multiplier);
+            let (problem, got, expected) = if factor == 0.0 {
+                ("it follows another joint by nothing", format!("multiplier 0 of {got}"), "a multiplier")
+            } else if in_circle {
+                ("joints follow each other in a circle", got, "a joint that moves by itself")
+            } else {
+                ("the joint that it follows does not move", got, "a joint that moves")
+            };
+            note_joint(findings, &name, problem, &got, expected, "It moves by itself.");
         } else if steps > 1 {
             let got = format!(
                 "it follows joint \"{}\" by {steps} steps",
@@ -282,7 +281,7 @@ pub(crate) fn complete_collisions(parts: &mut RobotParts, findings: &mut Finding
             findings,
             &link.name,
             "the link has no shape for contacts",
-            "no <collision>",
+            "no usable <collision>",
             "a shape",
             "It gets the shapes that are drawn.",
         );
@@ -494,7 +493,7 @@ pub(crate) fn complete_masses(
                 findings,
                 &name,
                 "the link moves but has no mass",
-                "no <inertial>",
+                "no usable <inertial>",
                 "mass and inertia",
                 &done,
             );

@@ -39,14 +39,15 @@ pub struct MeshFolders {
 type Refusal = String;
 
 impl MeshFolders {
-    /// For the description in `file`: its own folder, the one above or its ROS package, and packages in the folders of `packages`,
-    /// such as those of `ROS_PACKAGE_PATH`.
+    /// For the description in `file`: its own folder, its ROS package or the folder above if that has a folder of meshes, and packages
+    /// in the folders of `packages`, such as those of `ROS_PACKAGE_PATH`.
     pub fn of(file: &Path, packages: impl IntoIterator<Item = PathBuf>) -> Self {
         let whole = file.canonicalize().unwrap_or_else(|_| file.to_owned());
         let above: Vec<&Path> = whole.ancestors().skip(1).take(PACKAGE_DEPTH).collect();
         let package = above.iter().position(|folder| folder.join("package.xml").is_file());
-        let own: Vec<PathBuf> =
-            above.iter().take(package.unwrap_or(1) + 1).map(|path| (*path).to_owned()).collect();
+        let has_meshes = |folder: &&Path| ["meshes", "mesh"].iter().any(|name| folder.join(name).is_dir());
+        let depth = package.unwrap_or_else(|| usize::from(above.get(1).is_some_and(has_meshes)));
+        let own: Vec<PathBuf> = above.iter().take(depth + 1).map(|path| (*path).to_owned()).collect();
         // Beside a package lie others, and a package may be given by its own folder.
         let beside = own.last().and_then(|folder| folder.parent()).map(Path::to_owned);
         let given: Vec<PathBuf> =

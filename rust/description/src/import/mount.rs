@@ -159,6 +159,9 @@ pub(crate) fn hold_surplus(parts: &mut RobotParts, findings: &mut Findings) {
         .collect();
     joints.sort_by_key(|(depth, _)| std::cmp::Reverse(*depth));
     joints.truncate(surplus);
+    if joints.is_empty() {
+        return;
+    }
     for (_, name) in &joints {
         hold(parts, name);
     }
@@ -205,8 +208,11 @@ pub(crate) fn make_whole(
             return None;
         }
         let problem = "it is neither an arm nor a hand";
-        let got =
-            format!("{} joints that move, {arm_joints} of them in a row, {size:.2} m in size", tree.moving());
+        let got = format!(
+            "{} joints that move, in {branches} chains from link \"{}\", {size:.2} m in size",
+            tree.moving(),
+            parts.links[palm].name
+        );
         findings.error("URDF", problem, got, expected, "Give the file of an arm, or of a hand.");
         return None;
     }
@@ -367,6 +373,12 @@ pub(crate) fn branches_below(parts: &RobotParts, link: usize) -> bool {
         || tree.leading_on(tree.body_of(link)).len() > 1
 }
 
+/// Whether a joint moves on the way to the palm.
+pub(crate) fn arm_moves(parts: &RobotParts) -> bool {
+    let tree = BodyTree::of(parts);
+    tree.depth(tree.first_branching()) > 0
+}
+
 /// The rigid body from which the fingers lead on.
 pub(crate) fn palm(parts: &RobotParts) -> usize {
     BodyTree::of(parts).first_branching()
@@ -472,6 +484,13 @@ fn add_gripper(parts: &mut RobotParts, tip: usize, body: usize, meshes: &Meshes,
     const FINGER_M: [f64; 3] = [0.012, 0.022, 0.07];
     const STROKE_M: f64 = 0.045;
     let at = flange(parts, body, tip, meshes);
+    // Names that the file does not have.
+    let links = parts.links.iter().map(|link| &*link.name);
+    let own: Vec<&str> = links.chain(parts.joints.iter().map(|joint| &*joint.name)).collect();
+    let mut prefix = "gripper".to_owned();
+    while own.iter().any(|name| name.starts_with(&format!("{prefix}_"))) {
+        prefix.push('_');
+    }
     let part = |name: &str, size: [f64; 3], mass: f64, center: Vector| {
         let pose = Pose::translation(center.x, center.y, center.z);
         let [a, b, c] = size.map(|side| side * side * mass / 12.0);
@@ -486,14 +505,14 @@ fn add_gripper(parts: &mut RobotParts, tip: usize, body: usize, meshes: &Meshes,
     };
     let first = parts.links.len();
     let half = |size: [f64; 3]| Vector::new(0.0, 0.0, 0.5 * size[2]);
-    parts.links.push(part("gripper_palm", PALM_M, 0.35, half(PALM_M)));
-    let fixed = PartJoint::fixed("gripper_mount".to_owned(), body, first, at);
+    parts.links.push(part(&format!("{prefix}_palm"), PALM_M, 0.35, half(PALM_M)));
+    let fixed = PartJoint::fixed(format!("{prefix}_mount"), body, first, at);
     parts.joints.push(fixed.clone());
     for (index, (side, sign)) in [("left", 1.0), ("right", -1.0)].into_iter().enumerate() {
         let own = Vector::x() * (sign * 0.5 * FINGER_M[0]) + half(FINGER_M);
-        parts.links.push(part(&format!("gripper_{side}_finger"), FINGER_M, 0.05, own));
+        parts.links.push(part(&format!("{prefix}_{side}_finger"), FINGER_M, 0.05, own));
         parts.joints.push(PartJoint {
-            name: format!("gripper_{side}"),
+            name: format!("{prefix}_{side}"),
             kind: PartKind::Prismatic,
             parent: first,
             child: first + 1 + index,
@@ -504,7 +523,7 @@ fn add_gripper(parts: &mut RobotParts, tip: usize, body: usize, meshes: &Meshes,
             effort: Some(40.0),
             damping: 1.0,
             mimic: (index > 0).then(|| PartMimic {
-                master: "gripper_left".to_owned(),
+                master: format!("{prefix}_left"),
                 multiplier: 1.0,
                 offset: 0.0,
             }),

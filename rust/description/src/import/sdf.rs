@@ -40,7 +40,7 @@ pub(crate) fn read(text: &str, findings: &mut Findings) -> Option<RobotParts> {
         findings.error(
             "SDF",
             "the file must hold one model and its version",
-            format!("{} models, version {:?}", models.len(), sdf.attribute("version")),
+            format!("{} models, version {}", models.len(), sdf.attribute("version").unwrap_or("not given")),
             "<sdf version=\"1.5\"> with one <model>",
             "Put the arm into a file of its own; nested models are not supported.",
         );

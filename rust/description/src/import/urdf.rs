@@ -163,10 +163,12 @@ fn read_inertial(node: Node<'_, '_>, name: &str, findings: &mut Findings) -> (Op
     let mass = child(inertial, "mass").and_then(|node| node.attribute("value"));
     let Some(mass_kg) = mass.and_then(number).filter(|mass| *mass >= MIN_MASS_KG) else {
         let got = format!("mass {}", mass.unwrap_or("missing"));
+        let is_zero = mass.and_then(number) == Some(0.0);
+        let problem = if is_zero { "the link is a frame" } else { "the mass is not that of a body" };
         note_link(
             findings,
             name,
-            "the link is a frame",
+            problem,
             &got,
             "at least 1e-9 kg for a body",
             "It gets no mass of its own.",
@@ -290,7 +292,9 @@ fn read_joint(node: Node<'_, '_>, parts: &RobotParts, findings: &mut Findings) -
                 findings.error(
                     &location,
                     "the axis has no direction",
-                    "zero, or no numbers",
+                    child(node, "axis")
+                        .and_then(|node| node.attribute("xyz"))
+                        .map_or_else(String::new, |xyz| format!("xyz=\"{xyz}\"")),
                     "three numbers that are not all zero",
                     "Give the direction about or along which the joint moves.",
                 );
@@ -309,10 +313,18 @@ fn read_joint(node: Node<'_, '_>, parts: &RobotParts, findings: &mut Findings) -
     let mimic = child(node, "mimic").and_then(|node| {
         Some(PartMimic {
             master: node.attribute("joint")?.to_owned(),
-            multiplier: value(Some(node), "multiplier").unwrap_or(1.0),
-            offset: value(Some(node), "offset").unwrap_or(0.0),
+            multiplier: factor(node, "multiplier", 1.0, &location, findings),
+            offset: factor(node, "offset", 0.0, &location, findings),
         })
     });
+    for (node, key) in [(limit, "velocity"), (limit, "effort"), (dynamics, "damping"), (dynamics, "friction")]
+    {
+        let Some(text) = node.and_then(|node| node.attribute(key)) else { continue };
+        if text.trim().parse::<f64>().is_err() {
+            let got = format!("{key}=\"{text}\"");
+            note_joint(findings, name, "a number cannot be read", &got, "a number", "It counts as left out.");
+        }
+    }
     Some(PartJoint {
         name: name.to_owned(),
         kind,
@@ -326,6 +338,16 @@ fn read_joint(node: Node<'_, '_>, parts: &RobotParts, findings: &mut Findings) -
         damping: value(dynamics, "damping").filter(|v| *v >= 0.0).unwrap_or(0.0),
         friction: value(dynamics, "friction").filter(|v| *v >= 0.0).unwrap_or(0.0),
         mimic: mimic.filter(|_| kind.moves()),
+    })
+}
+
+/// A number of a coupling, or what stands for one that is left out.
+fn factor(node: Node<'_, '_>, key: &str, default: f64, location: &str, findings: &mut Findings) -> f64 {
+    let Some(text) = node.attribute(key) else { return default };
+    number(text).unwrap_or_else(|| {
+        let got = format!("<mimic {key}=\"{text}\"> on line {}", xml::line_of(node));
+        findings.error(location, "a number of its coupling is not usable", got, "a number", "Correct it.");
+        default
     })
 }
 

@@ -1,8 +1,8 @@
-//! Connects subscriptions again whose publisher closed the connection.
+//! Connects subscriptions again whose publisher closed the connection, or did not take it at first.
 //!
-//! rosrust takes a publisher that it connected to once for connected until the master says that it has gone. A publisher that
-//! closed the connection meanwhile, because this node was stopped or off the network, would never be heard again. So the
-//! publishers are asked now and then whom they send to.
+//! rosrust asks a publisher once, and takes it for connected until the master says that it has gone. A publisher that closed the
+//! connection meanwhile, because this node was stopped or off the network, or that could not answer when it was asked, would
+//! never be heard. So the publishers are asked now and then whom they send to.
 
 use super::{
     master::{self, MasterAddresses},
@@ -24,7 +24,8 @@ const MISSING_CHECKS: u32 = 2;
 /// How often the end of the node is looked at.
 const POLL_PERIOD: Duration = Duration::from_millis(100);
 
-/// Looks in a row at which a publisher has never listed this node: then its message type is compared.
+/// Looks in a row at which a publisher has never listed this node: then its message type is compared, and if that is right the
+/// connection is made again; and once more after twice as many looks, and so on.
 const NEVER_LISTED: u32 = 3;
 
 /// Topic and address of a publisher, to a number of looks.
@@ -34,7 +35,7 @@ type Looks = BTreeMap<(String, String), u32>;
 struct Connections {
     /// Connections that the publisher listed once; the looks at which they were missing since.
     listed: Looks,
-    /// Connections that the publisher has never listed. Some publishers list none.
+    /// Connections that the publisher has never listed.
     never_listed: Looks,
 }
 
@@ -93,26 +94,44 @@ fn check_connections(addresses: &MasterAddresses, connections: &mut Connections)
                 if *missing == MISSING_CHECKS {
                     rosout::warn(&format!("{topic}: connecting again to {uri}, which closed the connection"));
                 }
-                let all: Vec<&str> = publishers
-                    .iter()
-                    .filter(|(_, (_, t))| t.contains(topic))
-                    .map(|(uri, _)| &**uri)
-                    .collect();
-                // rosrust connects to a publisher that is new to it.
-                let others: Vec<&str> = all.iter().copied().filter(|other| other != uri).collect();
-                master::send_publisher_update(addresses, topic, &others)?;
-                master::send_publisher_update(addresses, topic, &all)?;
+                connect_again(addresses, topic, uri, &publishers)?;
             } else {
                 let missing_count = never_listed.entry(key).or_insert(0);
                 *missing_count = missing_count.saturating_add(1);
-                if *missing_count == NEVER_LISTED
-                    && let Ok(Some(line)) =
-                        type_mismatch::describe_mismatch(addresses, uri, node, topic, &subscribed[topic])
-                {
-                    rosout::warn(&line);
+                let is_due = missing_count.is_multiple_of(NEVER_LISTED)
+                    && (*missing_count / NEVER_LISTED).is_power_of_two();
+                if !is_due {
+                    continue;
+                }
+                let is_first = *missing_count == NEVER_LISTED;
+                match type_mismatch::describe_mismatch(addresses, uri, node, topic, &subscribed[topic]) {
+                    Ok(Some(line)) if is_first => rosout::warn(&line),
+                    Ok(None) => {
+                        if is_first {
+                            let line =
+                                format!("{topic}: connecting again to {uri}, which lists no connection");
+                            rosout::warn(&line);
+                        }
+                        connect_again(addresses, topic, uri, &publishers)?;
+                    }
+                    _ => {}
                 }
             }
         }
     }
     Ok(())
+}
+
+/// Has rosrust connect to the publisher at `uri` of a topic: it connects to one that is new to it.
+fn connect_again(
+    addresses: &MasterAddresses,
+    topic: &str,
+    uri: &str,
+    publishers: &BTreeMap<String, (String, BTreeSet<String>)>,
+) -> Result<(), String> {
+    let all: Vec<&str> =
+        publishers.iter().filter(|(_, (_, topics))| topics.contains(topic)).map(|(uri, _)| &**uri).collect();
+    let others: Vec<&str> = all.iter().copied().filter(|other| *other != uri).collect();
+    master::send_publisher_update(addresses, topic, &others)?;
+    master::send_publisher_update(addresses, topic, &all)
 }
