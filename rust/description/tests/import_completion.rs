@@ -386,10 +386,10 @@ fn limits_that_are_no_numbers_are_refused_and_infinite_ones_are_none() {
         let error = import(&text, &ImportOptions::default()).unwrap_err().to_string();
         assert!(error.contains("shoulder") && error.contains("a limit is not usable"), "{error}");
     }
-    let endless = imported(&with("<limit lower=\"-inf\" upper=\"inf\" effort=\"20\" velocity=\"2\"/>"));
-    said(&endless, "shoulder", "limit nothing");
-    let joint = endless.model.arm[0];
-    assert_eq!(endless.model.joints[joint].kind, JointKind::Continuous);
+    let unlimited = imported(&with("<limit lower=\"-inf\" upper=\"inf\" effort=\"20\" velocity=\"2\"/>"));
+    said(&unlimited, "shoulder", "limit nothing");
+    let joint = unlimited.model.arm[0];
+    assert_eq!(unlimited.model.joints[joint].kind, JointKind::Continuous);
     let empty = import("<robot name=\"e\"/>", &ImportOptions::default()).unwrap_err().to_string();
     assert!(empty.contains("it describes nothing"), "{empty}");
 }

@@ -1,4 +1,6 @@
 use super::{QueryOptions, run};
+use crate::Arm;
+use proact_arm::OPEN_POSE;
 use serde_json::{Value, json};
 
 /// The answers of the MPL right arm to some lines.
@@ -265,8 +267,8 @@ fn another_chain_and_another_arm_can_be_chosen() {
 #[test]
 fn an_arm_is_asked_with_the_open_hand_of_its_srdf_and_an_incomplete_file_is_completed() {
     // The hand of the WAM opens at other angles than zero.
-    let standing = QueryOptions { arm: Some("wam_bhand".to_owned()), ..QueryOptions::default() };
-    let arm = Arm::load("wam_bhand").unwrap();
+    let standing = QueryOptions { arm: Some("wam".to_owned()), ..QueryOptions::default() };
+    let arm = Arm::load("wam").unwrap();
     let open = arm.model().pose("hand", OPEN_POSE).unwrap();
     let q = vec![0.3; arm.model().arm.len()];
     let ask = |hand: Option<&[f64]>| {
@@ -296,7 +298,7 @@ fn an_arm_is_asked_with_the_open_hand_of_its_srdf_and_an_incomplete_file_is_comp
     let joints: String = (1..=4).map(joint).collect();
     std::fs::write(&file, format!("<robot name=\"frames\">{links}{joints}</robot>")).unwrap();
     let frames = QueryOptions { urdf: Some(file), ..QueryOptions::default() };
-    let answer = answers_of(frames, &json!({ "op": "fk", "q": [0.0; 4] }).to_string());
+    let answer = answers_of(frames, &json!({ "op": "fk", "q": vec![0.0; 4] }).to_string());
     assert!((answer[0]["position"][2].as_f64().unwrap() - 0.8).abs() < 1e-12, "{}", answer[0]);
 }
 

@@ -209,11 +209,10 @@ const ROOM_M: f64 = 0.003;
 /// Room that a hand opens by before it grips, metres on each side: one of several digits, and a gripper of two.
 const PREGRASP_ROOM_M: f64 = 0.0065;
 const GRIPPER_ROOM_M: f64 = 0.02;
-/// From the fingertips on a hand stays within a cone, so that it passes walls: so far up for each metre outward, from so many
-/// metres on.
+/// A hand stays within a cone above the fingertips, so that it passes walls: its slope, and its radius at the fingertips, metres.
 const CONE_SLOPE: f64 = 0.6;
 const CONE_RADIUS_M: f64 = 0.06;
-/// Directions from which a hand is brought to a block: so many about the line along which it closes.
+/// Number of directions from which a hand is brought to a block, about the line along which it closes.
 const APPROACHES: u32 = 24;
 /// What fingertips that slide past each other cost, metres: all of their way, or none.
 const SLIDING_COST_M: f64 = 0.03;
