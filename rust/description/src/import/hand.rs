@@ -387,11 +387,10 @@ fn shapes_of_pair(
     let shape = |k: u32| {
         let angle = f64::from(k) * std::f64::consts::TAU / f64::from(APPROACHES);
         let approach = UnitQuaternion::from_scaled_axis(closing * angle) * across;
-        let end = points
-            .iter()
-            .filter(|point| point.grips)
-            .map(|point| point.at.dot(&approach))
-            .fold(f64::NEG_INFINITY, f64::max);
+        // Of digits without shapes, where their links end.
+        let tips = a.dot(&approach).max(b.dot(&approach));
+        let of_pair = points.iter().filter(|point| point.grips).map(|point| point.at.dot(&approach));
+        let end = of_pair.fold(tips, f64::max);
         let center = middle + approach * (end - FINGER_DEPTH_M - middle.dot(&approach));
         let frame = mount::grasp_rotation(&closing, &approach);
         let grasp = Grasp {
