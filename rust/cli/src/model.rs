@@ -340,8 +340,9 @@ fn ask_for_arm(
         if answers.read_line(&mut line)? == 0 || line.trim().is_empty() {
             return Ok(choices.first().cloned());
         }
-        match line.trim().parse::<usize>().ok().and_then(|number| choices.get(number.checked_sub(1)?)) {
-            Some(choice) => return Ok(Some(choice.clone())),
+        let mut numbered = (1..).map(|number: usize| number.to_string()).zip(choices);
+        match numbered.find(|(number, _)| number == line.trim()) {
+            Some((_, choice)) => return Ok(Some(choice.clone())),
             None => print_status(format_args!("expected a number from 1 to {}", choices.len())),
         }
     }
