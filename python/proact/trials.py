@@ -92,7 +92,7 @@ def run_trial(
         classifier.fit(features, labels)
         gestures = sorted(set(labels.tolist()))
         python["classifier"] = worker(classifier_function(classifier, gestures))
-        python["model"] = _proact.outside_model(emg, seed, accept_faults=accept_faults)
+        python["model"] = _proact.external_model(emg, seed, accept_faults=accept_faults)
     place = None if record is None else Path(record)
     try:
         result = _proact.run_trial(choice, python, emg=emg, gaze_error_deg=gaze_error_deg, record=place, accept_faults=accept_faults)

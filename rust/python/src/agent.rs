@@ -22,7 +22,7 @@ fn thread_cpu_time() -> Duration {
 }
 
 /// A trial that a program drives. It stays in the thread that made it, as the physics does.
-#[pyclass(unsendable, module = "proact._proact")]
+#[pyclass(name = "AgentTrial", unsendable, module = "proact._proact")]
 pub(crate) struct PyAgentTrial {
     trial: agent::AgentEnvironment,
     renderer: Option<Renderer>,

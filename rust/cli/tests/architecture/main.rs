@@ -13,5 +13,6 @@ mod dependencies;
 mod documents;
 mod licences;
 mod open_world;
+mod python_module;
 mod sources;
 mod workspace;
