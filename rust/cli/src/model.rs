@@ -61,24 +61,31 @@ pub enum ModelCommand {
     Size(SizeArgs),
 }
 
+/// What of a file is the arm, and where its meshes are.
+#[derive(Debug, Default, Args)]
+struct ChosenParts {
+    /// SRDF file with groups and poses; without it arm and hand are found from the joints
+    #[arg(long)]
+    srdf: Option<PathBuf>,
+    /// Link at the arm's base; by default the root that carries most joints
+    #[arg(long, value_name = "LINK")]
+    base: Option<String>,
+    /// Link at which the arm ends and the hand begins; joints elsewhere are held
+    #[arg(long, value_name = "LINK")]
+    tip: Option<String>,
+    /// Folder that contains packages of meshes, beside those of ROS_PACKAGE_PATH; may be given several times
+    #[arg(long, value_name = "DIR")]
+    package_path: Vec<PathBuf>,
+}
+
 /// Arguments of `proact model check`.
 #[derive(Debug, Args)]
 pub struct ModelCheckArgs {
     /// URDF file, the folder of an arm, or the name of one that ships with the program
     #[arg(value_name = "FILE|FOLDER|NAME")]
     file: PathBuf,
-    /// SRDF file with groups and poses; without it they are found from the joints
-    #[arg(long)]
-    srdf: Option<PathBuf>,
-    /// Link at the arm's base, of a file; by default the root that carries most joints
-    #[arg(long, value_name = "LINK")]
-    base: Option<String>,
-    /// Link at which the arm ends and the hand begins, of a file
-    #[arg(long, value_name = "LINK")]
-    tip: Option<String>,
-    /// Folder that contains packages of meshes, beside those of ROS_PACKAGE_PATH; may be given several times
-    #[arg(long, value_name = "DIR")]
-    package_path: Vec<PathBuf>,
+    #[command(flatten)]
+    chosen: ChosenParts,
     /// Print the largest differences between our arithmetic, KDL, urdfdom and both engines of the physics, and where
     #[arg(long)]
     compare: bool,
@@ -98,18 +105,8 @@ pub struct ImportArgs {
     /// Folder for the result; made if it does not exist
     #[arg(long)]
     out: PathBuf,
-    /// SRDF file with groups and poses; without it arm and hand are found from the joints
-    #[arg(long)]
-    srdf: Option<PathBuf>,
-    /// Link at the arm's base; by default the root that carries most joints
-    #[arg(long, value_name = "LINK")]
-    base: Option<String>,
-    /// Link at which the arm ends and the hand begins; joints elsewhere are held
-    #[arg(long, value_name = "LINK")]
-    tip: Option<String>,
-    /// Folder that contains packages of meshes, beside those of ROS_PACKAGE_PATH; may be given several times
-    #[arg(long, value_name = "DIR")]
-    package_path: Vec<PathBuf>,
+    #[command(flatten)]
+    chosen: ChosenParts,
     /// Leave an arm without a hand as it is; else it gets a gripper with two fingers
     #[arg(long)]
     no_gripper: bool,
@@ -166,9 +163,12 @@ struct CheckedArm {
 fn run_check(args: &ModelCheckArgs, json: bool) -> Result<bool, Box<dyn Error>> {
     let shipped = args.file.to_str().filter(|_| !args.file.exists()).and_then(ArmFolder::shipped);
     let is_folder = shipped.is_some() || args.file.is_dir();
+    if is_folder && (args.chosen.base.is_some() || args.chosen.tip.is_some()) {
+        return Err("--base and --tip are for a file: a folder has its arm in its SRDF file".into());
+    }
     let CheckedArm { report, usable } = match shipped {
         Some(folder) => check_arm_folder(folder, &args.file)?,
-        None if is_folder && args.srdf.is_none() => {
+        None if is_folder && args.chosen.srdf.is_none() => {
             check_arm_folder(ArmFolder::read(&args.file)?, &args.file)?
         }
         None => check_file(args)?,
@@ -227,12 +227,12 @@ fn check_file(args: &ModelCheckArgs) -> Result<CheckedArm, Box<dyn Error>> {
         true => proact_description::arm_files(&args.file)?,
         false => (args.file.clone(), None),
     };
-    let srdf = args.srdf.clone().or(srdf).as_deref().map(read_text).transpose()?;
-    let meshes = MeshFolders::with_ros_packages(&urdf, &args.package_path);
+    let srdf = args.chosen.srdf.clone().or(srdf).as_deref().map(read_text).transpose()?;
+    let meshes = MeshFolders::with_ros_packages(&urdf, &args.chosen.package_path);
     let options = ImportOptions {
         srdf: srdf.as_deref(),
-        base: args.base.as_deref(),
-        tip: args.tip.as_deref(),
+        base: args.chosen.base.as_deref(),
+        tip: args.chosen.tip.as_deref(),
         meshes: Some(&meshes),
         without_gripper: false,
     };
@@ -247,10 +247,10 @@ fn check_file(args: &ModelCheckArgs) -> Result<CheckedArm, Box<dyn Error>> {
 
 fn run_import(args: &ImportArgs, json: bool) -> Result<bool, Box<dyn Error>> {
     check_folder(&args.out).map_err(|error| format!("{error}. Choose another folder with --out"))?;
-    let srdf = args.srdf.as_deref().map(read_text).transpose()?;
-    let meshes = MeshFolders::with_ros_packages(&args.file, &args.package_path);
+    let srdf = args.chosen.srdf.as_deref().map(read_text).transpose()?;
+    let meshes = MeshFolders::with_ros_packages(&args.file, &args.chosen.package_path);
     let text = read_description(&args.file)?;
-    let named = args.srdf.is_some() || args.base.is_some() || args.tip.is_some();
+    let named = args.chosen.srdf.is_some() || args.chosen.base.is_some() || args.chosen.tip.is_some();
     let choice = match named || args.yes || json || !stdin().is_terminal() {
         true => None,
         false => ask_for_arm(&arm_choices(&text), &mut stdin().lock())?,
@@ -258,14 +258,14 @@ fn run_import(args: &ImportArgs, json: bool) -> Result<bool, Box<dyn Error>> {
     let (base, tip) = choice.map(|choice| (choice.base, choice.tip)).unzip();
     let options = ImportOptions {
         srdf: srdf.as_deref(),
-        base: args.base.as_deref().or(base.as_deref()),
-        tip: args.tip.as_deref().or(tip.as_deref()),
+        base: args.chosen.base.as_deref().or(base.as_deref()),
+        tip: args.chosen.tip.as_deref().or(tip.as_deref()),
         meshes: Some(&meshes),
         without_gripper: args.no_gripper,
     };
     match import(&text, &options) {
         Ok(mut imported) => {
-            if args.srdf.is_none() {
+            if args.chosen.srdf.is_none() {
                 let allowed = allow_lasting_contacts(&mut imported.model)?;
                 imported.srdf = to_srdf(&imported.model);
                 if !allowed.is_empty() {
@@ -593,10 +593,7 @@ mod tests {
         ModelCommand::Import(ImportArgs {
             file,
             out,
-            srdf: None,
-            base: None,
-            tip: None,
-            package_path: Vec::new(),
+            chosen: ChosenParts::default(),
             no_gripper: false,
             yes: false,
             no_placement: true,
@@ -645,10 +642,7 @@ mod tests {
     fn check_args(file: PathBuf) -> ModelCommand {
         ModelCommand::Check(ModelCheckArgs {
             file,
-            srdf: None,
-            base: None,
-            tip: None,
-            package_path: Vec::new(),
+            chosen: ChosenParts::default(),
             compare: false,
             postures: 1,
             seed: 1,
@@ -719,10 +713,7 @@ mod tests {
             run(
                 &ModelCommand::Check(ModelCheckArgs {
                     file,
-                    srdf: Some(srdf),
-                    base: None,
-                    tip: None,
-                    package_path: Vec::new(),
+                    chosen: ChosenParts { srdf: Some(srdf), ..ChosenParts::default() },
                     compare: true,
                     postures: 5,
                     seed: 1
